@@ -22,7 +22,7 @@ def test_mutants_are_read_or_refused(tmp_path):
     figures = files.measured(MUTANTS, tmp_path)
     report = (tmp_path / "files" / "report.json").read_text()
     assert len(figures) == 9
-    assert [one.name for one in figures if not one.kept] == [], report
+    assert [one for one in figures if not one.kept] == [], report
 
 
 def test_what_a_worker_does_wrong_is_counted(tmp_path, monkeypatch):

@@ -66,18 +66,29 @@ class Mutants:
         chance = random.Random(f"{self._seed}/{number}")
         (kind,) = chance.choices(list(SHARES), list(SHARES.values()))
         seed = chance.choice(self._seeds[kind])
+        whole_bag = kind == "metadata" or (kind in ("mcap", "db3") and chance.random() < 0.5)
+        return kind, self._write(kind, seed, mutated(seed.read_bytes(), chance), whole_bag)
+
+    def read_seeds(self) -> None:
+        """Read each of the files that mutants are made of."""
+        for kind, seeds in self._seeds.items():
+            for seed in seeds:
+                bag = kind in ("mcap", "db3", "metadata")
+                outcome(kind, self._write(kind, seed, seed.read_bytes(), bag))
+
+    def _write(self, kind: str, seed: Path, content: bytes, whole_bag: bool) -> Path:
+        """Write a file in a seed's place, with what belongs to it; return its path."""
         place = self.folder / "mutant"
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
-        if kind == "metadata" or (kind in ("mcap", "db3") and chance.random() < 0.5):
+        path = place / seed.name
+        if whole_bag:
             shutil.copytree(seed.parent, place / "bag")
             path = place / "bag" / seed.name
-        else:
-            path = place / seed.name
         if kind == "sidecar":
             shutil.copy(seed.with_suffix(".urdf"), place)
-        path.write_bytes(mutated(seed.read_bytes(), chance))
-        return kind, path
+        path.write_bytes(content)
+        return path
 
 
 def read_scene(path: Path) -> None:
@@ -182,6 +193,9 @@ def main() -> None:
     os.dup2(nowhere, 2)
     mutants = Mutants(folder, seed)
     read_scene(Path("five_bar"))
+    # Libraries are loaded by the first file that needs one: no growth of this process.
+    with patch.object(foreign_text, "is_own", return_value=True):
+        mutants.read_seeds()
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     limit = pages * resource.getpagesize() + MEMORY_LIMIT
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
