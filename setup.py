@@ -11,6 +11,8 @@ PACKAGE = "hapticmech_ros"
 SHARE = f"share/{PACKAGE}"
 EXECUTABLES = [
     "haptic_device",
+    "haply_device",
+    "relay_device",
     "mechanism_simulator",
     "nullspace_analyser",
     "teleoperation_controller",
@@ -22,6 +24,7 @@ EXECUTABLES = [
 DOCS = ["myst-parser>=4", "sphinx>=8"]
 LIVE = ["viser>=1.1"]
 CLUSTER = ["distributed>=2024.5"]
+HAPLY = ["websockets>=13"]
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
@@ -114,6 +117,8 @@ setup(
         ],
         # Processes of a cluster, for `--cluster`, which asks for the same version.
         "cluster": CLUSTER,
+        # What the driver of a Haply Inverse3 speaks to its service with, and the emulator.
+        "haply": HAPLY,
         # The documentation as a site.
         "docs": DOCS,
         # Inertias of meshes in MJCF files, by MuJoCo's compiler.
@@ -136,6 +141,7 @@ setup(
             *DOCS,
             # A study is shared by a cluster on this machine.
             *CLUSTER,
+            *HAPLY,
             # The live page is served to a browser.
             *LIVE,
             # Tests check that our motions equal its.

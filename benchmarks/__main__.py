@@ -17,6 +17,7 @@ COMMANDS = (
     "accuracy",
     "carriers",
     "graph",
+    "haply",
     "live",
     "memory",
     "realtime",

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.installation import refuse_unmet
@@ -39,8 +40,8 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
     Raises:
         InstallationError: Dask is not installed.
         InvalidInputError: no address of a scheduler.
-        ClusterError: nobody answers, there is no worker, or one has another Python or another
-            version of what the results depend on; or the scheduler goes away.
+        ClusterError: nobody answers, there is no worker, or one does not answer, has another Python
+            or another version of what the results depend on; or the scheduler goes away.
     """
     refuse_unmet([DASK])
     if not address.startswith(("tcp://", "tls://")):
@@ -54,7 +55,7 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
         raise ClusterError(f"no scheduler of Dask answers at {address}: {error}") from None
     with client:
         end = time.monotonic() + patience
-        while not _can_work(client.run(versions, on_error="return"), address):
+        while not _can_work(_versions_there(client, address, patience), address):
             if time.monotonic() > end:
                 raise ClusterError(f"the scheduler at {address} has no worker")
             time.sleep(0.1)
@@ -73,6 +74,21 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "none"
     return found
+
+
+def _versions_there(client: Any, address: str, patience: float) -> Mapping[str, object]:
+    """Return what each worker says of its versions.
+
+    Raises:
+        ClusterError: one is there, and says nothing: it is frozen, or its machine is.
+    """
+    try:
+        found = client.run(versions, on_error="return", callback_timeout=patience)
+    except TimeoutError:
+        workers = ", ".join(client.scheduler_info()["workers"])
+        rule = f"of the workers of {address} one does not answer within {patience:g} s"
+        raise ClusterError(f"{rule}: {workers}") from None
+    return dict(found)
 
 
 def _can_work(found: Mapping[str, object], address: str) -> bool:

@@ -4,7 +4,8 @@
 
 ros2 launch hapticmech_ros hapticmech.launch.py scene:=five_bar composed:=true rviz:=true
 
-Several points to hold, and lockstep, are what `hapticmech run` starts: it is one process then.
+Several points to hold, lockstep, and another device in one process with the other nodes are what
+`hapticmech run` starts: launch starts that alone.
 """
 
 from launch import LaunchDescription
@@ -18,6 +19,7 @@ PACKAGE = "hapticmech_ros"
 NODES = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 ARGUMENTS = (
     ("scene", "five_bar", "shipped scene, or path of a YAML, URDF, MJCF or SDF file"),
+    ("device", "simulated", "what drives the device: simulated, haply or relay (docs/drivers.md)"),
     ("control_rate", "0.0", "samples per second, Hz; 0.0: the scene's own"),
     ("network_delay", "0.0", "one way between device and controller, designed for, s"),
     ("operational_point", "", "where the user holds; empty: the scene's first point"),
@@ -41,6 +43,7 @@ ARGUMENTS = (
     ("duration", "0.0", "lockstep: seconds to simulate; 0.0: until Ctrl-C"),
     ("respawn", "false", "start a node again that has ended by itself"),
 )
+DRIVERS = {"simulated": "haptic_device", "haply": "haply_device", "relay": "relay_device"}
 YES, NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
 RESPAWN_DELAY_S = 0.5
 
@@ -51,6 +54,13 @@ def is_on(given, name):
     if word not in (*YES, *NO):
         raise ValueError(f"{name}:={given[name]}: must be true or false")
     return word in YES
+
+
+def driver_of(given):
+    """Return the driver's executable; a device that there is none of is an error."""
+    if given["device"] not in DRIVERS:
+        raise ValueError(f"device:={given['device']}: must be one of {', '.join(DRIVERS)}")
+    return DRIVERS[given["device"]]
 
 
 def own_nodes(given):
@@ -64,7 +74,7 @@ def own_nodes(given):
         "use_sim_time": is_on(given, "use_sim_time"),
     }
     files = [given["params_file"]] if given["params_file"] else []
-    executables = ["composed"] if is_on(given, "composed") else list(NODES)
+    executables = ["composed"] if is_on(given, "composed") else [driver_of(given), *NODES[1:]]
     if is_on(given, "view"):
         executables.append("scene_viewer")
     if is_on(given, "live"):
@@ -93,6 +103,7 @@ def own_nodes(given):
 def command_of(given):
     """Return the `hapticmech run` that does what is given."""
     command = ["hapticmech", "run", given["scene"], "--transport", given["transport"]]
+    command += ["--device", given["device"]]
     points = [name.strip() for name in given["hold"].split(",") if name.strip()]
     for point in points or [given["operational_point"]]:
         command += ["--hold", point] if point else []
@@ -122,7 +133,9 @@ def start(context):
         share = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "rviz"])
         layout = PathJoinSubstitution([share, "hapticmech.rviz"])
         started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", layout]))
-    if "," in given["hold"] or is_on(given, "lockstep"):
+    # The executable `composed` has the simulated device in it.
+    another = driver_of(given) != NODES[0] and is_on(given, "composed")
+    if "," in given["hold"] or is_on(given, "lockstep") or another:
         return [*started, ExecuteProcess(cmd=command_of(given), output="screen")]
     if given["hold"] and not given["operational_point"]:
         given["operational_point"] = given["hold"].strip()

@@ -172,6 +172,19 @@ def test_a_worker_without_this_package_is_refused(scheduler, tmp_path):
         pass
 
 
+def test_a_worker_that_is_frozen_is_not_waited_for_without_an_end(scheduler, tmp_path):
+    from distributed import Client
+
+    where = ("--local-directory", str(tmp_path / "dask"), "--no-dashboard", "--no-nanny")
+    with Client(scheduler, timeout=WAIT_S, set_as_default=False) as client:
+        with process("dask_worker", scheduler, *where) as frozen:
+            client.wait_for_workers(1, timeout=WAIT_S)
+            os.killpg(frozen.pid, signal.SIGSTOP)
+            with pytest.raises(ClusterError, match="does not answer"), cluster(scheduler, 2.0):
+                pass
+        wait_until(lambda: not client.scheduler_info()["workers"])
+
+
 def test_workers_with_other_packages_are_refused(workers, monkeypatch):
     monkeypatch.setattr(
         "hapticmech_ros.cluster.version", lambda name: "9.9" if name == "pin" else "1"

@@ -27,10 +27,12 @@ from ament_index_python.resources import get_resource
 PACKAGE = "hapticmech_ros"
 EXECUTABLES = [
     "composed",
+    "haply_device",
     "haptic_device",
     "live_page",
     "mechanism_simulator",
     "nullspace_analyser",
+    "relay_device",
     "scene_viewer",
     "teleoperation_controller",
 ]

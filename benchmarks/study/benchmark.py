@@ -136,10 +136,15 @@ def run_benchmark(scenes: int, rounds: int, processes: int, show: Show = silent)
 
 @contextmanager
 def _own_cluster(processes: int) -> Iterator[Workers]:
-    """Yield the executor of a cluster on this machine, all of whose processes have begun."""
+    """Yield the executor of a cluster on this machine, all of whose processes have begun.
+
+    Its workers do not profile themselves, as docs/study.md says.
+    """
+    import dask
     from distributed import LocalCluster
 
     with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),
         LocalCluster(
             n_workers=processes, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
         ) as own,

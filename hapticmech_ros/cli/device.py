@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
 import typer
+
+from hapticmech_ros.cli.durations import seconds_of
 
 app = typer.Typer(help="Real devices that a scene can name.", no_args_is_help=True)
 
@@ -36,3 +42,158 @@ def list_devices() -> None:
         friction, reach = f"{device.coulomb_friction:g}", f"{device.workspace.radius:g}"
         table.add_row(name, preset.description, mass, force, torque, friction, reach)
     console.print(table)
+
+
+Model = Annotated[Literal["inverse3"], typer.Argument(help="device")]
+MountingOption = Annotated[
+    str, typer.Option(help="roll, pitch, yaw of the device's base in the world, rad")
+]
+UriOption = Annotated[str, typer.Option(help="address of Haply's Inverse service")]
+
+
+@app.command()
+def emulate(
+    model: Model,
+    scene: Annotated[
+        str, typer.Option(help="scene whose hand holds it, and whose device it is if that fits")
+    ] = "five_bar",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free")] = 10001,
+    host: Annotated[str, typer.Option(help="address to listen at")] = "127.0.0.1",
+    mounting: MountingOption = "0 0 0",
+    idle_after: Annotated[
+        str, typer.Option(help="after the last message, no force any more")
+    ] = "10ms",
+    delay: Annotated[str, typer.Option(help="of each answer")] = "0ms",
+    jitter: Annotated[str, typer.Option(help="further, at random up to this")] = "0ms",
+    garbage: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="share of answers that are spoilt")
+    ] = 0.0,
+    silent: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="share of messages without an answer")
+    ] = 0.0,
+    trace: Annotated[
+        Path | None, typer.Option(help="CSV of position and forces, a row per ms")
+    ] = None,
+) -> None:
+    """Serve as the service of a real device does, with a simulated one behind it, until Ctrl-C."""
+    import asyncio
+    from contextlib import ExitStack, suppress
+
+    import numpy as np
+    import pinocchio as pin
+
+    from hapticmech_ros.cli.console import console
+    from hapticmech_ros.haply.emulator import EmulatedInverse3, Faults, Service
+    from hapticmech_ros.loading import load_scene
+
+    del model
+    loaded = load_scene(scene)
+    if loaded.device.actuated != "translation":
+        loaded = loaded.with_(device={"preset": "inverse3"})
+    faults = Faults(seconds_of("--delay", delay), seconds_of("--jitter", jitter), garbage, silent)
+    rotation = np.asarray(pin.rpy.rpyToMatrix(*_angles("--mounting", mounting)))
+    with ExitStack() as stack:
+        rows = stack.enter_context(trace.open("w", encoding="utf-8")) if trace else None
+        idle = seconds_of("--idle-after", idle_after)
+        service = Service(EmulatedInverse3(loaded, rotation, idle, rows), faults)
+
+        def ready(found: int) -> None:
+            console.print(f"ws://{host}:{found}; Ctrl-C ends it", highlight=False, soft_wrap=True)
+
+        with suppress(KeyboardInterrupt):
+            asyncio.run(service.serve(host, port, ready))
+
+
+@app.command()
+def calibrate(
+    model: Model,
+    out: Annotated[Path, typer.Argument(help="parameter file of haply_device to make")],
+    uri: UriOption = "ws://127.0.0.1:10001",
+    device_id: Annotated[str, typer.Option(help="empty: the only one there is")] = "",
+    seconds: Annotated[float, typer.Option(min=1.0, help="for moving it about")] = 15.0,
+) -> None:
+    """Find how a device's base stands in the world, and how far it reaches; writes parameters."""
+    from hapticmech_ros.cli.console import console
+    from hapticmech_ros.errors import InvalidInputError
+    from hapticmech_ros.haply.calibration import mounting_of, reach_of
+    from hapticmech_ros.haply.reader import CursorReader
+
+    del model
+    if out.exists():
+        raise InvalidInputError("parameter file", str(out), "must not be there yet")
+    with CursorReader(uri, device_id) as reader:
+        for name, value in reader.known.items():
+            console.print(f"{name}: {value}", highlight=False, markup=False)
+        places = []
+        for what in (
+            "Hold the handle still in the middle of its reach",
+            "Move it 10 cm along x of the world, and hold it still",
+            "Go back, move it 10 cm along y of the world, and hold it still",
+        ):
+            typer.prompt(f"{what}; then Enter", default="", show_default=False)
+            places.append(reader.mean(0.2))
+        mounting = mounting_of(*places)
+        question = f"Then move it about through all of its reach for {seconds:g} s; Enter begins"
+        typer.prompt(question, default="", show_default=False)
+        _, radius = reach_of(reader.path(seconds))
+        identity = reader.device_id
+    roll, pitch, yaw = mounting.angles
+    out.write_text(
+        "/**/haply_device:\n  ros__parameters:\n"
+        f'    uri: {uri}\n    device_id: "{identity}"\n'
+        f"    mounting_roll: {roll:.4f}\n    mounting_pitch: {pitch:.4f}\n"
+        f"    mounting_yaw: {yaw:.4f}\n    workspace_radius: {0.9 * radius:.3f}\n",
+        encoding="utf-8",
+    )
+    skew = math.degrees(abs(mounting.skew))
+    console.print(f"the movements were {skew:.1f}° off a right angle")
+    console.print(f"{out}: workspace_radius is 0.9 of the reach, {radius:.3f} m")
+
+
+@app.command("test")
+def check_driver(
+    namespace: Annotated[str, typer.Option(help="of the driver's topics device/...")] = "",
+    force: Annotated[float, typer.Option(min=0.05, max=5.0, help="to command, N")] = 0.5,
+) -> None:
+    """Test a running driver of a device by its topics, with the controller ended. Hold the handle.
+
+    A force is commanded along x of the world for half a second, four times.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from hapticmech_ros.cli.console import console
+    from hapticmech_ros.nodes.driver_test import DriverTest
+
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("rule", "found", "kept"):
+        table.add_column(heading, overflow="fold")
+    words = {True: "yes", False: "NO", None: "not seen"}
+    test, broken = DriverTest(namespace, force), 0
+    try:
+        with console.status("testing"):
+            for check in test.run():
+                table.add_row(check.rule, check.found, words[check.kept])
+                broken += check.kept is False
+    finally:
+        test.close()
+    console.print(table)
+    if broken:
+        raise typer.Exit(1)
+
+
+def _angles(option: str, text: str) -> tuple[float, ...]:
+    """Return three numbers between spaces.
+
+    Raises:
+        InvalidInputError: these are none.
+    """
+    from hapticmech_ros.errors import InvalidInputError
+
+    try:
+        found = tuple(float(word) for word in text.split())
+    except ValueError:
+        found = ()
+    if len(found) != 3 or not all(map(math.isfinite, found)):
+        raise InvalidInputError(option, text, "must be three numbers, such as '0 0 1.5708'")
+    return found

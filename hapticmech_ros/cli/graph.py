@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,6 +26,7 @@ from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.readiness import say_ready
 
 CHECK_PERIOD_S = 0.2
+Driver = Literal["simulated", "haply", "relay"]
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -52,6 +53,9 @@ def run(
         str,
         typer.Option(help="one-way delay to the device, such as 50ms"),
     ] = "",
+    device: Annotated[
+        Driver, typer.Option(help="what drives the device (docs/drivers.md)")
+    ] = "simulated",
     only: Annotated[
         list[str] | None,
         typer.Option(help="node to run here, any number; others run elsewhere"),
@@ -109,6 +113,8 @@ def run(
     stop = stop_by_signals()
     if lockstep and only:
         raise InvalidInputError("--only", only, "lockstep runs all nodes")
+    if lockstep and device != "simulated":
+        raise InvalidInputError("--device", device, "in lockstep the device is simulated")
     if lockstep and respawn:
         raise InvalidInputError("--respawn", respawn, "in lockstep a lost node ends the run")
     if lockstep:
@@ -133,7 +139,7 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*nodes_of(only or ()), *([VIEWER] if view else [])]
+    nodes = [*nodes_of(only or (), device), *([VIEWER] if view else [])]
     nodes += [PAGE] if live else []
     recorder = None
     if record is not None:
@@ -228,18 +234,19 @@ def stop_by_signals() -> threading.Event:
     return stop
 
 
-def nodes_of(only: Sequence[str]) -> list[str]:
-    """Return the graph's nodes that are to run here.
+def nodes_of(only: Sequence[str], device: Driver = "simulated") -> list[str]:
+    """Return the graph's nodes that are to run here, with a device's driver among them.
 
     Raises:
         InvalidInputError: a node that there is none of.
     """
-    from hapticmech_ros.nodes.entry import NODES
+    from hapticmech_ros.nodes.entry import DRIVERS, NODES, SIMULATED
 
     for name in only:
         if name not in NODES:
             raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
-    return [name for name in NODES if not only or name in only]
+    chosen = [name for name in NODES if not only or name in only]
+    return [DRIVERS[device] if name == SIMULATED else name for name in chosen]
 
 
 def arguments_of(params_file: Path | None) -> tuple[str, ...]:

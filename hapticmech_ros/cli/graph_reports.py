@@ -15,7 +15,7 @@ from rich.table import Table
 from hapticmech_ros.cli.console import console
 from hapticmech_ros.readiness import Report
 
-DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
+DEVICES, MECHANISM = {"haptic_device", "haply_device", "relay_device"}, "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 Reports = Mapping[str, Report]
 
@@ -56,7 +56,7 @@ def line_of(reports: Reports) -> str:
     for name, report in sorted(reports.items()):
         kind, figures = name.rpartition("/")[2], report.figures
         where = name.strip("/").rpartition("/")[0]
-        if kind == DEVICE:
+        if kind in DEVICES:
             rate, missed = figures.get("achieved_rate_hz", "-"), _share(figures)
             said = f"{report.sentence}, {rate} Hz, missed {missed}"
         elif kind == ANALYSER or not report.well:
@@ -92,7 +92,7 @@ def show_ends(reports: Reports, endings: Reports) -> None:
 def nothing_rendered(reports: Reports, endings: Reports) -> str:
     """Return why nothing was rendered by a whole graph; empty if something was, or it was none."""
     kinds = {name.rpartition("/")[2]: report for name, report in endings.items()}
-    if not {DEVICE, MECHANISM, ANALYSER, CONTROLLER} <= set(kinds):
+    if not ({MECHANISM, ANALYSER, CONTROLLER} <= set(kinds) and DEVICES & set(kinds)):
         return ""
     if any(int(report.figures.get("engagements", "0")) > 0 for report in endings.values()):
         return ""

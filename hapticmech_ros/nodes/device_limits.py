@@ -8,11 +8,11 @@ import math
 from collections.abc import Iterator
 
 from hapticmech_ros.device.safety import SafetyLimits, safety_limits
-from hapticmech_ros.nodes.parameters import DeviceParameters, ParameterError
+from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.scene.device import Device
 
 
-def limits_of(parameters: DeviceParameters, device: Device) -> SafetyLimits:
+def limits_of(parameters: DriverParameters, device: Device) -> SafetyLimits:
     """Return the limits that parameters choose within those of the scene's device.
 
     Raises:
@@ -32,7 +32,7 @@ def limits_of(parameters: DeviceParameters, device: Device) -> SafetyLimits:
     )
 
 
-def _problems(parameters: DeviceParameters, device: Device) -> Iterator[str]:
+def _problems(parameters: DriverParameters, device: Device) -> Iterator[str]:
     safety = device.safety
     for name, bound, key in (
         ("force_limit", device.force_limit, "device.force_limit"),

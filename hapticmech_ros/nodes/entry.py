@@ -24,10 +24,15 @@ NODES = {
     "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
+# Drivers of real devices, by what they are called in the command line; in haptic_device's place.
+SIMULATED = "haptic_device"
+DRIVERS = {"simulated": SIMULATED, "haply": "haply_device", "relay": "relay_device"}
 # These look on; they are not part of the graph.
 VIEWER, PAGE = "scene_viewer", "live_page"
 PURPOSES = {
     **NODES,
+    DRIVERS["haply"]: "driver of a Haply Inverse3, through Haply's Inverse service",
+    DRIVERS["relay"]: "relay to a driver of ros2_control, such as forcedimension_ros2",
     VIEWER: "markers, frames and a URDF model of a running graph, for people",
     PAGE: "a running graph in a browser, where it is dragged with the mouse",
 }
@@ -82,6 +87,16 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
 def haptic_device() -> None:
     """Run the haptic device alone."""
     sys.exit(start(["haptic_device"]))
+
+
+def haply_device() -> None:
+    """Run the driver of a Haply Inverse3 alone."""
+    sys.exit(start(["haply_device"]))
+
+
+def relay_device() -> None:
+    """Run the relay to a driver of ros2_control alone."""
+    sys.exit(start(["relay_device"]))
 
 
 def mechanism_simulator() -> None:

@@ -1,70 +1,25 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
-
-CRTK: publishes measured_cp, measured_cv, measured_cf, setpoint_cf, setpoint_cp, operating_state;
-obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
-"""
+"""Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it."""
 
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
-from std_msgs.msg import Bool, Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.device_side import DeviceSide
-from hapticmech_ros.device import NO_WRENCH, DeviceState, device_for
-from hapticmech_ros.device.position_servo import PositionServo
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.layout import DEVICE_SAMPLE
-from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.answers import Answers
-from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
-from hapticmech_ros.nodes.device_limits import limits_of
-from hapticmech_ros.nodes.device_view import DeviceView
+from hapticmech_ros.device import NO_WRENCH, SimulatedDevice, device_for
+from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.hand_wrenches import HandWrenches
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.inputs import Stamped, Standing
-from hapticmech_ros.nodes.last_valid_state import LastValidState
-from hapticmech_ros.nodes.local_loop import LocalLoop
-from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
-from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.quaternions import turned
 from hapticmech_ros.scene.hand import STILL_HAND
-from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.device_wire import DeviceWriter
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, device_bounds
-from hapticmech_ros.wire.stamps import nearest_stamp
-from hapticmech_ros.wire.topic import Topic
-from hapticmech_ros.wire.topics import (
-    DEVICE_BODY_AXES,
-    DEVICE_BODY_COMMAND,
-    DEVICE_COMMAND,
-    DEVICE_GAIN,
-    DEVICE_OPERATING_STATE,
-    DEVICE_STATE,
-    DEVICE_STATE_COMMAND,
-    EMERGENCY_STOP,
-    START_HAND,
-)
-
-_HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
 
 
-class HapticDevice(ClockedActor[DeviceParameters]):
-    """Drives an :class:`~hapticmech_ros.device.ImpedanceDevice` at the control rate.
+class HapticDevice(DeviceDriver[DeviceParameters]):
+    """Drives an :class:`~hapticmech_ros.device.ImpedanceDevice`.
 
-    The hand takes hold when commands arrive and lets go when they stop; without commands the
-    actuators are at zero. Commands are wrenches, or poses to which ``device.servo`` of the scene
-    pulls. In lockstep the hand holds from the start, and the command that acts over
-    a period answers the sample one period before it.
+    The hand takes hold when commands arrive and lets go when they stop. In lockstep it holds from
+    the start, and the command that acts over a period answers the sample one period before it.
     """
 
     name = "haptic_device"
@@ -72,398 +27,37 @@ class HapticDevice(ClockedActor[DeviceParameters]):
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
         self._hand: HandWrenches | None = None
-        self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
-        self._wait_for_start = parameters.wait_for_start
-        self._side = DeviceSide(self.scene, self._limits)
-        self._loop = self._new_loop()
-        self._answers = Answers(self._loop)
-        scene = self.scene
-        if parameters.hand == "still":
-            scene = scene.model_copy(update={"hand": STILL_HAND})
-        self._device = device_for(scene, with_hand=parameters.hand != "commanded")
-        self._push: Array = NO_WRENCH
-        # servo_cf, and the sample that it answers.
-        self._command: Standing[tuple[Array, int]] = Standing()
-        self._commands: Stamped[Array] = Stamped()
-        self._state: DeviceState = self._device.at_rest(self._start_pose())
-        self._last_valid = LastValidState(self._state, self.period_s)
-        self._held: DeviceState | None = None
-        self._ticks_held = 0
-        # Whether people have not been told yet that commands are obeyed no more.
-        self._let_go_untold = False
-        self.times_held = 0
-        self.latency = DurationHistogram()
-        self._ticks = 0
-        self._wire = FlatArray(DEVICE_FIELDS, device_bounds(self.limits))
-        self._written = DeviceWriter()
-        self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
-        self._view = DeviceView(self)
-        node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
-        node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
-        commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
-        self._servo = PositionServo(scene.device, self.period_s, self._limits)
-        self._poses = PoseCommands(
-            self,
-            lambda: self._state.measured_pose,
-            self._obeys_wrenches,
-            self._refusal,
-            self._end_pose,
-        )
-        self._poses.timeout_ns = self.timeout_ns
-        own = self.sources(DEVICE_BODY_COMMAND.name)
-        self._guard = CommandGuard(commands, gains, self._poses.sources, own)
-        # The topic of the wrenches that are obeyed, and whether those of body/ have world axes.
-        self._obeyed_form, self._own_is_absolute = DEVICE_COMMAND, False
-        self._operating = OperatingState(
-            self,
-            (DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND),
-            fault=self._fault,
-            at_zero=self._look_at_refusal,
-        )
-        qos = self.control_input
-        self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
-        # With axes of its own the controller says both.
-        if scene.device.servo_axes == "world" and not self.lockstep:
-            self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
-            self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
-        if self._is_local:
-            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
         self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
 
-    def _new_loop(self) -> LocalLoop:
-        paired = self._is_local and self.scene.connection.networked
-        return LocalLoop(gain_bounds(self.limits), paired)
+    def new_device(self) -> SimulatedDevice:
+        """Return the scene's device, in the hand that the parameters choose."""
+        scene, hand = self.scene, self.parameters.hand
+        if hand == "still":
+            scene = scene.model_copy(update={"hand": STILL_HAND})
+        return device_for(scene, with_hand=hand != "commanded")
 
-    @property
-    def _is_local(self) -> bool:
-        return self.scene.controller.local
+    def pushed(self, deadline_ns: int) -> Array:
+        """Return what others push with (6,), by topics, N and N m, world axes at the point held."""
+        return NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
 
     def apply_parameters(self, parameters: DeviceParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().apply_parameters(parameters)
-        self.timeout_ns = self.silence_ns(parameters.command_timeout)
-        self._limits = limits_of(parameters, self.scene.device)
         if self._hand is not None:
-            self._side.envelope.limit(self._limits)
-            self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
             self._hand.apply_parameters(parameters)
-        if self._poses is not None:
-            self._poses.timeout_ns = self.timeout_ns
-
-    def validate_parameters(self, parameters: DeviceParameters) -> None:
-        """Refuse what is less safe than the scene allows."""
-        limits_of(parameters, self.scene.device)
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""
         if self._hand is not None:
             self._hand.forget()
-        self._push = NO_WRENCH
-        self._command.clear()
-        self._guard.forget()
-        # Stamps from before mean nothing where a clock was set.
-        self._loop = self._new_loop()
-        self._answers = Answers(self._loop)
-        self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
-        self._side.envelope.place(self._state.published[:3])
-        self._side.begin()
-        self._held = self._state if self.lockstep else None
-        self.times_held = int(self.lockstep)
-        self._operating.publish(active=True)
-
-    def deactivate(self) -> None:
-        """Put the actuators at zero and let go."""
-        self._rest()
-        self._operating.publish(active=False)
-
-    def _rest(self) -> None:
-        self._put_at_zero()
-        self._state = self._device.at_rest(self._state.pose, home=self._state.home)
-
-    def reseat(self) -> None:
-        """Stand still where all was well, with the actuators at zero, held by nobody."""
-        self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
-        self._rest()
-        self.activate()
+        super().activate()
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
-        if self._hand is None or not self._hand.ready(deadline_ns):
-            return False
-        answered = self.answered_ns(deadline_ns)
-        known = self._commands.has(answered)
-        return self._ticks < 2 or (known and (not self._is_local or self._loop.gains.has(answered)))
+        heard = self._hand is not None and self._hand.ready(deadline_ns)
+        return heard and super().ready(deadline_ns)
 
-    def tick(self, periods: int, deadline_ns: int) -> None:
-        """Move the device on under the command that stands, and publish what it measures."""
-        if self._last_valid.rests(deadline_ns, self.activate):
-            return
-        if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
-            # Now, and not once all that was missed has been caught up.
-            self._lose("servo_cf is lost")
-        if self._ticks or not self.lockstep:
-            for known_ns, now_ns in self.steps(periods, deadline_ns):
-                self._move(self._standing_command(known_ns, now_ns))
-            if not self.backlog.owed:
-                self._command.sampled()
-        self._push = NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
-        self._publish(deadline_ns)
-        self._last_valid.keep(self._state)
-        self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
-        if self._ticks % self.view_every == 0 or self._let_go_untold:
-            self._publish_view(deadline_ns)
-        self._ticks += 1
-
-    def _publish(self, stamp_ns: int) -> None:
-        sensed = self._device.sensed(self._push)
-        told = self._answers.round_trip, self._answers.obeys or self.lockstep
-        self._written.encode(self._state, sensed, stamp_ns, *told)
-        self._publish_wire.publish(self._wire.encode(self._written.values))
-
-    def _publish_view(self, stamp_ns: int) -> None:
-        self._let_go_untold = False
-        self._operating.publish(self.node.active)
-        self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
-        self._view.publish_energy(self._side.passivity, self._sample(), stamp_ns)
-        if self._poses is not None:
-            self._poses.publish(stamp_ns)
-
-    def _move(self, command: Array | None) -> None:
-        held, ticks = self._held, self._ticks_held
-        self._state = self._device.step(self._state, command, held, ticks, self._push)
-        self._ticks_held += held is not None
-
-    def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return the device's state and figures."""
-        now, counts = self.now_ns(), self._side.envelope.counts
-        fault = self._fault() or self._operating.withheld
-        posed = self._poses.kind if self._poses is not None else ""
-        rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
-        doing = f"pulled to a pose by {posed}" if posed else "rendering"
-        sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
-        return (
-            rendering,
-            sentence,
-            {
-                **self.clock_figures(),
-                "times_held": str(self.times_held),
-                "fault": fault,
-                "changed_by_passivity": str(self._side.passivity.changed),
-                **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
-                **self._answers.figures(),
-                **self.latency.summary("loop_latency"),
-                **({} if self._hand is None else self._hand.figures(now)),
-            },
-        )
-
-    def _standing_command(self, known_ns: int, now_ns: int) -> Array | None:
-        """Return what acts over a step; None if nothing does, or it is stale.
-
-        The hand takes hold and lets go with it. Arguments as :meth:`steps` yields them.
-        """
-        fault = self._refusal(now_ns)
-        poses = self._poses
-        if poses is not None and (goal := poses.goal(now_ns)) is not None:
-            if not fault:
-                return self._pull(goal)
-            poses.end(fault)
-        if self.lockstep:
-            answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
-            if fault:
-                self._side.envelope.stop()
-                return None
-            return self._safe(answer)
-        heard_ns = self._command.as_of(now_ns)[1]
-        fresh = now_ns - heard_ns <= self.timeout_ns
-        lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
-        if lost:
-            self._lose(lost)
-            return None
-        acting, heard_ns = self._command.as_of(known_ns)
-        if acting is None or known_ns - heard_ns > self.timeout_ns:
-            return None  # what came anew acts from the next step on
-        command, answered_ns = acting
-        if not self._answers.begin(answered_ns, now_ns):
-            return None
-        self._take_hold()
-        return self._safe(self._loop.correct(command, answered_ns, now_ns))
-
-    def _take_hold(self) -> None:
-        """Let the hand take hold, unless it has, or waits."""
-        if self._held is None and not self._wait_for_start:
-            self._held = self._state
-            self._ticks_held = 0
-            self.times_held += 1
-
-    def _pull(self, goal: pin.SE3) -> Array:
-        """Return what leaves of the wrench that takes the device to a pose."""
-        self._take_hold()
-        state = self._state
-        wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
-        added = self._device.compensation(state)
-        # The spring's energy is the device's own: there is no mechanism whose it would be.
-        return self._side.allow(wrench, self._sample(), state.applied, None, added)
-
-    def _obeys_wrenches(self, now_ns: int) -> bool:
-        """Return whether servo_cf is obeyed at a time, ns."""
-        return self._command.value is not None and self._command.fresh(now_ns, self.timeout_ns)
-
-    def _end_pose(self, reason: str) -> None:
-        """Let the hand go, because no pose is commanded any more; at once if that was wanted."""
-        if reason:
-            self._warn(reason)
-            self._let_go(self.now_ns())
-        else:
-            self._put_at_zero()
-
-    def _answer_of(self, answered_ns: int) -> Array:
-        """Return the answer to a sample, in lockstep."""
-        command = self._commands.take(answered_ns)
-        if not self._is_local:
-            return command
-        return self._loop.correct_in_lockstep(command, answered_ns)
-
-    def _safe(self, command: Array) -> Array:
-        """Return what leaves of a command: no energy that is not there, and within all limits."""
-        state, told = self._state, self._loop.to_mechanism
-        added = self._device.compensation(state)
-        return self._side.allow(command, self._sample(), state.applied, told, added)
-
-    def _sample(self) -> Array:
-        """Return the device's sample (19,) as it is now."""
-        numbers = self._state.published[: DEVICE_SAMPLE.size].copy()
-        numbers[_HAND_WRENCH] += self._device.sensed(self._push)
-        return numbers
-
-    def _lose(self, what: str) -> None:
-        """Obey no more, because something is lost, and say so once."""
-        now = self.now_ns()
-        if self._answers.obeys:
-            self._warn(what)
-            self._let_go(now)
-        else:
-            self._answers.let_go(now)
-
-    def _let_go(self, now_ns: int) -> None:
-        """Let the hand go, and begin anew with the next command."""
-        self._held = None
-        self._let_go_untold = True
-        self._answers.let_go(now_ns)
-        self._side.begin()
-
-    def _put_at_zero(self) -> None:
-        """Put the actuators at zero now, and publish that at once rather than with a sample.
-
-        The hand lets go; in lockstep it holds on, as long as the run lasts.
-        """
-        self._command.clear()
-        if self._poses is not None:
-            self._poses.forget()
-        if self.lockstep:
-            self._side.envelope.stop()
-        else:
-            self._let_go(self.now_ns())
-        self._state = self._state.without_force()
-        if self.clock is None or not self.node.active:
-            return
-        # After the last sample, before the next.
-        now = self.now_ns()
-        stamp_ns = nearest_stamp(min(now, max(self.clock.next_ns - 1, now - self.period_ns)))
-        if not self.lockstep:
-            self._publish(stamp_ns)
-        self._publish_view(stamp_ns)
-        self.node.exchange.publish_kept()
-
-    def _warn(self, reason: str) -> None:
-        self.node.get_logger().warning(f"{reason}: actuators at zero")
-
-    def _on_own_axes(self, message: Bool, now_ns: int) -> None:
-        del now_ns
-        self._own_is_absolute = message.data
-
-    def _on_own_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        """Obey a wrench in the axes that the device has now."""
-        if not self._own_is_absolute:
-            wrench = turned(wrench, np.asarray(self._state.measured_pose.rotation))
-        self._obey(DEVICE_BODY_COMMAND, wrench, stamp_ns, now_ns)
-
-    def _on_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        self._obey(DEVICE_COMMAND, wrench, stamp_ns, now_ns)
-
-    def _obey(self, form: Topic, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        """Obey a wrench (6,), N and N m, world axes, that came on a topic, if it is the one."""
-        if form is not self._obeyed_form:
-            if self._obeys_wrenches(now_ns):
-                what = f"while {self._obeyed_form.name} is obeyed"
-                raise InvalidInputError(form.name, what, ONE_KIND)
-            self._obeyed_form = form
-        self.latency.add(now_ns - stamp_ns)
-        self.ages.add(now_ns - stamp_ns)
-        self._look_at_fault(now_ns)
-        if self._poses is not None:
-            self._poses.give_way(now_ns)
-        if self.lockstep:
-            self._commands.put(wrench, stamp_ns)
-        elif not self._answers.is_next(stamp_ns, now_ns):
-            self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
-            return
-        self._command.put((wrench, stamp_ns), now_ns)
-        if self.lockstep:
-            self.act(now_ns)
-
-    def _on_gain(self, values: Array, now_ns: int) -> None:
-        self._look_at_fault(now_ns)
-        # What is taken during a fault is forgotten with the next tick.
-        self._loop.take(values, now_ns, self.lockstep, self.age_limit_ns)
-        if self.lockstep:
-            self.act(now_ns)
-
-    def _refusal(self, now_ns: int) -> str:
-        """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
-        return self._guard.fault(now_ns) or self._operating.withheld
-
-    def _fault(self) -> str:
-        """Return why nothing may be obeyed, whatever is told; empty if it may."""
-        resting = self._last_valid.resting
-        failed = f"restarting after an error: {self.failures.last}" if resting else ""
-        return self._guard.fault(self.now_ns()) or failed
-
-    def _look_at_fault(self, now_ns: int) -> None:
-        """Put the actuators at zero, and say why, if what has come shows that two command."""
-        fault = self._refusal(now_ns)
-        if fault and self._answers.obeys:
-            self._warn(fault)
-            self._put_at_zero()
-
-    def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Put the actuators at zero, until it is taken back; answer once that was published."""
-        # First of all, so that it lasts whatever fails.
-        self._guard.stopped = request.data
-        done = "actuators at zero" if request.data else "commands are obeyed again"
-        return self.failures.answer(EMERGENCY_STOP, self._look_at_refusal, response, done)
-
-    def _look_at_refusal(self) -> None:
-        """Put the actuators at zero, and say why, if they have been told to stop."""
-        reason = STOPPED if self._guard.stopped else self._operating.withheld
-        if reason:
-            self._warn(reason)
-            self._put_at_zero()
-        self._operating.publish(self.node.active)
-
-    def _on_start_hand(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        del request
-        return self.failures.answer(START_HAND, self._start_hand, response, "the hand starts")
-
-    def _start_hand(self) -> None:
-        if not self._wait_for_start:
-            raise HapticMechError("the hand was not waiting")
-        self._wait_for_start = False
-
-    def _start_pose(self) -> pin.SE3:
-        """Return where the device stands at the start: at the operational point."""
-        simulator = Simulator(self.scene)
-        terms = simulator.evaluate(simulator.initial_state())
-        return terms.points[simulator.mechanism.point_index(self.point)].pose
+    def figures(self, now_ns: int) -> dict[str, str]:
+        """Return who pushes, for diagnostics."""
+        return {} if self._hand is None else self._hand.figures(now_ns)

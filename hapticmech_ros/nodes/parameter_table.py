@@ -8,9 +8,11 @@ from hapticmech_ros.nodes.parameters import (
     AnalyserParameters,
     ControllerParameters,
     DeviceParameters,
+    HaplyParameters,
     LiveParameters,
     MechanismParameters,
     NodeParameters,
+    RelayParameters,
     ViewerParameters,
     changes_of,
     choices_of,
@@ -19,6 +21,8 @@ from hapticmech_ros.nodes.parameters import (
 
 MODELS: dict[str, type[NodeParameters]] = {
     "haptic_device": DeviceParameters,
+    "haply_device": HaplyParameters,
+    "relay_device": RelayParameters,
     "mechanism_simulator": MechanismParameters,
     "nullspace_analyser": AnalyserParameters,
     "teleoperation_controller": ControllerParameters,

@@ -151,8 +151,8 @@ class NodeParameters(BaseModel):
     diagnostics_period: float = number(1.0, "time between diagnostics", "s", 0.01, 60.0)
 
 
-class DeviceParameters(NodeParameters):
-    """Parameters of the simulated haptic device."""
+class DriverParameters(NodeParameters):
+    """Parameters that every driver of a haptic device has."""
 
     place = 0
 
@@ -190,13 +190,48 @@ class DeviceParameters(NodeParameters):
         "limits and timeouts of the device, message_age_limit, scene and rate cannot change",
         "never",
     )
+    wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")
+
+
+class DeviceParameters(DriverParameters):
+    """Parameters of the simulated haptic device."""
+
     hand: Literal["scene", "still", "commanded"] = text(
         "scene",
         "scene: the scene's hand; still: a relaxed arm that holds the device where it is; "
         "commanded: only hand_cf moves the device",
     )
     hand_timeout: float = number(0.2, "hand_cf expires after this; 0: never", "s", 0.0, 3600.0)
-    wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")
+
+
+class MountedParameters(DriverParameters):
+    """Parameters of the driver of a device that stands somewhere."""
+
+    mounting_roll: float = number(
+        0.0, "axes of the device's base in the world, about x", "rad", -3.15, 3.15, "unconfigured"
+    )
+    mounting_pitch: float = number(0.0, "likewise, about y", "rad", -3.15, 3.15, "unconfigured")
+    mounting_yaw: float = number(0.0, "likewise, about z", "rad", -3.15, 3.15, "unconfigured")
+
+
+class HaplyParameters(MountedParameters):
+    """Parameters of the driver of a Haply Inverse3."""
+
+    uri: str = text("ws://127.0.0.1:10001", "address of Haply's Inverse service")
+    device_id: str = text("", "device_id of the Inverse3; empty: the only one there is")
+
+
+class RelayParameters(MountedParameters):
+    """Parameters of the relay to a driver of ros2_control."""
+
+    state_topic: str = text("/fd/joint_states", "JointState of the device's axes")
+    joint_command_topic: str = text(
+        "/fd/fd_controller/commands", "Float64MultiArray of efforts, in the order of axes"
+    )
+    axes: str = text(
+        "fd_x fd_y fd_z", "joints of the base's x, y and z, and of roll, pitch and yaw, if any"
+    )
+    torques: bool = flag(False, "roll, pitch and yaw take efforts too", "unconfigured")
 
 
 class MechanismParameters(NodeParameters):

@@ -40,6 +40,8 @@ REFUSALS = (
 )
 _ACTORS = {
     "haptic_device": (".haptic_device", "HapticDevice"),
+    "haply_device": (".haply_device", "HaplyDevice"),
+    "relay_device": (".relay_device", "RelayDevice"),
     "mechanism_simulator": (".mechanism_simulator", "MechanismSimulator"),
     "nullspace_analyser": (".nullspace_analyser", "NullspaceAnalyser"),
     "teleoperation_controller": (".teleoperation_controller", "TeleoperationController"),

@@ -7,7 +7,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, PAGE, VIEWER
+from hapticmech_ros.wire.topic import (
+    ANALYSER,
+    CONTROLLER,
+    DEVICE,
+    HAPLY,
+    MECHANISM,
+    PAGE,
+    RELAY,
+    VIEWER,
+)
 from hapticmech_ros.wire.topics import (
     CLOSURES,
     DIAGNOSTICS,
@@ -19,7 +28,10 @@ from hapticmech_ros.wire.topics import (
     TOPICS,
 )
 
-NODES = (DEVICE, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
+NODES = (DEVICE, HAPLY, RELAY, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
+REAL_DEVICES = (HAPLY, RELAY)
+# Of the relay, to the driver behind it: what it hears and what it sends, by its parameters.
+_BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
 # Look on, each in a process of its own.
 ONLOOKERS = (VIEWER, PAGE)
 # Four nodes in one process; and who pushes, commands states and records, which is none of them.
@@ -32,7 +44,7 @@ _OWN_SERVICES = (
     *("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description"),
 )
 _SERVICES: Mapping[str, tuple[str, ...]] = {
-    DEVICE: (EMERGENCY_STOP, START_HAND),
+    **dict.fromkeys((DEVICE, *REAL_DEVICES), (EMERGENCY_STOP, START_HAND)),
     MECHANISM: (f"{CLOSURES.name}/*",),
 }
 # Topics with further ones below them: of whoever pushes, each his own.
@@ -43,10 +55,13 @@ _TF = ("/tf", "/tf_static")
 
 def published(node: str) -> list[str]:
     """Return patterns of the topics that a node publishes; * stands for names of any length."""
-    own = [_pattern(t.name) for t in TOPICS if t.publisher == node]
+    role = DEVICE if node in REAL_DEVICES else node
+    own = [_pattern(t.name) for t in TOPICS if t.publisher == role]
     if node == PAGE:
         own = [*(f"{_pattern(topic.name)}/{PAGE}" for topic in _PUSHES)]
         own.append(_pattern(SET_OPERATIONAL_POINT.name))
+    if node == RELAY:
+        own.append(_BEHIND[1])
     managed = (DIAGNOSTICS.name, f"{node}/transition_event")
     return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
 
@@ -54,8 +69,11 @@ def published(node: str) -> list[str]:
 def heard(node: str) -> list[str]:
     """Return patterns of the topics that a node subscribes to."""
     found = ["/clock", "/parameter_events", *([DIAGNOSTICS.name] if node == PAGE else ())]
+    role = DEVICE if node in REAL_DEVICES else node
+    found += [_BEHIND[0]] if node == RELAY else []
     for topic in TOPICS:
-        if node in topic.subscribers:
+        # A hand is what holds a real device, and nothing else pushes it.
+        if role in topic.subscribers and not (role != node and topic is HAND_WRENCH):
             found.append(_pattern(topic.name))
             if topic in _PUSHES:
                 found.append(f"{_pattern(topic.name)}/*")

@@ -65,6 +65,8 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 VIEWER, PAGE = "scene_viewer", "live_page"
+# Drive devices that are not simulated, by the same topics as DEVICE.
+HAPLY, RELAY = "haply_device", "relay_device"
 
 
 def crtk_type(name: str) -> str:

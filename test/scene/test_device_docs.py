@@ -44,7 +44,7 @@ def test_every_preset_stands_there_with_its_figures():
     rows = {
         row[0]: row
         for line in PAGE.splitlines()
-        if (row := [cell.strip(" `ᵃᵇᶜ*") for cell in line.strip("|").split("|")])
+        if (row := [cell.strip(" `ᵃᵇᶜᵈ*") for cell in line.strip("|").split("|")])
     }
     for name in device_presets():
         device = Device(preset=name)

@@ -1,0 +1,335 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is felt through the driver of an Inverse3, and how soon a force ends when something dies.
+
+The device is the emulator's, and so is the time after which it idles without messages: what a real
+one does is not measured here.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+import rclpy
+import typer
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from benchmarks.children import BenchError
+from benchmarks.haply.emulated import Emulator, Trace, emulated
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.analysis.study import Sheet, Show, silent
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.study import JsonOption, carry_out
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
+from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
+from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.topics import DEVICE_STATE
+
+DRIVER, CONTROLLER, SERVICE = "haply_device", "teleoperation_controller", "service"
+VICTIMS = (DRIVER, CONTROLLER, SERVICE)
+# Limits: s until there is no force; s that a graph or a hand may take.
+MOST_S, PATIENCE_S = 0.020, 30.0
+# A force that counts as one, N; and one that is waited for before something dies.
+NONE_N, FELT_N = 1e-9, 0.1
+# A firm arm that swings the device to and fro, so that there is a force whenever something dies.
+SWINGING = (
+    "hand={kind: arm, impedance: firm, start_delay: 0.5, waypoints: [{time: 0.0}], "
+    "tremor: {frequency: 1.0, xyz: [0.01, 0.0, 0.0]}}"
+)
+# What a scene's mechanism is pushed with, N, along which unit vector, and how far, m.
+WAY, PUSH_N, PUSH_AFTER_S = 0.01, 1.0, 2.0
+PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.8660254, 0.5, 0.0)}
+APPLIED = DEVICE_FIELDS.slice("applied")
+
+
+@dataclass(frozen=True)
+class Felt:
+    """A push through the emulated device.
+
+    Attributes:
+        scene: that was felt.
+        device: what the emulated device is.
+        ratio: felt inertia over that of device-free mechanism along the push.
+    """
+
+    scene: str
+    device: str
+    ratio: float
+
+
+@dataclass(frozen=True)
+class HaplyResults(MachineResults):
+    """What was measured.
+
+    Attributes:
+        ends: s from a kill until there is no force any more, of each trial, by who was killed.
+        frames: that were spoilt and read.
+        escaped: of these, that led to another error than a refusal, or to a number beyond limits.
+        rate: samples per s that the driver took.
+        felt: through the emulated device.
+    """
+
+    NAME: ClassVar[str] = "bench_haply"
+    FAULT: ClassVar[str] = "a limit was missed"
+
+    ends: dict[str, tuple[float, ...]]
+    frames: int
+    escaped: int
+    rate: float
+    felt: tuple[Felt, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether every force ended in time, and nothing escaped."""
+        return not self.escaped and all(max(of) <= MOST_S for of in self.ends.values())
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield the ends of forces, and what was felt."""
+        rows = []
+        for victim, found in self.ends.items():
+            p50, p99 = (f"{1e3 * np.percentile(found, q):.1f}" for q in (50, 99))
+            late = sum(one > MOST_S for one in found)
+            rows.append((victim, str(len(found)), p50, p99, f"{1e3 * max(found):.1f}", str(late)))
+        yield Sheet(
+            "time without force after kill -9",
+            ("killed", "trials", "p50, ms", "p99, ms", "worst, ms", f"above {1e3 * MOST_S:.0f} ms"),
+            tuple(rows),
+            caption=f"{self.escaped} of {self.frames} spoilt frames escaped; "
+            f"{self.rate:.1f} samples/s at 1 kHz",
+        )
+        yield Sheet(
+            "felt inertia over the mechanism's own",
+            ("scene", "emulated device", "ratio"),
+            tuple((one.scene, one.device, f"{one.ratio:.3f}") for one in self.felt),
+        )
+
+
+class _Listener:
+    """Hears the driver's samples."""
+
+    def __init__(self, domain: int) -> None:
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = Node("bench_haply", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self.heard = 0
+        self.last = 0.0
+        self._node.create_subscription(Float64MultiArray, DEVICE_STATE.name, self._hear, 10)
+
+    def _hear(self, message: Float64MultiArray) -> None:
+        self.heard += 1
+        if np.linalg.norm(np.asarray(message.data)[APPLIED]) > NONE_N:
+            self.last = time.monotonic()
+
+    def spin(self, seconds: float) -> None:
+        """Hear for a while."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.05))
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+class _Rig:
+    """A graph with the driver, an emulated service, and who listens."""
+
+    def __init__(self, scene: Path, folder: Path, domain: int) -> None:
+        self._scene, self._folder, self._number = scene, folder, 0
+        self.emulator, self.trace = self._serve(0)
+        nodes = [DRIVER, *(name for name in NODES if name != "haptic_device")]
+        self.graph = Graph(
+            str(scene),
+            nodes=nodes,
+            parameters={f"{DRIVER}.uri": self.emulator.uri},
+            environment=private_environment(domain),
+        )
+        self.listener = _Listener(domain)
+
+    def _serve(self, port: int) -> tuple[Emulator, Trace]:
+        self._number += 1
+        path = self._folder / f"trace_{self._number}.csv"
+        return Emulator("--scene", str(self._scene), "--trace", str(path), port=port), Trace(path)
+
+    def renew_service(self) -> None:
+        """Serve again where the last service did."""
+        self.emulator, self.trace = self._serve(self.emulator.port)
+
+    def wait_for_force(self) -> None:
+        """Wait until the device has rendered for a while and gives a force.
+
+        Raises:
+            BenchError: it does not.
+        """
+        end, since = time.monotonic() + PATIENCE_S, time.monotonic()
+        while True:
+            self.listener.spin(0.05)
+            times, forces = self.trace.force_since(since)
+            if len(times) > 700 and (forces[-500:] > NONE_N).all() and forces[-5:].min() > FELT_N:
+                return
+            if time.monotonic() > end:
+                raise BenchError("nothing is rendered through the driver")
+
+    def close(self) -> None:
+        self.listener.close()
+        self.graph.stop()
+        self.emulator.close()
+
+
+def _ends(rig: _Rig, victim: str) -> float:
+    """Kill somebody, and return how long there was a force, s; start him again."""
+    rig.wait_for_force()
+    if victim == SERVICE:
+        killed = time.monotonic()
+        rig.emulator.kill()
+        rig.listener.spin(0.3)
+        # Its device has gone with it: what counts is what the driver tells.
+        took = max(rig.listener.last - killed, 0.0)
+        rig.renew_service()
+        return took
+    killed = time.monotonic()
+    rig.graph.kill(victim)
+    rig.listener.spin(0.3)
+    times, forces = rig.trace.force_since(killed)
+    given = times[forces > NONE_N]
+    rig.graph.restart(victim)
+    return float(given[-1] - killed) if len(given) else 0.0
+
+
+def _escaped(frames: int) -> int:
+    """Return how many of so many spoilt frames were neither understood nor refused."""
+    scene = load_scene("five_bar").with_(device={"preset": "inverse3"})
+    device = EmulatedInverse3(scene, np.eye(3))
+    status = dict.fromkeys(("calibrated", "power_supply", "ready", "started"), True)
+    one = {"device_id": "A", "state": device.state(), "status": status, "config": {}}
+    grip = {"device_id": "B", "state": {"orientation": device.orientation()}}
+    text = json.dumps({"inverse3": [one], "wireless_verse_grip": [grip]})
+    chance, escaped = random.Random(1), 0
+    for _ in range(frames):
+        try:
+            frame = parsed(spoilt(text, chance))
+            found_in(frame, "")
+            cursor = cursor_of(frame, "A")
+            within = cursor is None or (
+                np.abs(cursor.position).max() <= 1.0 and np.abs(cursor.velocity).max() <= 20.0
+            )
+            escaped += not within
+        except HapticMechError:
+            pass
+        except Exception:  # noqa: BLE001 - what is looked for
+            escaped += 1
+    return escaped
+
+
+def _time_alone(scene: str, push: Array) -> float:
+    """Return how long a mechanism alone takes for the way under a push (3,), N, in s."""
+    simulator = Simulator(load_scene(scene))
+    point = simulator.scene.operational_points[0].name
+    state, period = simulator.initial_state(), simulator.scene.simulation.period
+    start = simulator.mechanism.frame_pose(state.q, point).translation.copy()
+    wrench = np.concatenate((push, np.zeros(3)))[None, :]
+    for tick in range(round(PATIENCE_S / period)):
+        moved = simulator.mechanism.frame_pose(state.q, point).translation - start
+        if moved @ push >= WAY * np.linalg.norm(push):
+            return tick * period
+        state = simulator.step(state, wrench)
+    raise BenchError(f"{scene} does not move by {WAY:g} m")
+
+
+def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Felt:
+    """Push a scene through the emulated device, and return what is felt."""
+    push = PUSH_N * np.array(PUSHED[scene])
+    numbers = ", ".join(f"{value:.6f}" for value in push)
+    hand = f"hand={{kind: constant_wrench, force: [{numbers}], start_delay: {PUSH_AFTER_S}}}"
+    path = folder / f"{scene}_{label.replace(' ', '_')}.yaml"
+    copy_scene(scene, path, [f"device={device}", hand])
+    rows = folder / f"{path.stem}.csv"
+    with emulated("--scene", str(path), "--trace", str(rows)) as service:
+        nodes = [DRIVER, *(name for name in NODES if name != "haptic_device")]
+        parameters = {f"{DRIVER}.uri": service.uri}
+        environment = private_environment(domain)
+        with Graph(str(path), nodes=nodes, parameters=parameters, environment=environment):
+            trace, end = Trace(rows), time.monotonic() + PATIENCE_S
+            while time.monotonic() < end:
+                found = trace.look()
+                pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
+                if len(pushed):
+                    moved = (pushed[:, 1:4] - pushed[0, 1:4]) @ push / PUSH_N
+                    there = np.flatnonzero(moved >= WAY)
+                    if len(there):
+                        took = float(pushed[there[0], 0] - pushed[0, 0])
+                        return Felt(scene, label, (took / _time_alone(scene, push)) ** 2)
+                time.sleep(0.05)
+    raise BenchError(f"{scene} does not move by {WAY:g} m through the driver")
+
+
+def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87) -> HaplyResults:
+    """Kill, spoil and push.
+
+    Args:
+        kills: of driver, controller and service, each.
+        frames: to spoil.
+        show: called with what was done.
+        domain: of ROS.
+    """
+    escaped = _escaped(frames)
+    show(f"{frames} frames read")
+    ends: dict[str, list[float]] = {victim: [] for victim in VICTIMS}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scene = folder / "five_bar_haply.yaml"
+        copy_scene("five_bar", scene, ["device={preset: inverse3}", SWINGING])
+        rig = _Rig(scene, folder, domain)
+        try:
+            rig.wait_for_force()
+            before, begun = rig.listener.heard, time.monotonic()
+            rig.listener.spin(5.0)
+            rate = (rig.listener.heard - before) / (time.monotonic() - begun)
+            show(f"{rate:.1f} samples/s")
+            for number in range(kills):
+                for victim in VICTIMS:
+                    ends[victim].append(_ends(rig, victim))
+                    show(f"{number}: {victim} {1e3 * ends[victim][-1]:.1f} ms")
+        finally:
+            rig.close()
+        ideal = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}"
+        felt = tuple(
+            _felt(one, device, label, folder, domain)
+            for one in PUSHED
+            for label, device in (("as assumed", "{preset: inverse3}"), ("no friction", ideal))
+        )
+    found = {victim: tuple(of) for victim, of in ends.items()}
+    return HaplyResults(machine(), found, frames, escaped, rate, felt)
+
+
+def haply(
+    kills: Annotated[int, typer.Option(min=1, help="of driver, controller and service")] = 100,
+    frames: Annotated[int, typer.Option(min=1, help="to spoil and read")] = 100_000,
+    quick: Annotated[bool, typer.Option(help="two kills of each, 5,000 frames")] = False,
+    out: OutOption = Path("bench"),
+    json_only: JsonOption = False,
+) -> None:
+    """Kill what stands behind a Haply Inverse3, spoil its frames, and push scenes through it."""
+    if quick:
+        kills, frames = 2, 5_000
+    carry_out(lambda show: run_benchmark(kills, frames, show), out, json_only)

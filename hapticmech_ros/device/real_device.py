@@ -1,0 +1,183 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What devices have in common that are not simulated: a wrench goes out, a sample comes in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.build import device_for
+from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
+from hapticmech_ros.device.state import NO_WRENCH, DeviceState
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.quaternions import turned
+from hapticmech_ros.saturation import limited
+from hapticmech_ros.scene import Scene
+
+
+class Measured(NamedTuple):
+    """A sample, along the axes of the device's base.
+
+    Attributes:
+        position: (3,) of the point held, m, from the base's origin.
+        velocity: (3,) m/s.
+        rotation: (3, 3) of the handle; None if it does not tell its orientation.
+    """
+
+    position: Array
+    velocity: Array
+    rotation: Array | None
+
+
+class RealDevice:
+    """Turns wrenches and samples between the world and a device's base; a kind has ``exchange``.
+
+    It has no force sensor: the hand's wrench is estimated, or reported as zero, as the scene says.
+
+    Args:
+        scene: what is felt; its ``device`` describes the device.
+        mounting: (3, 3) axes of the base in the world.
+        clock: monotonic, s.
+        has_torques: whether the device has actuators of rotation.
+
+    Raises:
+        InvalidInputError: a scene with another device.
+
+    Attributes:
+        fresh: whether the last step brought a sample.
+        problem: why it cannot be driven; empty if it can.
+        late: periods without a sample.
+    """
+
+    def __init__(
+        self, scene: Scene, mounting: Array, clock: Callable[[], float], has_torques: bool = False
+    ) -> None:
+        device, planar = scene.device, scene.task_space == "planar"
+        _check(scene, has_torques)
+        self._mounting, self._clock = mounting, clock
+        self._limits = device.force_limit, device.torque_limit
+        self._driver = device_for(scene, with_hand=False)
+        self._observer = HandObserver(device, planar)
+        self._turning = TwistEstimate(device.velocity_filter)
+        self._last: Measured | None = None
+        self._given: Array = NO_WRENCH
+        self._acts = np.array(device.acts)
+        self.fresh = False
+        self.problem = ""
+        self.late = 0
+
+    def exchange(self, wrench: Array, now: float) -> tuple[bool, Measured | None]:
+        """Send a wrench and take a sample.
+
+        Args:
+            wrench: (6,) on the hand, N and N m, axes of the base.
+            now: by the clock, s.
+
+        Returns:
+            Whether the wrench was sent, and what was measured; None without a sample.
+        """
+        raise NotImplementedError
+
+    def at_rest(
+        self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
+    ) -> DeviceState:
+        """Return the device where it was measured last, without a wrench.
+
+        Args:
+            pose: where it is taken to be before it has been measured; its orientation is that of a
+                device that does not tell its own.
+            held: of no meaning: who holds it is not known.
+            home: of no meaning: the workspace is about where it is now.
+        """
+        self._observer.forget()
+        self._turning.forget()
+        self._given = NO_WRENCH
+        return DeviceState.resting(pose if self._last is None else self._pose(self._last, pose))
+
+    def step(
+        self,
+        state: DeviceState,
+        command: Array | None,
+        held: DeviceState | None,
+        ticks: int,
+        push: Array = NO_WRENCH,
+    ) -> DeviceState:
+        """Send a command and return the state that was measured; without a sample, ``state``.
+
+        Args:
+            state: at the last sample.
+            command: (6,) servo_cf, N and N m, on the hand, world axes; None for no wrench.
+            held: of no meaning.
+            ticks: of no meaning.
+            push: (6,) of no meaning.
+
+        Returns:
+            The state; F_h in it is estimated, or zero, as the scene says.
+        """
+        now, before = self._clock(), self._given
+        asked = NO_WRENCH
+        if command is not None:
+            asked = self._acts * limited(command + self.compensation(state), *self._limits)
+        sent, measured = self.exchange(turned(asked, self._mounting.T), now)
+        if sent:
+            self._given = asked
+        self.fresh = measured is not None
+        if measured is None:
+            self.late += 1
+            return state
+        self._last = measured
+        pose = self._pose(measured, state.measured_pose)
+        spin = np.zeros(3) if measured.rotation is None else self._turning.at(now, pose)[3:]
+        twist = np.concatenate((self._mounting @ measured.velocity, spin))
+        return state.replaced(
+            pose=pose,
+            twist=twist,
+            measured_pose=pose,
+            measured_twist=twist,
+            # What was commanded with the sample before has acted since.
+            reported=self._observer.at(now, twist, before),
+            applied=before,
+        )
+
+    def compensation(self, state: DeviceState) -> Array:
+        """Return what the driver adds (6,) to a command, N and N m, world axes."""
+        return self._driver.compensation(state)
+
+    def sensed(self, push: Array) -> Array:
+        """Return nothing (6,): it has no force sensor.
+
+        Args:
+            push: (6,) of no meaning.
+        """
+        return NO_WRENCH
+
+    def forget(self) -> None:
+        """Forget where it was: it is not there any more."""
+        self._last, self._given, self.fresh = None, NO_WRENCH, False
+
+    def _pose(self, measured: Measured, before: pin.SE3) -> pin.SE3:
+        """Return a pose in the world, its origin that of the device's base."""
+        rotation = before.rotation
+        if measured.rotation is not None:
+            rotation = self._mounting @ measured.rotation
+        return pin.SE3(rotation, self._mounting @ measured.position)
+
+
+def _check(scene: Scene, has_torques: bool) -> None:
+    """Refuse a scene whose device is another one.
+
+    Raises:
+        InvalidInputError: it has torques that this one has not, or a force sensor.
+    """
+    device = scene.device
+    if device.actuated != "translation" and not has_torques:
+        rule = "must be translation for a device without torques, such as {preset: inverse3}"
+        raise InvalidInputError("device.actuated", device.actuated, rule)
+    if device.force_sensor == "measured":
+        rule = "must be estimated or absent for a device without a force sensor"
+        raise InvalidInputError("device.force_sensor", device.force_sensor, rule)

@@ -1,0 +1,245 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of Haply's Inverse service on its simulation channel, JSON of version 3.1.
+
+On connection the service sends what it knows of every device, configuration included. From then on
+it answers each message with one frame, of states only (docs.haply.co/inverseSDK/service/realtime,
+pages websocket-protocol and control-commands, version 3.5 of the service). Lengths are in m, forces
+in N, quaternions w, x, y, z. Forces act until the next message; without one the device idles.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+
+SERVICE = "ws://127.0.0.1:10001"
+# How Haply's Hub calls a session of this driver.
+PROFILE = "hapticmech_ros:haply_device"
+# What comes into a frame at most, bytes; those of one device are 2 kB long.
+LONGEST_FRAME = 1 << 20
+# What a device of this size cannot exceed, m and m/s.
+FARTHEST, FASTEST = 1.0, 20.0
+INVERSE3 = "inverse3"
+# Groups of handles that tell their orientation.
+_GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")
+_IDENTITY = {
+    "position": {"x": 0.0, "y": 0.0, "z": 0.0},
+    "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
+    "scale": {"x": 1.0, "y": 1.0, "z": 1.0},
+}
+# A quaternion's norm is 1 within this, of what sends single precision.
+_NORM = 1e-2
+# Of a status: what is wrong if one is false.
+_STATUS = {
+    "started": "it has not started",
+    "power_supply": "its power supply is off: its motors give no force",
+    "calibrated": "it is not calibrated: put its handle where its manual says",
+    "ready": "it is not ready",
+}
+
+
+class Cursor(NamedTuple):
+    """What a frame says of an Inverse3, along the axes of its base.
+
+    Attributes:
+        position: (3,) m, from the base's origin.
+        velocity: (3,) m/s.
+        orientation: (3, 3) of the handle, in the handle's own reference axes; None without one.
+        refusal: why it gives no force; empty if it does.
+    """
+
+    position: Array
+    velocity: Array
+    orientation: Array | None
+    refusal: str
+
+
+def parsed(text: str | bytes) -> Mapping[str, Any]:
+    """Return a frame.
+
+    Raises:
+        InvalidInputError: it is no JSON object.
+    """
+    try:
+        frame = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InvalidInputError("frame", text[:80], f"must be JSON: {error}") from None
+    if not isinstance(frame, dict):
+        raise InvalidInputError("frame", frame, "must be an object")
+    return frame
+
+
+class Found(NamedTuple):
+    """An Inverse3 as the service tells of it on connection.
+
+    Attributes:
+        device_id: of it.
+        known: what people should know of its configuration.
+        cursor: where it is.
+    """
+
+    device_id: str
+    known: Mapping[str, str]
+    cursor: Cursor
+
+
+def found_in(frame: Mapping[str, Any], wanted: str) -> Found | None:
+    """Return the Inverse3 that is wanted, from what the service says on connection.
+
+    Args:
+        frame: from the service.
+        wanted: its ``device_id``; empty: the only one there is.
+
+    Returns:
+        The device; None if there is none such.
+
+    Raises:
+        InvalidInputError: a frame of another form; several devices, and none is named; or lengths
+            or axes that are not the device's own, by Haply's Hub for instance: masses felt and
+            limits of stiffness would be wrong.
+    """
+    device = _device_of(frame, wanted)
+    if device is None:
+        return None
+    identity = _text(device, "device_id")
+    known = _checked_configuration(device)
+    return Found(identity, known, _cursor(frame, device))
+
+
+def _device_of(frame: Mapping[str, Any], wanted: str) -> Mapping[str, Any] | None:
+    """Return what a frame says of the Inverse3 that is wanted; None if it says nothing of it."""
+    devices = [_object(one, INVERSE3) for one in _list(frame, INVERSE3)]
+    names = [_text(one, "device_id") for one in devices]
+    if not wanted and len(devices) > 1:
+        raise InvalidInputError("device_id", wanted, f"must be one of {', '.join(names)}")
+    found = (one for one, name in zip(devices, names, strict=True) if wanted in ("", name))
+    return next(found, None)
+
+
+def _checked_configuration(device: Mapping[str, Any]) -> dict[str, str]:
+    """Return what people should know of a device's configuration, if it is as delivered."""
+    config = _object(device.get("config", {}), "config")
+    basis = _object(config.get("basis", {}), "basis").get("permutation", "XYZ")
+    if basis != "XYZ":
+        raise InvalidInputError("basis of the device", basis, "must be XYZ: set it in Haply's Hub")
+    state = _object(device.get("state", {}), "state")
+    for name, owner in (("mount", config), ("transform", state)):
+        given = _object(owner.get(name, {}), name)
+        for part, neutral in _IDENTITY.items():
+            found = _object(given.get(part, neutral), part)
+            if any(found.get(key, value) != value for key, value in neutral.items()):
+                rule = "must be as delivered: set it back in Haply's Hub"
+                raise InvalidInputError(f"{name}.{part} of the device", found, rule)
+    filters = _object(config.get("filters", {}), "filters")
+    figures = {"handedness": config.get("handedness", ""), "type": config.get("type", INVERSE3)}
+    for name, given in filters.items():
+        figures[f"filter {name}"] = given
+    return {name: str(value) for name, value in figures.items()}
+
+
+def cursor_of(frame: Mapping[str, Any], wanted: str) -> Cursor | None:
+    """Return what a frame says of the Inverse3 that is wanted; None if it says nothing of it.
+
+    Args:
+        frame: from the service.
+        wanted: its ``device_id``.
+
+    Raises:
+        InvalidInputError: a frame of another form, numbers that are not finite, or larger than
+            any of such a device.
+    """
+    device = _device_of(frame, wanted)
+    return None if device is None else _cursor(frame, device)
+
+
+def _cursor(frame: Mapping[str, Any], device: Mapping[str, Any]) -> Cursor:
+    state = _object(device.get("state"), "state")
+    position = _vector(state, "cursor_position", FARTHEST)
+    velocity = _vector(state, "cursor_velocity", FASTEST)
+    status = _object(device.get("status", {}), "status")
+    refused = [why for name, why in _STATUS.items() if status.get(name, True) is not True]
+    return Cursor(position, velocity, _orientation(frame), "; ".join(refused))
+
+
+def force_command(device_id: str, force: Sequence[float]) -> str:
+    """Return the message that commands a force.
+
+    Args:
+        device_id: of the Inverse3.
+        force: (3,) N, on the hand, along the axes of the device's base; finite.
+    """
+    x, y, z = (float(value) for value in force)
+    vector = f'{{"x":{x!r},"y":{y!r},"z":{z!r}}}'
+    command = f'"commands":{{"set_cursor_force":{{"vector":{vector}}}}}'
+    return f'{{"{INVERSE3}":[{{"device_id":{json.dumps(device_id)},{command}}}]}}'
+
+
+def greeting(device_id: str) -> str:
+    """Return the first message: who this is, and no force."""
+    message = json.loads(force_command(device_id, (0.0, 0.0, 0.0)))
+    return json.dumps({"session": {"configure": {"profile": {"name": PROFILE}}}, **message})
+
+
+def whole_state() -> str:
+    """Return the message that asks again for what the service says on connection."""
+    return json.dumps({"session": {"force_render_full_state": {}}})
+
+
+def _orientation(frame: Mapping[str, Any]) -> Array | None:
+    """Return the orientation (3, 3) of the first handle in a frame, if there is one."""
+    for group in _GRIPS:
+        for grip in _list(frame, group):
+            state = _object(_object(grip, group).get("state", {}), "state")
+            if "orientation" in state:
+                given = _numbers(state["orientation"], "orientation", "wxyz", 1.0 + _NORM)
+                norm = math.sqrt(sum(value * value for value in given))
+                if abs(norm - 1.0) > _NORM:
+                    raise InvalidInputError("orientation", given, "must have a norm of 1")
+                w, x, y, z = (value / norm for value in given)
+                return np.asarray(pin.Quaternion(w, x, y, z).toRotationMatrix())
+    return None
+
+
+def _vector(state: Mapping[str, Any], name: str, largest: float) -> Array:
+    return np.array(_numbers(state.get(name), name, "xyz", largest))
+
+
+def _numbers(given: Any, name: str, keys: str, largest: float) -> list[float]:
+    """Return numbers by their keys, each of a magnitude up to ``largest``."""
+    owner = _object(given, name)
+    found = [owner.get(key) for key in keys]
+    for value in found:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise InvalidInputError(name, given, f"must have numbers {', '.join(keys)}")
+        if not abs(value) <= largest:
+            raise InvalidInputError(name, value, f"must be within ±{largest:g}")
+    return [float(value) for value in found if value is not None]
+
+
+def _object(given: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(given, dict):
+        raise InvalidInputError(name, given, "must be an object")
+    return given
+
+
+def _list(frame: Mapping[str, Any], name: str) -> list[Any]:
+    given = frame.get(name, [])
+    if not isinstance(given, list):
+        raise InvalidInputError(name, given, "must be a list")
+    return given
+
+
+def _text(owner: Mapping[str, Any], name: str) -> str:
+    given = owner.get(name)
+    if not isinstance(given, str) or not given:
+        raise InvalidInputError(name, given, "must be a text")
+    return given

@@ -1,0 +1,259 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What any driver of a haptic device must do, tested on its topics while nothing else commands it.
+
+Somebody holds the device, or an arm does in simulation: a force acts on it for half a second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.topics import (
+    DEVICE_COMMAND,
+    DEVICE_FORCE,
+    DEVICE_POSE,
+    DEVICE_TWIST,
+    EMERGENCY_STOP,
+)
+
+# s: until the first pose, of each look, of a command, until a force has ended, between commands,
+# and how old a stamp may be.
+_PATIENCE, _LOOK, _PUSH, _ZERO, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.02, 0.002, 0.25
+# Hz that poses come at least with, a force that counts as none (N), and shares and slacks of what
+# is compared: of forces (N), and of velocities (m/s).
+_SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
+_QOS = QoSProfile(depth=200)
+_Heard = list[tuple[float, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One rule, and what was found.
+
+    Attributes:
+        rule: in words.
+        found: in words.
+        kept: whether the rule is kept; None: it could not be looked at.
+    """
+
+    rule: str
+    found: str
+    kept: bool | None
+
+
+class DriverTest:
+    """Tests one driver.
+
+    Args:
+        namespace: of its topics, ``device/...`` below it.
+        force: N, that is commanded along x of the world.
+    """
+
+    def __init__(self, namespace: str = "", force: float = 0.5) -> None:
+        self._force = force
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self._node = Node("driver_test", context=self._context, namespace=namespace)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        # Messages with the times at which they came, s by the monotonic clock.
+        self._poses = self._listen(DEVICE_POSE.name, PoseStamped)
+        self._twists = self._listen(DEVICE_TWIST.name, TwistStamped)
+        self._forces = self._listen(DEVICE_FORCE.name, WrenchStamped)
+        self._commands = self._node.create_publisher(WrenchStamped, DEVICE_COMMAND.name, _QOS)
+        self._stop = self._node.create_client(SetBool, EMERGENCY_STOP)
+
+    def run(self) -> Iterator[Check]:
+        """Yield each check as it is done.
+
+        Raises:
+            HapticMechError: there is no driver, or somebody else commands it.
+        """
+        self._wait_for_driver()
+        start = time.monotonic()
+        self._spin(_LOOK)
+        yield from self._check_poses(start)
+        yield self._check_twists(start)
+        yield self._check_no_force("no force without a command", start)
+        yield self._check_obedience()
+        yield self._check_end()
+        yield self._check_refused("a command that is not a number is not obeyed", np.nan, 0.0)
+        yield self._check_refused("a command of 10 s ago is not obeyed", self._force, 10.0)
+        yield self._check_stop()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _listen(self, name: str, kind: Any) -> _Heard:
+        heard: _Heard = []
+
+        def keep(message: Any) -> None:
+            heard.append((time.monotonic(), message))
+
+        self._node.create_subscription(kind, name, keep, _QOS)
+        return heard
+
+    def _wait_for_driver(self) -> None:
+        end = time.monotonic() + _PATIENCE
+        name = self._node.resolve_topic_name(DEVICE_COMMAND.name)
+        while not self._poses or not self._commands.get_subscription_count():
+            if time.monotonic() > end:
+                what = "subscribes to it" if self._poses else "publishes measured_cp beside it"
+                raise HapticMechError(f"{name}: nobody {what}")
+            self._spin(0.05)
+        if self._node.count_publishers(name) > 1:
+            raise HapticMechError(f"{name}: somebody else commands the device: end the controller")
+
+    def _spin(self, seconds: float, each: Callable[[], None] | None = None) -> None:
+        """Handle messages for a while, and do something every now and then."""
+        end, again = time.monotonic() + seconds, 0.0
+        while (now := time.monotonic()) < end:
+            if each is not None and now >= again:
+                each()
+                again = now + _EVERY
+            self._executor.spin_once(timeout_sec=min(_EVERY, max(end - now, 0.0)))
+
+    def _command(self, force: float, age: float = 0.0) -> None:
+        """Command a force along x, stamped so many s ago."""
+        message = WrenchStamped()
+        message.header.frame_id = WORLD
+        now = self._node.get_clock().now().nanoseconds
+        set_stamp(message.header.stamp, now - round(age * NANOSECONDS))
+        message.wrench.force.x = force
+        self._commands.publish(message)
+
+    def _check_poses(self, start: float) -> Iterator[Check]:
+        poses = [message for _, message in _since(self._poses, start)]
+        rate = len(poses) / _LOOK
+        yield Check(f"measured_cp at {_SLOWEST:g} Hz or more", f"{rate:.0f} Hz", rate >= _SLOWEST)
+        numbers = np.array([_seven(message) for message in poses]).reshape(-1, 7)
+        away = np.abs(np.linalg.norm(numbers[:, 3:], axis=1) - 1.0)
+        norm = float(away.max()) if len(poses) else np.nan
+        sound = bool(np.isfinite(numbers).all()) and norm < 1e-3
+        yield Check("poses are finite, quaternions of norm 1", f"norm within {norm:.1e}", sound)
+        frames = {message.header.frame_id for message in poses}
+        yield Check(f"frame_id is {WORLD}", ", ".join(sorted(frames)) or "none", frames == {WORLD})
+        stamps = np.array([stamp_ns(message.header) for message in poses])
+        rising = bool((np.diff(stamps) > 0).all()) and len(stamps) > 1
+        yield Check("stamps rise", "yes" if rising else "no", rising)
+        now = self._node.get_clock().now().nanoseconds
+        age = (now - int(stamps[-1])) / NANOSECONDS if len(stamps) else np.inf
+        rule = f"the newest stamp is within {_OLD:g} s of now"
+        yield Check(rule, f"{age:.3f} s old", abs(age) < _OLD)
+
+    def _check_twists(self, start: float) -> Check:
+        rule = "measured_cv is the rate of measured_cp"
+        twists = [_three(message.twist.linear) for _, message in _since(self._twists, start)]
+        poses = [(stamp_ns(m.header), _seven(m)[:3]) for _, m in _since(self._poses, start)]
+        if not twists or len(poses) < 2:
+            return Check(rule, "there is no measured_cv: it is made from the poses", None)
+        velocity = np.mean(twists, axis=0)
+        (first, place), (last, end) = poses[0], poses[-1]
+        moved = (np.array(end) - place) / max((last - first) / NANOSECONDS, 1e-9)
+        speed, off = float(np.linalg.norm(moved)), float(np.linalg.norm(velocity - moved))
+        if not np.isfinite(off):
+            return Check(rule, "it is not finite", False)
+        if max(speed, float(np.linalg.norm(velocity))) < _CRAWL:
+            return Check(rule, "it did not move: move it during the first second", None)
+        found = f"{off:.4f} m/s off at {speed:.4f} m/s"
+        return Check(rule, found, off < _CRAWL + _SHARE * speed)
+
+    def _check_no_force(self, rule: str, start: float) -> Check:
+        forces = self._forces_since(start)
+        if not len(forces):
+            return Check(rule, "there is no measured_cf", None)
+        largest = float(np.linalg.norm(forces, axis=1).max())
+        return Check(rule, f"{largest:.3f} N", largest < _NONE)
+
+    def _check_obedience(self) -> Check:
+        rule = f"servo_cf of {self._force:g} N along x is given"
+        start = time.monotonic()
+        self._spin(_PUSH, lambda: self._command(self._force))
+        forces = self._forces_since(start + 0.6 * _PUSH)
+        if not len(forces):
+            return Check(rule, "there is no measured_cf", None)
+        mean = forces.mean(axis=0)
+        off = float(np.linalg.norm(mean - (self._force, 0.0, 0.0)))
+        found = "({:.3f}, {:.3f}, {:.3f}) N".format(*mean)
+        return Check(rule, found, off < _SLACK + _SHARE * self._force)
+
+    def _check_end(self) -> Check:
+        """Tell how long a force lasts when commands end."""
+        self._spin(_PUSH, lambda: self._command(self._force))
+        end = time.monotonic()
+        self._spin(_LOOK)
+        return self._ended(f"no force {1e3 * _ZERO:g} ms after the last command", end)
+
+    def _check_refused(self, rule: str, force: float, age: float) -> Check:
+        start = time.monotonic()
+        self._spin(_PUSH, lambda: self._command(force, age))
+        return self._check_no_force(rule, start)
+
+    def _check_stop(self) -> Check:
+        rule = f"no force {1e3 * _ZERO:g} ms after {EMERGENCY_STOP}"
+        if not self._stop.wait_for_service(timeout_sec=1.0):
+            return Check(rule, "there is no such service", None)
+        self._spin(_PUSH, lambda: self._command(self._force))
+        end = time.monotonic()
+        answer = self._stop.call_async(SetBool.Request(data=True))
+        # Commands go on: it must not obey them.
+        self._spin(_PUSH, lambda: self._command(self._force))
+        found = self._ended(rule, end)
+        self._stop.call_async(SetBool.Request(data=False))
+        self._spin(0.1)
+        return found if answer.done() else Check(rule, "the service did not answer", False)
+
+    def _ended(self, rule: str, end: float) -> Check:
+        """Tell whether a force that was given until a time has ended soon after it, for good."""
+        heard = [(at, bool(np.linalg.norm(_force(m)) > _NONE)) for at, m in self._forces]
+        before = [at for at, given in heard if given and at < end]
+        if not before or end - before[-1] > 5.0 * _ZERO:
+            return Check(rule, "there was no force before", None)
+        last = max((at for at, given in heard if given and at >= end), default=end)
+        after = [at for at, given in heard if not given and at > last]
+        if not after:
+            return Check(rule, "it did not end", False)
+        took = after[0] - end
+        # Up to a message earlier than it was seen.
+        spacing = float(np.median(np.diff([at for at, _ in heard])))
+        return Check(rule, f"{1e3 * took:.0f} ms, by arrival", took < _ZERO + spacing)
+
+    def _forces_since(self, start: float) -> Array:
+        return np.array([_force(m) for _, m in _since(self._forces, start)]).reshape(-1, 3)
+
+
+def _since(heard: _Heard, start: float) -> _Heard:
+    return [one for one in heard if one[0] >= start]
+
+
+def _three(vector: Any) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z
+
+
+def _force(message: WrenchStamped) -> Array:
+    return np.array(_three(message.wrench.force))
+
+
+def _seven(message: PoseStamped) -> tuple[float, ...]:
+    q = message.pose.orientation
+    return (*_three(message.pose.position), q.x, q.y, q.z, q.w)

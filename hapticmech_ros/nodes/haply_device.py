@@ -1,0 +1,44 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Driver of a Haply Inverse3, by the JSON of its local service."""
+
+from __future__ import annotations
+
+from hapticmech_ros.device.real_device import RealDevice
+from hapticmech_ros.haply.inverse3 import Inverse3
+from hapticmech_ros.haply.link import Link
+from hapticmech_ros.nodes.parameters import HaplyParameters
+from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
+
+
+class HaplyDevice(RealDeviceDriver[HaplyParameters]):
+    """Drives an Inverse3: at each deadline one force is commanded and one sample taken."""
+
+    name = "haply_device"
+    parameters_type = HaplyParameters
+    _inverse: Inverse3
+
+    def real_device(self) -> RealDevice:
+        """Return the Inverse3; connecting begins with the first tick."""
+        given = self.parameters
+        self._inverse = Inverse3(
+            Link(given.uri), self.scene, self.mounting, given.device_id, given.command_timeout
+        )
+        return self._inverse
+
+    def look(self) -> bool:
+        """Go on connecting; return whether the Inverse3 is there."""
+        return self._inverse.look()
+
+    def let_go(self) -> None:
+        """Command no force now."""
+        self._inverse.let_go()
+
+    def figures(self, now_ns: int) -> dict[str, str]:
+        """Return what diagnostics say of connection and device."""
+        return self._inverse.figures()
+
+    def close(self) -> None:
+        """End the connection: the device is left without a force."""
+        self._inverse.close()
+        super().close()

@@ -1,0 +1,86 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes of real devices have in common: a device that may not be there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.device import SimulatedDevice
+from hapticmech_ros.device.real_device import RealDevice
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.device_driver import DeviceDriver
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.parameters import MountedParameters
+
+D = TypeVar("D", bound=MountedParameters)
+
+
+class RealDeviceDriver(DeviceDriver[D]):
+    """Exchanges a command for a sample at each deadline; publishes nothing without the device."""
+
+    def __init__(self, node: Host, parameters: D) -> None:
+        if parameters.lockstep:
+            raise InvalidInputError("lockstep", True, "must be false: a real device has real time")
+        self._was_there = False
+        super().__init__(node, parameters)
+
+    def real_device(self) -> RealDevice:
+        """Return the device that is driven."""
+        raise NotImplementedError
+
+    def look(self) -> bool:
+        """Look for the device; return whether it is there."""
+        raise NotImplementedError
+
+    def let_go(self) -> None:
+        """Command no wrench now, not with the next period."""
+        raise NotImplementedError
+
+    def new_device(self) -> SimulatedDevice:
+        """Return the device that is driven."""
+        self._real = self.real_device()
+        return self._real
+
+    @property
+    def mounting(self) -> Array:
+        """Axes (3, 3) of the device's base in the world."""
+        given = self.parameters
+        angles = given.mounting_roll, given.mounting_pitch, given.mounting_yaw
+        return np.asarray(pin.rpy.rpyToMatrix(*angles))
+
+    def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
+        """Yield one step, however many periods have gone by: a real device cannot catch up."""
+        del periods
+        yield deadline_ns - self.period_ns - 1, max(deadline_ns, self.now_ns())
+
+    def unavailable(self) -> str:
+        """Return why the device gives no force; empty if it does."""
+        return self._real.problem
+
+    def has_sample(self) -> bool:
+        """Return whether the device has answered in this period."""
+        return self._real.fresh
+
+    def tick(self, periods: int, deadline_ns: int) -> None:
+        """Exchange a command for a sample, and publish it; without a device, look for one."""
+        is_there = self.look()
+        if is_there and not self._was_there:
+            # Where it is now, and without a force: whoever held it may have moved it meanwhile.
+            self.activate()
+        elif self._was_there and not is_there:
+            self._warn(self._real.problem)
+            self.put_at_zero()
+        self._was_there = is_there
+        if is_there:
+            super().tick(periods, deadline_ns)
+
+    def put_at_zero(self) -> None:
+        """Put the actuators at zero now."""
+        self.let_go()
+        super().put_at_zero()

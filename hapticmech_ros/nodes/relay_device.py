@@ -1,0 +1,160 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Relay to a driver of ros2_control: efforts per axis out, joint states in.
+
+The controller behind keeps the last effort that it was sent. Efforts of zero are sent whenever
+nothing is commanded and when the node ends; a node that is killed cannot send them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.real_device import Measured, RealDevice
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.parameters import RelayParameters
+from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.times import NANOSECONDS
+
+# m and m/s that no device of this kind exceeds.
+FARTHEST, FASTEST = 2.0, 50.0
+
+
+class AxesDevice(RealDevice):
+    """A device of three or six axes.
+
+    Args:
+        scene: what is felt; its ``device`` describes the device.
+        mounting: (3, 3) axes of the base in the world.
+        send: takes efforts (3,) or (6,), N and N m, axes of the base.
+        has_torques: whether there are six efforts.
+        silence: s without a sample after which the device counts as lost.
+        clock: s.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        mounting: Array,
+        send: Callable[[Array], None],
+        has_torques: bool,
+        silence: float,
+        clock: Callable[[], float],
+    ) -> None:
+        super().__init__(scene, mounting, clock, has_torques)
+        self._send, self._efforts = send, 6 if has_torques else 3
+        self._silence, self._heard, self._is_new = silence, -np.inf, False
+        self.problem = "no joint states have come"
+
+    def hear(self, measured: Measured) -> None:
+        """Take a sample."""
+        self._last, self._heard, self._is_new = measured, self._clock(), True
+        self.problem = ""
+
+    def look(self) -> bool:
+        """Return whether the device is there."""
+        if self._last is not None and self._clock() - self._heard > self._silence:
+            self.problem = f"no joint states for {1e3 * self._silence:.0f} ms"
+            self.forget()
+        return self._last is not None
+
+    def exchange(self, wrench: Array, now: float) -> tuple[bool, Measured | None]:
+        """Send efforts and take the sample that has come since the last time.
+
+        Args:
+            wrench: (6,) on the hand, N and N m, axes of the base.
+            now: by the clock, s.
+
+        Returns:
+            That it was sent, and what was measured; None without a sample.
+        """
+        self._send(wrench[: self._efforts])
+        measured = self._last if self._is_new else None
+        self._is_new = False
+        return True, measured
+
+    def let_go(self) -> None:
+        """Send efforts of zero."""
+        self._send(np.zeros(self._efforts))
+
+
+class RelayDevice(RealDeviceDriver[RelayParameters]):
+    """Drives a device behind joint states and efforts, such as forcedimension_ros2's."""
+
+    name = "relay_device"
+    parameters_type = RelayParameters
+    _axes_device: AxesDevice
+
+    def __init__(self, node: Host, parameters: RelayParameters) -> None:
+        self._names = tuple(parameters.axes.split())
+        if len(self._names) not in (3, 6) or len(set(self._names)) < len(self._names):
+            raise InvalidInputError("axes", parameters.axes, "must be 3 or 6 different joints")
+        if parameters.torques and len(self._names) != 6:
+            raise InvalidInputError("axes", parameters.axes, "must be 6 joints with torques")
+        super().__init__(node, parameters)
+        self.input(parameters.state_topic, JointState, CONTROL_SUBSCRIBER, self._on_state)
+
+    def real_device(self) -> RealDevice:
+        """Return the device behind the topics."""
+        given, node = self.parameters, self.node
+        topic, kind = given.joint_command_topic, Float64MultiArray
+        publisher = node.keep(node.create_publisher(kind, topic, STREAM_PUBLISHER))
+
+        def send(efforts: Array) -> None:
+            publisher.publish(Float64MultiArray(data=efforts.tolist()))
+
+        silence, torques = given.command_timeout, given.torques
+        self._axes_device = AxesDevice(
+            self.scene, self.mounting, send, torques, silence, lambda: self.now_ns() / NANOSECONDS
+        )
+        return self._axes_device
+
+    def look(self) -> bool:
+        """Return whether joint states come."""
+        return self._axes_device.look()
+
+    def let_go(self) -> None:
+        """Send efforts of zero."""
+        self._axes_device.let_go()
+
+    def figures(self, now_ns: int) -> dict[str, str]:
+        """Return what diagnostics say of the device."""
+        return {"periods_without_state": str(self._axes_device.late)}
+
+    def _on_state(self, message: JointState, now_ns: int) -> None:
+        """Take a state of all axes; one of others is none of ours."""
+        del now_ns
+        places = {name: index for index, name in enumerate(message.name)}
+        if not places.keys() & set(self._names):
+            return
+        missing = [name for name in self._names if name not in places]
+        if missing:
+            raise InvalidInputError("name", list(places), f"must have {missing}")
+        at = [places[name] for name in self._names]
+        if len(message.position) <= max(at) or len(message.velocity) <= max(at):
+            rule = "must have position and velocity of every joint"
+            raise InvalidInputError("joint state", len(message.position), rule)
+        position = np.array([message.position[index] for index in at])
+        velocity = np.array([message.velocity[index] for index in at])
+        if not (np.abs(position[:3]) <= FARTHEST).all():
+            raise InvalidInputError("position", position[:3], f"must be within ±{FARTHEST:g} m")
+        if not (np.abs(velocity[:3]) <= FASTEST).all():
+            raise InvalidInputError("velocity", velocity[:3], f"must be within ±{FASTEST:g} m/s")
+        rotation = None
+        if len(at) == 6:
+            if not np.isfinite(position[3:]).all():
+                raise InvalidInputError("position", position[3:], "must be finite")
+            # About axes that turn with the handle, as forcedimension_ros2 has them.
+            rotation = pin.exp3(np.array((position[3], 0.0, 0.0)))
+            rotation = rotation @ pin.exp3(np.array((0.0, position[4], 0.0)))
+            rotation = rotation @ pin.exp3(np.array((0.0, 0.0, position[5])))
+        self._axes_device.hear(Measured(position[:3], velocity[:3], rotation))
