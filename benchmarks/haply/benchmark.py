@@ -53,9 +53,12 @@ SWINGING = (
     "hand={kind: arm, impedance: firm, start_delay: 0.5, waypoints: [{time: 0.0}], "
     "tremor: {frequency: 1.0, xyz: [0.01, 0.0, 0.0]}}"
 )
-# What a scene's mechanism is pushed with, N, along which unit vector, and how far, m.
+# What a scene's mechanism is pushed with, N, along which unit vector (that of the circle of the
+# door's knob), and how far, m.
 WAY, PUSH_N, PUSH_AFTER_S = 0.01, 1.0, 2.0
-PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.8660254, 0.5, 0.0)}
+PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
+# The handle is not turned by anybody: the point is held as by a ball joint.
+BALL = tuple(f"controller.position_channel.angular_{name}=0" for name in ("stiffness", "damping"))
 APPLIED = DEVICE_FIELDS.slice("applied")
 
 
@@ -262,7 +265,7 @@ def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Fel
     numbers = ", ".join(f"{value:.6f}" for value in push)
     hand = f"hand={{kind: constant_wrench, force: [{numbers}], start_delay: {PUSH_AFTER_S}}}"
     path = folder / f"{scene}_{label.replace(' ', '_')}.yaml"
-    copy_scene(scene, path, [f"device={device}", hand])
+    copy_scene(scene, path, [f"device={device}", hand, *BALL])
     rows = folder / f"{path.stem}.csv"
     with emulated("--scene", str(path), "--trace", str(rows)) as service:
         nodes = [DRIVER, *(name for name in NODES if name != "haptic_device")]
