@@ -39,6 +39,7 @@ from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
@@ -134,13 +135,15 @@ class _Listener:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self.heard = 0
+        # Stamp of the newest sample with a force, s of the machine's clock.
         self.last = 0.0
         self._node.create_subscription(Float64MultiArray, DEVICE_STATE.name, self._hear, 10)
 
     def _hear(self, message: Float64MultiArray) -> None:
         self.heard += 1
-        if np.linalg.norm(np.asarray(message.data)[APPLIED]) > NONE_N:
-            self.last = time.monotonic()
+        values = np.asarray(message.data)
+        if np.linalg.norm(values[APPLIED]) > NONE_N:
+            self.last = float(values[0] + values[1] / NANOSECONDS)
 
     def spin(self, seconds: float) -> None:
         """Hear for a while."""
@@ -203,7 +206,7 @@ def _ends(rig: _Rig, victim: str) -> float:
     """Kill somebody, and return how long there was a force, s; start him again."""
     rig.wait_for_force()
     if victim == SERVICE:
-        killed = time.monotonic()
+        killed = time.time()
         rig.emulator.kill()
         rig.listener.spin(0.3)
         # Its device has gone with it: what counts is what the driver tells.
