@@ -125,8 +125,15 @@ class Inverse3(RealDevice):
             "connections_lost": str(self.connections_lost),
             "late_answers": str(self.late),
             "refused_frames": str(self.refused),
+            "orientation": self._orientation,
             **self.known,
         }
+
+    @property
+    def _orientation(self) -> str:
+        if self._cursor is None:
+            return ""
+        return "constant" if self._cursor.orientation is None else "of the handle"
 
     def _find(self) -> None:
         """Look for the device in what the service says on connection."""

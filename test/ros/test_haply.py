@@ -107,6 +107,7 @@ def test_a_hand_feels_the_mechanism_through_it(
         status = statuses["haply_device"]
         assert figures(status)["device_id"] == "EM03"
         assert figures(status)["handedness"] == "right"
+        assert figures(status)["orientation"] == "of the handle"
     found = rows(trace)
     assert np.abs(found[:, 1]).max() < 0.03
     # The mechanism resists, along the way that the hand pulls and in the world's axes.
