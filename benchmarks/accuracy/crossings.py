@@ -29,7 +29,7 @@ from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.workers import answers
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
-INTEGRATORS = ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit")
+INTEGRATORS = ("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit")
 # rad: the least and the largest distance; one sample in so many is on the crossing.
 NEAREST, FURTHEST, ON_IT = 1e-12, 1e-3, 20
 # What a step next to a crossing may lose beyond the rule's own error, and any beyond what the

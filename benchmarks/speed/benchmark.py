@@ -195,7 +195,7 @@ def speed(
     integrators: Annotated[
         str,
         typer.Option(help="of ours, each with steps in units of a scene if wished: rk4:10:5:2,rk2"),
-    ] = "rk4",
+    ] = "rk4,tsit5",
     repeats: Annotated[int, typer.Option(help="timed runs, of all in turn")] = 5,
     quick: Annotated[
         bool, typer.Option("--quick", help="few steps, short runs, no large scenes")

@@ -27,11 +27,12 @@ NAME = "hapticmech"
 # Order of each integrator, which says what steps are worth a run.
 ORDERS: Mapping[str, int] = {
     "rk4": 4,
+    "tsit5": 5,
     "rk2": 2,
     "semi_implicit_euler": 1,
     "linearly_implicit": 3,
 }
-DEFAULT: Mapping[str, tuple[float, ...]] = {"rk4": ()}
+DEFAULT: Mapping[str, tuple[float, ...]] = {"rk4": (), "tsit5": ()}
 # Behind an integrator's name: without the check of each step's energy, which no other simulator
 # has, and which repeats coarse steps in smaller ones whatever error is wanted.
 UNCHECKED = " unchecked"

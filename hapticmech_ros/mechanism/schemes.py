@@ -8,6 +8,7 @@ q = q₀ ⊕ θ, whose rate is θ̇ = J_r(θ)⁻¹ v with J_r the right Jacobian
 vector-space joints θ̇ = v.
 
 * ``rk4``: classical Runge–Kutta of order 4;
+* ``tsit5``: Tsitouras' rule of order 5 with six stages, see :mod:`tsitouras`: for small errors;
 * ``rk2``: explicit midpoint rule, order 2: half of rk4's evaluations, enough at haptic rates. On
   the manifold it needs no correction: θ̇ = v holds to the order of the rule;
 * ``semi_implicit_euler``: velocity first, then position with the new velocity: order 1;
@@ -23,6 +24,8 @@ from typing import NamedTuple
 
 from hapticmech_ros.mechanism.implicit import REACHED, WEIGHTS
 from hapticmech_ros.mechanism.tolerances import DRIFT
+from hapticmech_ros.mechanism.tsitouras import REACHED as TSITOURAS_REACHED
+from hapticmech_ros.mechanism.tsitouras import WEIGHTS as TSITOURAS
 
 
 class Scheme(NamedTuple):
@@ -31,6 +34,7 @@ class Scheme(NamedTuple):
     Attributes:
         weights: of the stages in the sums of θ̇, v̇ and powers.
         fractions: of the step, at which the second and later stages are.
+        history: whether later stages are reached from all those before, not from the last one.
         late: positions move with the rates at the step's end, not with the sum of θ̇.
         corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
         implicit: stages are those of :mod:`~hapticmech_ros.mechanism.implicit`.
@@ -44,6 +48,7 @@ class Scheme(NamedTuple):
 
     weights: tuple[float, ...]
     fractions: tuple[float, ...]
+    history: bool = False
     late: bool = False
     corrected: bool = False
     implicit: bool = False
@@ -53,6 +58,12 @@ class Scheme(NamedTuple):
 
 SCHEMES: dict[str, Scheme] = {
     "rk4": Scheme((1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.5, 0.5, 1.0), corrected=True),
+    "tsit5": Scheme(
+        tuple(TSITOURAS.tolist()),
+        tuple(TSITOURAS_REACHED.sum(axis=1).tolist()[1:]),
+        history=True,
+        corrected=True,
+    ),
     "rk2": Scheme((0.0, 1.0), (0.5,), tolerance=1e-4),
     "semi_implicit_euler": Scheme((1.0,), (), late=True, tolerance=math.inf, drift=1e-2),
     "linearly_implicit": Scheme(

@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     advance,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, work_size
+from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, history_size, work_size
 from hapticmech_ros.mechanism.kernels.step_layout import (
     APART,
     BAUMGARTE_RATE,
@@ -92,7 +92,8 @@ class Stepper:
     Attributes:
         work: see ``step_kernels.Work``.
         parts: views of the work's parts.
-        springs: of implicit rules; see ``implicit_kernels.Springs``.
+        springs: of implicit rules, see ``implicit_kernels.Springs``; or all stages of a rule with
+            ``history``; empty for others.
         stages: of the rule.
         implicit: 1 for an implicit rule.
         step: s, length of the steps that are done now; see :meth:`divided`.
@@ -106,7 +107,8 @@ class Stepper:
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         scheme = SCHEMES[plan.integrator]
         self._drift = scheme.drift
-        self.springs = np.zeros(springs_size(nv) if scheme.implicit else 0)
+        size = springs_size(nv) if scheme.implicit else history_size(nv) * scheme.history
+        self.springs = np.zeros(size)
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
         work = Work(numbers, self.work)

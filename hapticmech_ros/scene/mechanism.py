@@ -23,8 +23,10 @@ JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "plan
 ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
 # What keeps joints together: closures, and couplings, which are treated alike.
 LoopKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod", "coupling"]
-IntegratorName = Literal["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
-IntegratorChoice = Literal["auto", "rk4", "rk2", "semi_implicit_euler", "linearly_implicit"]
+IntegratorName = Literal["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
+IntegratorChoice = Literal[
+    "auto", "rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"
+]
 
 
 class Origin(Part):

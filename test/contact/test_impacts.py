@@ -68,7 +68,9 @@ def thrown(law, stiffness, mass, speed, phase, **simulation):
     return states[-1].v[2]
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"])
+@pytest.mark.parametrize(
+    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
+)
 @pytest.mark.parametrize("kappa", KAPPAS)
 @pytest.mark.parametrize("name", LAWS)
 def test_restitution_is_the_law_s_within_2_percent(name, kappa, integrator):

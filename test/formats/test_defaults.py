@@ -68,7 +68,9 @@ def test_stops_that_the_scene_gives_stay(arm):
     assert joint(free, "shoulder").limits is None
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"])
+@pytest.mark.parametrize(
+    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
+)
 def test_thrown_at_its_stops_it_stays_within_and_loses_energy(arm, integrator):
     scene = arm(
         f"simulation: {{integrator: {integrator}}}\ninitial_state: {{v: {{shoulder: 3.0}}}}"

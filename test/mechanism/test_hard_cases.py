@@ -124,7 +124,9 @@ def test_forty_windows_begin_as_one_pendulum():
     assert sim.evaluate(states[-1]).space.rank == 80
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "rk2", "semi_implicit_euler", "linearly_implicit"])
+@pytest.mark.parametrize(
+    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
+)
 @pytest.mark.parametrize("speed", [30.0, 300.0, 3e3, 3e4, 1e8])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_far_too_long_a_step_closes_or_is_an_error_with_a_name(integrator, speed):

@@ -96,7 +96,7 @@ def test_ratios_are_the_closed_forms(element, unit, limit):
 
 
 def test_a_scene_that_names_its_integrator_keeps_it():
-    for name in ("rk4", "rk2", "semi_implicit_euler", "linearly_implicit"):
+    for name in ("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"):
         scene = pendulum(stiffness=1e6)
         step = scene.simulation.model_copy(update={"integrator": name})
         assert chosen(scene.model_copy(update={"simulation": step})) == name

@@ -11,7 +11,7 @@ from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_slopes
-from hapticmech_ros.mechanism.kernels.model import MOST_STAGES, Model
+from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     cholesky,
     dot_with_row,
@@ -19,8 +19,10 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.kernels.step_kernels import Work, follow
+from hapticmech_ros.mechanism.kernels.step_kernels import Work, reach
 from hapticmech_ros.mechanism.kernels.step_layout import RANK, STEP
+
+STAGES: int = len(REACHED)
 
 
 class Springs(NamedTuple):
@@ -49,7 +51,7 @@ class Springs(NamedTuple):
 
 def springs_size(nv: int) -> int:
     """Return the length of an array of springs."""
-    return 4 * nv * nv + (2 * MOST_STAGES + 3) * nv + 1
+    return 4 * nv * nv + (2 * STAGES + 3) * nv + 1
 
 
 @inner
@@ -57,8 +59,8 @@ def springs_of(work: Array, nv: int) -> Springs:
     """Return the parts of an array of springs, as views."""
     at = 4 * nv * nv
     squares = shaped(work[:at], (4, nv, nv))
-    rows = shaped(work[at : at + 2 * MOST_STAGES * nv], (2, MOST_STAGES, nv))
-    at += 2 * MOST_STAGES * nv
+    rows = shaped(work[at : at + 2 * STAGES * nv], (2, STAGES, nv))
+    at += 2 * STAGES * nv
     return Springs(
         squares[0],
         squares[1],
@@ -139,21 +141,6 @@ def _respond(
 
 
 @inner
-def _aim(model: Model, parts: Work, springs: Springs, stage: int) -> None:
-    """Set rates and θ of the next stage, or of the end."""
-    period, last = parts.settings[STEP], stage == MOST_STAGES - 1
-    for c in range(parts.v.size):
-        turned, gained = 0.0, 0.0
-        for j in range(stage + 1):
-            weight = parts.scheme[j, 0] if last else REACHED[stage + 1, j]
-            turned += weight * springs.turns[j, c]
-            gained += weight * springs.gains[j, c]
-        parts.theta[c] = period * turned
-        parts.v[c] = parts.v0[c] + period * gained
-    follow(model, parts)
-
-
-@inner
 def linearise(model: Model, data: Data, parts: Work, spring_work: Array) -> int:
     """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
     springs = springs_of(spring_work, model.nv)
@@ -178,4 +165,4 @@ def aim_implicitly(
     """
     springs = springs_of(spring_work, model.nv)
     _respond(model, start, parts, springs, stage, rates)
-    _aim(model, parts, springs, stage)
+    reach(model, parts, springs.turns, springs.gains, REACHED, stage)

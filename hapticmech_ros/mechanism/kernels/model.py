@@ -23,7 +23,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import STEP_ACCOUNT, STEP_SETT
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 53, 5, 12
 # Stages of a step, at most.
-MOST_STAGES = 4
+MOST_STAGES = 6
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
 _PIVOT, _ROW = 8, 5
 

@@ -28,6 +28,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import (
     Work,
     aim,
+    aim_by_all,
     find_rates,
     start_step,
 )
@@ -106,6 +107,8 @@ def _advance(
         find_rates(model, data, parts, weight, external, result)
         if implicit:
             aim_implicitly(model, start, parts, spring_work, stage, result[: model.nv])
+        elif spring_work.size > 0:
+            aim_by_all(model, parts, spring_work, stage, result)
         else:
             aim(model, parts, weight, parts.scheme[stage, 1], result)
     return settle(model, end, parts)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import Part, Structure, inner, local, structure
+from hapticmech_ros.compilation import Part, Structure, inner, local, shaped, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
 from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
 from hapticmech_ros.mechanism.kernels.data import Data
@@ -42,6 +42,10 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     WORK_IN,
 )
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.tsitouras import REACHED
+
+# Of the rule that is reached from all its stages.
+STAGES: int = len(REACHED)
 
 
 @structure
@@ -50,7 +54,7 @@ class Work(Structure):
 
     Attributes:
         settings: (12,) see ``step_layout.STEP_SETTINGS``.
-        scheme: (4, 2) per stage its weight, and the fraction of the step at which the next one is.
+        scheme: (6, 2) per stage its weight, and the fraction of the step at which the next one is.
         account: (12,) see ``step_layout.STEP_ACCOUNT``.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
@@ -85,6 +89,11 @@ class Work(Structure):
 
 # Their names.
 PARTS = tuple(name for name, part in vars(Work).items() if isinstance(part, Part))
+
+
+def history_size(nv: int) -> int:
+    """Return the length of an array for all stages of a rule that is reached from them."""
+    return 2 * STAGES * nv
 
 
 def work_size(nq: int, nv: int, points: int) -> int:
@@ -180,6 +189,41 @@ def aim(model: Model, work: Work, weight: float, fraction: float, acceleration: 
             v[c] = v0[c] + period * gained[c]
             theta[c] = period * (v[c] if late else turned[c])
     follow(model, work)
+
+
+@inner
+def reach(model: Model, work: Work, turns: Array, gains: Array, reached: Array, stage: int) -> None:
+    """Set q, v and θ̇ of the next stage, or of the end, from those of all stages so far.
+
+    Args:
+        model: the mechanism's.
+        work: of the step.
+        turns: (stages, nv) θ̇ of the stages.
+        gains: (stages, nv) v̇.
+        reached: (stages, stages) where stages are reached from those before.
+        stage: the last one that is known.
+    """
+    period, last = work.settings[STEP], stage == reached.shape[0] - 1
+    for c in range(work.v.size):
+        turned, gained = 0.0, 0.0
+        for j in range(stage + 1):
+            weight = work.scheme[j, 0] if last else reached[stage + 1, j]
+            turned += weight * turns[j, c]
+            gained += weight * gains[j, c]
+        work.theta[c] = period * turned
+        work.v[c] = work.v0[c] + period * gained
+    follow(model, work)
+
+
+@inner
+def aim_by_all(model: Model, work: Work, history: Array, stage: int, acceleration: Array) -> None:
+    """Keep an explicit stage in ``history``, and set the next one, or the end, from all of them."""
+    nv = model.nv
+    rows = shaped(history, (2, STAGES, nv))
+    turns, gains = rows[0], rows[1]
+    for c in range(nv):
+        turns[stage, c], gains[stage, c] = work.turn[c], acceleration[c]
+    reach(model, work, turns, gains, REACHED, stage)
 
 
 @inner

@@ -15,6 +15,8 @@ from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHT
 from hapticmech_ros.mechanism.inertia import singular_inertia
 from hapticmech_ros.mechanism.lapack import dpotrf, dtrsv
 from hapticmech_ros.mechanism.motion import Rates
+from hapticmech_ros.mechanism.tsitouras import REACHED as TSITOURAS_REACHED
+from hapticmech_ros.mechanism.tsitouras import WEIGHTS as TSITOURAS
 from oracles.mechanism.mechanism import ReadableSpace
 
 
@@ -78,6 +80,28 @@ def rk4(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> 
         sixth * work,
         sixth * lost,
     )
+
+
+def tsit5(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> Advance:
+    """Tsitouras' rule of order 5, written for any explicit rule by its table."""
+    flat = model.nq == model.nv
+    turns, gains, powers = [], [], []
+    for row in TSITOURAS_REACHED:
+        before = row[: len(turns)]
+        theta = period * sum(
+            (a * k for a, k in zip(before, turns, strict=True)), np.zeros(model.nv)
+        )
+        speed = v + period * sum(
+            (a * k for a, k in zip(before, gains, strict=True)), np.zeros(model.nv)
+        )
+        rates = motion(np.asarray(pin.integrate(model, q, theta)), speed)
+        turns.append(speed if flat or not turns else local_rate(model, q, theta, speed))
+        gains.append(rates.acceleration)
+        powers.append((rates.power_in, rates.power_lost))
+    change = period * (TSITOURAS @ np.array(turns))
+    work, lost = period * (TSITOURAS @ np.array(powers))
+    new_q = np.asarray(pin.integrate(model, q, change))
+    return Advance(new_q, v + period * (TSITOURAS @ np.array(gains)), change, work, lost)
 
 
 def rk2(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> Advance:
@@ -191,6 +215,7 @@ def local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:
 
 INTEGRATORS: dict[str, Integrator] = {
     "rk4": rk4,
+    "tsit5": tsit5,
     "rk2": rk2,
     "semi_implicit_euler": semi_implicit_euler,
     "linearly_implicit": linearly_implicit,
