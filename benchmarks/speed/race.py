@@ -22,7 +22,7 @@ from hapticmech_ros.analysis.study import Show, silent
 
 # Steps in units of a problem, coarse to fine, from this order on. Each divides all times.
 MULTIPLES = {
-    5: (100.0, 50.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0),
+    5: (100.0, 62.5, 50.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0),
     3: (100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.25),
     2: (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1),
     0: (4.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02),
