@@ -12,13 +12,13 @@ import typer
 from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
 
 app = typer.Typer(
-    help="Scenes: check, list, show, assemble, plan, copy, schema.", no_args_is_help=True
+    help="Scenes: check, list, show, assemble, plan, steps, copy, schema.", no_args_is_help=True
 )
 
 
 @app.callback()
 def _options() -> None:
-    """Scenes: check, list, show, assemble, plan, copy, schema."""
+    """Scenes: check, list, show, assemble, plan, steps, copy, schema."""
 
 
 @app.command()
@@ -80,6 +80,40 @@ def check(
         print(json.dumps({**asdict(found), "notes": notes, "model_shapes": left.shapes}))
     else:
         show_check(found, left)
+
+
+@app.command()
+def steps(
+    scene: SceneArgument,
+    error: Annotated[
+        float, typer.Option(help="largest error of the operational point that is wanted, m")
+    ] = 1e-6,
+    json_only: Annotated[
+        bool, typer.Option("--json", help="print the result as JSON, and nothing else")
+    ] = False,
+    changes: ChangesOption = None,
+) -> None:
+    """Try all integrators on SCENE's experiment: which takes the least time at a wanted error."""
+    import time
+
+    from hapticmech_ros.cli.scene_tables import show_steps
+    from hapticmech_ros.loading import load_scene
+    from hapticmech_ros.plan.step_choice import step_choices
+
+    loaded = load_scene(scene, changes=changes or ())
+    if json_only:
+        import json
+        from dataclasses import asdict
+
+        found = step_choices(loaded, error, time.process_time)
+        best = None if found.best is None else asdict(found.best)
+        print(json.dumps({**asdict(found), "best": best}))
+    else:
+        with console.status("steps") as status:
+            found = step_choices(loaded, error, time.process_time, status.update)
+        show_steps(found)
+    if found.best is None:
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -18,6 +18,7 @@ from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual,
 from hapticmech_ros.plan.scene_check import SceneCheck
 from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan
 from hapticmech_ros.plan.step_accuracy import StepAccuracy
+from hapticmech_ros.plan.step_choice import StepChoices
 from hapticmech_ros.scene import Scene
 
 SHAPES_SHOWN = 60
@@ -43,6 +44,26 @@ def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
     for name, purpose in scenes:
         table.add_row(escape(name), escape(purpose))
     console.print(table, highlight=False)
+
+
+def show_steps(found: StepChoices) -> None:
+    """Print what was tried, and what to set."""
+    heading = f"error of {found.wanted_m:g} m (references differ by {found.reference_m:.0e} m)"
+    table = _table(heading, "integrator", "substeps", "error, m", "µs in a period", "")
+    best = found.best
+    for one in found.tried:
+        if one.failed:
+            table.add_row(one.integrator, str(one.substeps), "-", "-", escape(one.failed))
+            continue
+        enough = "" if one.error_m <= found.wanted_m else "not accurate enough"
+        words = "least time" if one is best else enough
+        times = f"{1e6 * one.time_s:.1f}"
+        table.add_row(one.integrator, str(one.substeps), f"{one.error_m:.1e}", times, words)
+    console.print(table)
+    if best is not None:
+        settings = f"integrator={best.integrator}", f"substeps={best.substeps}"
+        text = " ".join(f"--set simulation.{setting}" for setting in settings)
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 def show_check(check: SceneCheck, left: LeftOut) -> None:

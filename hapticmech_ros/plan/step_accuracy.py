@@ -53,23 +53,15 @@ def step_accuracy(scene: Scene) -> StepAccuracy:
     own, step = scene.simulation, scene.simulation.substeps * FINER
     finer = scene.model_copy(update={"simulation": own.model_copy(update={"substeps": step})})
     duration = scene.experiment.duration
-    ticks = max(1, round((scene.hand.start_delay + duration) / own.period))
     try:
-        coarse, account = _run(scene, ticks)
-        fine, _ = _run(finer, ticks)
+        coarse, account = experiment_run(scene)
+        fine, _ = experiment_run(finer)
     except HapticMechError as error:
         return StepAccuracy(duration, failed=str(error))
-    one, other = coarse["quaternion"], fine["quaternion"]
-    # A quaternion and its negative are one orientation.
-    chord = np.minimum(np.linalg.norm(one - other, axis=1), np.linalg.norm(one + other, axis=1))
-    away = coarse["position"] - fine["position"]
-    force = coarse["on_hand"][:, :3] - fine["on_hand"][:, :3]
     lost = account.damping_loss + account.latch_loss + abs(account.contact_loss)
     return StepAccuracy(
         duration,
-        float(np.linalg.norm(away, axis=1).max()),
-        float(4.0 * np.arcsin(0.5 * chord).max()),
-        float(np.linalg.norm(force, axis=1).max()),
+        *away(coarse, fine),
         account.surplus,
         abs(account.work_in) + lost,
         account.refined,
@@ -77,7 +69,27 @@ def step_accuracy(scene: Scene) -> StepAccuracy:
     )
 
 
-def _run(scene: Scene, ticks: int) -> tuple[Run, EnergyAccount]:
+def away(one: Run, other: Run) -> tuple[float, float, float]:
+    """Return the largest differences of two runs: of the operational point, and of the force.
+
+    Returns:
+        Of its position, m, of its orientation, rad, and of the force on the hand, N.
+    """
+    first, second = one["quaternion"], other["quaternion"]
+    # A quaternion and its negative are one orientation.
+    ways = np.linalg.norm(first - second, axis=1), np.linalg.norm(first + second, axis=1)
+    chord = np.minimum(*ways)
+    force = one["on_hand"][:, :3] - other["on_hand"][:, :3]
+    return (
+        float(np.linalg.norm(one["position"] - other["position"], axis=1).max()),
+        float(4.0 * np.arcsin(0.5 * chord).max()),
+        float(np.linalg.norm(force, axis=1).max()),
+    )
+
+
+def experiment_run(scene: Scene) -> tuple[Run, EnergyAccount]:
+    """Return a scene's experiment from its start, and the mechanism's energy account at its end."""
     session = Session(scene)
-    rows = session.run(ticks)
+    duration = scene.hand.start_delay + scene.experiment.duration
+    rows = session.run(max(1, round(duration / scene.simulation.period)))
     return rows, session.mechanism.account

@@ -1,0 +1,82 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which integrator takes the least time at a wanted error."""
+
+import json
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.plan.step_choice import StepChoice, StepChoices, step_choices, stepped
+
+SHORT = "experiment.duration=0.4"
+
+
+def clock():
+    """Return no time at all: what is tried does not depend on it."""
+    return 0.0
+
+
+def test_of_each_integrator_the_fewest_steps_that_are_accurate_enough():
+    scene = load_scene("two_link", changes=[SHORT])
+    found = step_choices(scene, 1e-7, clock)
+    assert found.reference_m < 1e-8
+    assert [one.integrator for one in found.tried] == [
+        *("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit")
+    ]
+    # The same errors by sessions that are put side by side here, with a finer reference.
+    ticks = round((scene.hand.start_delay + 0.4) / scene.simulation.period)
+    exact = Session(stepped(scene, "rk4", 64)).run(ticks)["position"]
+    for one in found.tried:
+        assert one.failed == ""
+
+        def error(substeps, one=one):
+            run = Session(stepped(scene, one.integrator, substeps)).run(ticks)
+            return np.linalg.norm(run["position"] - exact, axis=1).max()
+
+        # The error counts rotation as well.
+        assert error(one.substeps) <= one.error_m * 1.01 + 1e-12
+        if one.error_m > found.wanted_m:
+            assert one.substeps == 32
+        else:
+            assert one.substeps == 1 or one.substeps & (one.substeps - 1) == 0
+    by_name = {one.integrator: one for one in found.tried}
+    assert by_name["rk4"].substeps == by_name["tsit5"].substeps == 1
+    assert by_name["semi_implicit_euler"].substeps > by_name["rk2"].substeps
+
+
+def test_the_cheapest_of_those_that_are_accurate_enough_is_the_best():
+    one = StepChoice("rk4", 1, 1e-9, 3.0)
+    others = replace(one, integrator="rk2", substeps=4, error_m=9e-7, time_s=2.0)
+    cheap = replace(one, integrator="semi_implicit_euler", error_m=2e-6, time_s=1.0)
+    failed = StepChoice("tsit5", 32, failed="came apart")
+    assert StepChoices(1e-6, 0.0, (one, others, cheap, failed)).best is others
+    assert StepChoices(1e-12, 0.0, (one, failed)).best is None
+
+
+@pytest.mark.parametrize("error", [0.0, -1.0, float("nan"), float("inf"), 1e-17])
+def test_errors_that_cannot_be_told_are_refused(error):
+    with pytest.raises(InvalidInputError, match="error"):
+        step_choices(load_scene("two_link", changes=[SHORT]), error, time.process_time)
+
+
+def test_the_command_says_what_to_set():
+    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5"]
+    said = CliRunner().invoke(app, [*command, "--json"])
+    assert said.exit_code == 0, said.output
+    found = json.loads(said.stdout)
+    assert found["best"]["error_m"] <= 1e-5
+    shown = CliRunner().invoke(app, command)
+    assert shown.exit_code == 0, shown.output
+    assert "--set simulation.integrator=" in shown.output
+    # A scene with it does what was promised.
+    words = shown.output.split()
+    changes = [word for word in words if word.startswith("simulation.")]
+    assert len(changes) == 2
+    load_scene("two_link", changes=changes)
