@@ -4,13 +4,8 @@
 
 from __future__ import annotations
 
-import csv
-import re
-import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +14,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from std_msgs.msg import Float64MultiArray
 from typer.testing import CliRunner
 
+from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.copying import copy_scene
@@ -41,39 +37,6 @@ def scene(tmp_path: Path) -> Path:
     path = tmp_path / "five_bar_haply.yaml"
     copy_scene("five_bar", path, ["device={preset: inverse3}", HAND], False)
     return path
-
-
-class Emulator:
-    """The command's process."""
-
-    def __init__(self, *arguments: str, port: int = 0) -> None:
-        command = [sys.executable, "-m", "hapticmech_ros", "device", "emulate", "inverse3"]
-        self._command = [*command, "--port", str(port), *arguments]
-        self.process = self._start()
-        found = re.search(r"ws://127\.0\.0\.1:(\d+)", self.process.stdout.readline())
-        assert found is not None
-        self.port = int(found[1])
-        self.uri = f"ws://127.0.0.1:{self.port}"
-
-    def _start(self) -> subprocess.Popen[str]:
-        return start_process(self._command, private_environment(), pipe_output=True)
-
-
-@contextmanager
-def emulated(*arguments: str, port: int = 0) -> Iterator[Emulator]:
-    emulator = Emulator(*arguments, port=port)
-    try:
-        yield emulator
-    finally:
-        stop_process(emulator.process)
-        emulator.process.stdout.close()
-
-
-def rows(trace: Path) -> np.ndarray:
-    """Return a trace's numbers, (n, 10); its last line may not be whole."""
-    with trace.open(newline="") as stream:
-        lines = list(csv.reader(stream))[1:-1]
-    return np.array([[float(cell) for cell in line] for line in lines])
 
 
 def rendering(peer: Peer, statuses: dict, name: str = "haply_device") -> None:
@@ -103,12 +66,12 @@ def test_a_hand_feels_the_mechanism_through_it(
         ),
     ):
         rendering(peer, statuses)
-        peer.until(lambda: rows(trace)[-1, 1] < -0.01, "the hand to pull the device along")
+        peer.until(lambda: Trace(trace).look()[-1, 1] < -0.01, "the hand to pull the device along")
         status = statuses["haply_device"]
         assert figures(status)["device_id"] == "EM03"
         assert figures(status)["handedness"] == "right"
         assert figures(status)["orientation"] == "of the handle"
-    found = rows(trace)
+    found = Trace(trace).look()
     assert np.abs(found[:, 1]).max() < 0.03
     # The mechanism resists, along the way that the hand pulls and in the world's axes.
     moving = found[found[:, 1] < -0.003]
@@ -131,7 +94,7 @@ def test_the_force_ends_when_one_of_them_is_killed(
         ) as driver,
     ):
         rendering(peer, statuses)
-        peer.until(lambda: np.abs(rows(trace)[-20:, 4:7]).max() > 0.1, "a force")
+        peer.until(lambda: np.abs(Trace(trace).look()[-20:, 4:7]).max() > 0.1, "a force")
         process = {"driver": driver, "controller": others, "service": service.process}[victim]
         process.kill()
         killed = time.monotonic()
@@ -144,7 +107,7 @@ def test_the_force_ends_when_one_of_them_is_killed(
             assert not told, "no device, no samples"
             return
         peer.run(0.5)
-    found = rows(trace)
+    found = Trace(trace).look()
     after = found[found[:, 0] > killed]
     assert len(after) > 100
     forces = np.linalg.norm(after[:, 4:7], axis=1)
