@@ -46,6 +46,7 @@ _SOURCES = (
     "mechanism/kernels/energy_kernels.py",
     "mechanism/kernels/run_kernels.py",
     "mechanism/implicit.py",
+    "mechanism/tsitouras.py",
     "contact/layout.py",
     "contact/shape_kernels.py",
     "contact/clip_kernels.py",

@@ -81,6 +81,9 @@ def step_choices(
         clock: CPU time, s.
         show: called with what is being tried.
 
+    Returns:
+        Errors and times of all, with the number of steps that each needs.
+
     Raises:
         InvalidInputError: an error that is not above 0.
         HapticMechError: a reference cannot do the experiment, or the two differ by more than a
