@@ -104,13 +104,13 @@ def test_the_force_ends_when_one_of_them_is_killed(
             peer.run(0.2)
             assert not told, "no device, no samples"
             return
-        peer.run(0.5)
+        peer.run(1.5)
     found = Trace(trace).look()
     after = found[found[:, 0] > killed]
     assert len(after) > 100
     forces = np.linalg.norm(after[:, 4:7], axis=1)
     # How soon is measured by the benchmark: a machine with other work is late.
-    assert not forces[after[:, 0] > killed + 0.2].any()
+    assert not forces[after[:, 0] > killed + 1.0].any()
 
 
 def test_it_engages_again_with_a_service_that_comes_back(
@@ -131,6 +131,7 @@ def test_it_engages_again_with_a_service_that_comes_back(
             assert figures(statuses["haply_device"])["connections_lost"] == "1"
 
 
+@pytest.mark.alone
 def test_it_keeps_every_rule_of_a_driver(
     domain: int, peer: Peer, scene: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,6 +181,7 @@ class BadDriver:
         self._wrench.publish(self._peer.wrench(*self._force))
 
 
+@pytest.mark.alone
 def test_a_driver_that_breaks_rules_is_told_which(
     domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
