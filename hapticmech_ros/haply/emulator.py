@@ -33,9 +33,9 @@ from hapticmech_ros.scene.device import Compensation
 DEVICE_ID, GRIP_ID = "EM03", "EM13"
 # Where the cursor is at the start, in the axes of the device's base, m: in the middle of its reach.
 START = np.array([0.0, -0.15, 0.2])
-# s: a step of the mechanics, the longest stall that is caught up, and how often they go on without
-# a message.
-STEP, _LONGEST_STALL, _IDLE_ROUND = 0.00025, 0.2, 0.002
+# s: a step of the mechanics, the longest stall that is caught up, how often they go on without a
+# message, and how long a client may take to say that it has heard of the end.
+STEP, _LONGEST_STALL, _IDLE_ROUND, _CLOSING = 0.00025, 0.2, 0.002, 0.5
 _GROUP = "wireless_verse_grip"
 TRACE_HEADING = "time,x,y,z,fx,fy,fz,hx,hy,hz\n"
 
@@ -181,7 +181,8 @@ class Service:
         """
         from websockets.asyncio.server import serve
 
-        server = await serve(self._session, host, port, compression=None, max_size=LONGEST_FRAME)
+        options = {"compression": None, "max_size": LONGEST_FRAME, "close_timeout": _CLOSING}
+        server = await serve(self._session, host, port, **options)
         async with server:
             ready(next(iter(server.sockets)).getsockname()[1])
             while True:
