@@ -163,7 +163,7 @@ def check_driver(
     from rich.table import Table
 
     from hapticmech_ros.cli.console import console
-    from hapticmech_ros.nodes.driver_test import DriverTest
+    from hapticmech_ros.nodes.conformance import DriverTest
 
     table = Table(box=SIMPLE_HEAD)
     for heading in ("rule", "found", "kept"):

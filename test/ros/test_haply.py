@@ -18,7 +18,7 @@ from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.copying import copy_scene
-from hapticmech_ros.nodes.driver_test import DriverTest
+from hapticmech_ros.nodes.conformance import DriverTest
 from ros.harness import WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
