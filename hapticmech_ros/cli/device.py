@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -121,7 +122,7 @@ def calibrate(
     del model
     if out.exists():
         raise InvalidInputError("parameter file", str(out), "must not be there yet")
-    with CursorReader(uri, device_id) as reader:
+    with closing(CursorReader(uri, device_id)) as reader:
         for name, value in reader.known.items():
             console.print(f"{name}: {value}", highlight=False, markup=False)
         places = []

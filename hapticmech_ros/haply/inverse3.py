@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
+from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.haply.link import Link
 from hapticmech_ros.haply.messages import (
@@ -102,15 +103,12 @@ class Inverse3(RealDevice):
         """
         # A message that still waits for its answer is not followed by another one.
         sent = self._link.send(force_command(self._identity, wrench[:3].tolist()))
-        cursor = self._answered(now)
-        if cursor is None:
-            return sent, None
-        return sent, Measured(cursor.position, cursor.velocity, cursor.orientation)
+        return sent, self._last if self._answered(now) else None
 
     def let_go(self) -> None:
         """Command no force now, not with the next period."""
-        if self._identity:
-            self._link.send(force_command(self._identity, (0.0, 0.0, 0.0)))
+        if self._identity and self._link.send(force_command(self._identity, (0.0, 0.0, 0.0))):
+            self._given = NO_WRENCH
 
     def close(self) -> None:
         """Command no force and end the connection, with which the service ends what it gives."""
@@ -155,17 +153,17 @@ class Inverse3(RealDevice):
             self._identity, self.known = found.device_id, found.known
             self._take(found.cursor, now)
 
-    def _answered(self, now: float) -> Cursor | None:
-        """Return what the newest frame says that has come, waiting for one; None without one."""
-        found = None
+    def _answered(self, now: float) -> bool:
+        """Take the newest frame that has come, waiting for one; return whether there was one."""
+        found = False
         for text in self._link.answers(self._wait):
             try:
                 cursor = cursor_of(parsed(text), self._identity)
                 if cursor is None:
                     raise InvalidInputError("frame", text[:80], f"must have {self._identity}")
                 self._check_leap(cursor, now)
-                found = cursor
                 self._take(cursor, now)
+                found = True
             except InvalidInputError:
                 self.refused += 1
         return found

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 
 import numpy as np
 
@@ -26,7 +25,7 @@ PATIENCE, _ROUND = 5.0, 0.002
 
 
 class CursorReader:
-    """Reads the cursor for as long as it is asked to; a context manager.
+    """Reads the cursor for as long as it is asked to.
 
     Args:
         uri: of the service.
@@ -64,15 +63,8 @@ class CursorReader:
         place: Array = self.path(seconds).mean(axis=0)
         return place
 
-    def __enter__(self) -> CursorReader:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End the connection."""
         self._link.close()
 
     def _read(self) -> Cursor:

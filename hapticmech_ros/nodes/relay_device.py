@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
+from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import RelayParameters
@@ -85,6 +86,7 @@ class AxesDevice(RealDevice):
     def let_go(self) -> None:
         """Send efforts of zero."""
         self._send(np.zeros(self._efforts))
+        self._given = NO_WRENCH
 
 
 class RelayDevice(RealDeviceDriver[RelayParameters]):

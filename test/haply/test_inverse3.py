@@ -80,6 +80,19 @@ def test_a_force_acts_along_the_axes_of_the_world_and_is_told_a_period_later():
         device.close()
 
 
+def test_a_device_that_was_let_go_tells_no_force_that_it_does_not_give():
+    with served(HELD) as service:
+        device = driver(service.uri, scene=HELD)
+        state = found(device)
+        for _ in range(3):
+            state = device.step(state, np.ones(6), None, 0)
+        assert state.applied[:3].any()
+        device.let_go()
+        state = device.step(state, None, None, 0)
+        assert not state.applied.any()
+        device.close()
+
+
 def test_forces_stay_within_the_device_s_limit():
     with served() as service:
         device = driver(service.uri)

@@ -65,10 +65,9 @@ def test_a_hand_feels_the_mechanism_through_it(
     ):
         rendering(peer, statuses)
         peer.until(lambda: Trace(trace).look()[-1, 1] < -0.01, "the hand to pull the device along")
-        status = statuses["haply_device"]
-        assert figures(status)["device_id"] == "EM03"
-        assert figures(status)["handedness"] == "right"
-        assert figures(status)["orientation"] == "of the handle"
+        told = {"device_id": "EM03", "handedness": "right", "orientation": "of the handle"}
+        # On a busy machine it may be without the service for a moment.
+        peer.until(lambda: told.items() <= figures(statuses["haply_device"]).items(), "what it is")
     found = Trace(trace).look()
     assert np.abs(found[:, 1]).max() < 0.03
     # The mechanism resists, along the way that the hand pulls and in the world's axes.
@@ -95,14 +94,15 @@ def test_the_force_ends_when_one_of_them_is_killed(
         peer.until(lambda: np.abs(Trace(trace).look()[-20:, 4:7]).max() > 0.1, "a force")
         process = {"driver": driver, "controller": others, "service": service.process}[victim]
         process.kill()
-        killed = time.monotonic()
+        killed, when = time.monotonic(), time.time()
         process.wait()
         if victim == "service":
             peer.until(lambda: statuses["haply_device"].level == b"\x01", "what is wrong")
             assert service.uri in statuses["haply_device"].message
-            del told[:]
-            peer.run(0.2)
-            assert not told, "no device, no samples"
+            peer.run(0.5)
+            # By their stamps: some that were sent before may be heard late.
+            stamps = [message.data[0] + 1e-9 * message.data[1] for message in told]
+            assert max(stamps) < when + 0.2, "no device, no samples"
             return
         peer.run(1.5)
     found = Trace(trace).look()
