@@ -80,7 +80,15 @@ def test_commands_and_nodes_end_with_one_sentence(tmp_path, command):
     assert "pip install 'pydantic>=2" in line
 
 
-def test_a_node_needs_nothing_of_the_commands(tmp_path):
+def printed_by(program):
+    """Return what a program of Python prints, in a process of its own."""
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    return ran.stdout
+
+
+def test_a_node_needs_nothing_of_the_commands():
     """It is not refused for a package that it never imports."""
     program = (
         "import sys\nimport hapticmech_ros.nodes.runtime\n"
@@ -88,11 +96,9 @@ def test_a_node_needs_nothing_of_the_commands(tmp_path):
         "from hapticmech_ros.loading import load_scene\nload_scene('five_bar')\n"
         "print(*{name.split('.')[0] for name in sys.modules})\n"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert "numba" in ran.stdout or "numpy" in ran.stdout
-    assert not OF_COMMANDS & set(ran.stdout.split())
+    loaded = printed_by(program)
+    assert "numba" in loaded or "numpy" in loaded
+    assert not OF_COMMANDS & set(loaded.split())
 
 
 def test_nodes_of_small_scenes_start_without_scipy():
@@ -115,10 +121,7 @@ def test_nodes_of_small_scenes_start_without_scipy():
         "    analyser.observe(state.q, state.v, state.active)\n"
         "    print(name, 'scipy.linalg' in sys.modules)\n"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    started = dict(line.split() for line in ran.stdout.splitlines())
+    started = dict(line.split() for line in printed_by(program).splitlines())
     assert len(started) == 5
     assert set(started.values()) == {"False"}, started
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.ablation.loop import PARTS
+from benchmarks.accuracy.watch import unwatched
 from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import PointMeasurement
@@ -53,9 +54,7 @@ def agreement(scene: Scene, ticks: int) -> Agreement:
     Both start a tick from the same state, so that differences do not add up.
     """
     # Steps that are done again in smaller ones are the kernels' alone.
-    unwatched = scene.simulation.accuracy.model_copy(update={"tolerance": 0.0})
-    simulation = scene.simulation.model_copy(update={"accuracy": unwatched})
-    scene = scene.model_copy(update={"simulation": simulation})
+    scene = unwatched(scene)
     session = Session(scene)
     readable = _Readable(scene, session)
     apart = dict.fromkeys(PARTS, 0.0)
@@ -72,13 +71,12 @@ def agreement(scene: Scene, ticks: int) -> Agreement:
 class _Readable:
     def __init__(self, scene: Scene, session: Session) -> None:
         # Contacts are kernels' alone: their forces, found per substep, push on links instead.
-        plan, update = scene.simulation, {}
+        plan, found = scene.simulation, scene
         if scene.contacts:
-            single = {"period": plan.period / plan.substeps, "substeps": 1}
-            update = {"simulation": plan.model_copy(update=single)}
-        self._finder = Simulator(scene.model_copy(update=update))
+            found = scene.stepped(period=plan.period / plan.substeps, substeps=1)
+        self._finder = Simulator(found)
         self._substeps = plan.substeps if scene.contacts else 1
-        without = scene.model_copy(update={**update, "contacts": ()})
+        without = found.model_copy(update={"contacts": ()})
         self._simulator = readable_simulator(without)
         links = {shape.name: shape.link for shape in scene.shapes}
         self._touching_links = [(links[pair.a], links[pair.b]) for pair in scene.contacts]

@@ -25,11 +25,12 @@ from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.oracle import oracle
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.workers import answers
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
-INTEGRATORS = ("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit")
+INTEGRATORS = tuple(SCHEMES)
 # rad: the least and the largest distance; one sample in so many is on the crossing.
 NEAREST, FURTHEST, ON_IT = 1e-12, 1e-3, 20
 # What a step next to a crossing may lose beyond the rule's own error, and any beyond what the
@@ -197,8 +198,7 @@ def _mechanisms() -> tuple[str, ...]:
 def error_after(windows: int, period: float) -> float:
     """Return how far the first tip of A02 is from its motion after ten seconds, m."""
     scene = n_four_bar(windows)
-    step = scene.simulation.model_copy(update={"period": period})
-    simulator = Simulator(scene.model_copy(update={"simulation": step}))
+    simulator = Simulator(scene.stepped(period=period))
     end = simulator.run(simulator.initial_state(), round(UNTIL / period)).end
     tip = simulator.mechanism.frame_pose(end.q, "b0").translation[:2]
     return float(np.abs(tip - oracle("pendulum").windows(windows, [UNTIL])[0]).max())

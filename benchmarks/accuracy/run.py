@@ -56,9 +56,7 @@ class Setting:
     @property
     def scene(self) -> Scene:
         """The case's scene with this integrator and step; nothing else is changed."""
-        change = {"integrator": self.integrator, "period": self.step}
-        simulation = self.case.scene.simulation.model_copy(update=change)
-        return self.case.scene.model_copy(update={"simulation": simulation})
+        return self.case.scene.stepped(integrator=self.integrator, period=self.step)
 
     def __str__(self) -> str:
         return f"{self.case.name}, {self.integrator}, {1e3 * self.step:g} ms"

@@ -30,9 +30,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 def unwatched(scene: Scene) -> Scene:
     """Return the scene with steps whose energy account nobody looks at."""
-    step = scene.simulation
-    accuracy = step.accuracy.model_copy(update={"tolerance": 0.0})
-    return scene.model_copy(update={"simulation": step.model_copy(update={"accuracy": accuracy})})
+    accuracy = scene.simulation.accuracy.model_copy(update={"tolerance": 0.0})
+    return scene.stepped(accuracy=accuracy)
 
 
 def cost(name: str, rounds: int = ROUNDS, ticks: int = TICKS) -> tuple[float, float]:

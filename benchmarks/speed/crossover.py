@@ -43,8 +43,7 @@ def compare(name: str, scene: Scene) -> Crossing:
     Raises:
         HapticMechError: the two do not go the same way, or a sparse one is impossible.
     """
-    step = scene.simulation.model_copy(update={"integrator": "rk4", "period": 1e-3})
-    scene = scene.model_copy(update={"simulation": step})
+    scene = scene.stepped(integrator="rk4", period=1e-3)
     both = Simulator(scene), Simulator(scene)
     active = both[0].mechanism.initially_active
     starts = [simulator.initial_state() for simulator in both]

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from benchmarks.speed.contender import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.mechanism import Accuracy, IntegratorName
+from hapticmech_ros.scene.mechanism import Accuracy
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 NAME = "hapticmech"
@@ -83,15 +82,8 @@ def stepped_by(scene: Scene, integrator: str, step: float, checked: bool = True)
         step: s.
         checked: whether each step's energy is held to its tolerance.
     """
-    change: dict[str, object] = {
-        "integrator": cast(IntegratorName, integrator),
-        "period": step,
-        "substeps": 1,
-    }
-    if not checked:
-        change["accuracy"] = Accuracy(tolerance=0.0)
-    simulation = scene.simulation.model_copy(update=change)
-    return scene.model_copy(update={"simulation": simulation})
+    accuracy = scene.simulation.accuracy if checked else Accuracy(tolerance=0.0)
+    return scene.stepped(integrator=integrator, period=step, substeps=1, accuracy=accuracy)
 
 
 class _Own:

@@ -103,8 +103,7 @@ def at_rate(scene: Scene, rate_hz: float) -> Scene:
     """
     if not (np.isfinite(rate_hz) and rate_hz >= 10.0):
         raise InvalidInputError("rate", rate_hz, "must be 10 Hz or more")
-    simulation = scene.simulation.model_copy(update={"period": 1.0 / rate_hz})
-    return scene.model_copy(update={"simulation": simulation})
+    return scene.stepped(period=1.0 / rate_hz)
 
 
 def scaled(scene: Scene, factor: float) -> Scene:

@@ -103,11 +103,11 @@ def steps(
     loaded = load_scene(scene, changes=changes or ())
     if json_only:
         import json
-        from dataclasses import asdict
+
+        from hapticmech_ros.analysis.study import plain
 
         found = step_choices(loaded, error, time.process_time)
-        best = None if found.best is None else asdict(found.best)
-        print(json.dumps({**asdict(found), "best": best}))
+        print(json.dumps(plain(found), allow_nan=False))
     else:
         with console.status("steps") as status:
             found = step_choices(loaded, error, time.process_time, status.update)

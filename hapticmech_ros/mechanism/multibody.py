@@ -68,8 +68,7 @@ class MultibodyModel:
         self.elements = Elements(self.tree, springs, self.length)
         if scene.simulation.integrator == "auto":
             chosen = chosen_integrator(scene, self.tree, springs)
-            simulation = scene.simulation.model_copy(update={"integrator": chosen})
-            self.scene = scene.model_copy(update={"simulation": simulation})
+            self.scene = scene.stepped(integrator=chosen)
         self._neutral: Array = np.asarray(pin.neutral(self.model))
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))

@@ -50,8 +50,7 @@ def step_accuracy(scene: Scene) -> StepAccuracy:
 
     Device, hand and controllers keep their periods: only the mechanism's steps differ.
     """
-    own, step = scene.simulation, scene.simulation.substeps * FINER
-    finer = scene.model_copy(update={"simulation": own.model_copy(update={"substeps": step})})
+    finer = scene.stepped(substeps=scene.simulation.substeps * FINER)
     duration = scene.experiment.duration
     try:
         coarse, account = experiment_run(scene)

@@ -92,7 +92,10 @@ def step_choices(
     if not 0.0 < wanted_m < np.inf:
         raise InvalidInputError("error", wanted_m, "must be above 0 m")
     show("reference")
-    found = [experiment_run(stepped(scene, *one))[0] for one in REFERENCES]
+    found = [
+        experiment_run(scene.stepped(integrator=integrator, substeps=substeps))[0]
+        for integrator, substeps in REFERENCES
+    ]
     length = Simulator(scene).mechanism.length
     reference, between = found[0], _error(found[0], found[1], length)
     if not between <= KNOWN * wanted_m:
@@ -111,12 +114,6 @@ def step_choices(
     return StepChoices(wanted_m, between, tuple(tried))
 
 
-def stepped(scene: Scene, integrator: IntegratorName, substeps: int) -> Scene:
-    """Return a scene with another integrator and number of steps of a period."""
-    step = scene.simulation.model_copy(update={"integrator": integrator, "substeps": substeps})
-    return scene.model_copy(update={"simulation": step})
-
-
 def _tried(
     scene: Scene,
     integrator: IntegratorName,
@@ -126,7 +123,7 @@ def _tried(
     clock: Callable[[], float],
 ) -> StepChoice:
     """Return an integrator's error and time."""
-    other = stepped(scene, integrator, substeps)
+    other = scene.stepped(integrator=integrator, substeps=substeps)
     try:
         error = _error(experiment_run(other)[0], reference, length)
         return StepChoice(integrator, substeps, error, _time(other, clock))

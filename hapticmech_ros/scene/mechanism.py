@@ -22,11 +22,9 @@ from hapticmech_ros.scene.part import (
 JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "planar"]
 ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
 # What keeps joints together: closures, and couplings, which are treated alike.
-LoopKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod", "coupling"]
+LoopKind = Literal[ClosureKind, "coupling"]
 IntegratorName = Literal["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
-IntegratorChoice = Literal[
-    "auto", "rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"
-]
+IntegratorChoice = Literal["auto", IntegratorName]
 
 
 class Origin(Part):

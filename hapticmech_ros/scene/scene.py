@@ -49,6 +49,16 @@ class Scene(SceneDocument):
         document = with_changes(document_of(self), [*changes, *written], self.name)
         return scene_from_document(document, self.name)
 
+    def stepped(self, **keys: object) -> Scene:
+        """Return a scene like this one, with some keys of ``simulation``, which are not validated.
+
+        Args:
+            keys: ``integrator``, ``period``, ``substeps``, ``accuracy`` and others; they keep the
+                rules of a scene.
+        """
+        simulation = self.simulation.model_copy(update=keys)
+        return self.model_copy(update={"simulation": simulation})
+
     def operational_point(self, name: str = "") -> OperationalPoint:
         """Return the operational point ``name``; the first one if ``name`` is empty.
 

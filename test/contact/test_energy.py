@@ -9,6 +9,7 @@ import pytest
 
 from contact.test_solver import corner, heavy, sliding, tumbling
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from oracles.touching import (
     FLOOR,
     SHAPES,
@@ -95,9 +96,7 @@ def test_what_contacts_give_back_of_what_they_lost_is_in_the_account_and_in_the_
     assert more == pytest.approx(account.contact_made + 1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "integrator", ["rk2", "rk4", "tsit5", "semi_implicit_euler", "linearly_implicit"]
-)
+@pytest.mark.parametrize("integrator", SCHEMES)
 @pytest.mark.parametrize("substeps", [1, 4])
 def test_every_rule_comes_to_the_same_rest(integrator, substeps):
     law = {"stiffness": 1e5, "damping": 300.0, "friction": 0.5}

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from contact.test_solver import tumbling
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.touching import (
@@ -68,9 +69,7 @@ def thrown(law, stiffness, mass, speed, phase, **simulation):
     return states[-1].v[2]
 
 
-@pytest.mark.parametrize(
-    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
-)
+@pytest.mark.parametrize("integrator", SCHEMES)
 @pytest.mark.parametrize("kappa", KAPPAS)
 @pytest.mark.parametrize("name", LAWS)
 def test_restitution_is_the_law_s_within_2_percent(name, kappa, integrator):

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
 
 ARM = """<robot name="arm"><link name="base"/>
@@ -68,9 +69,7 @@ def test_stops_that_the_scene_gives_stay(arm):
     assert joint(free, "shoulder").limits is None
 
 
-@pytest.mark.parametrize(
-    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
-)
+@pytest.mark.parametrize("integrator", SCHEMES)
 def test_thrown_at_its_stops_it_stays_within_and_loses_energy(arm, integrator):
     scene = arm(
         f"simulation: {{integrator: {integrator}}}\ninitial_state: {{v: {{shoulder: 3.0}}}}"

@@ -11,6 +11,7 @@ import pytest
 
 from hapticmech_ros.mechanism.careful import BranchMotion
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from oracles.crossings import MECHANISMS, SPEED, Step, passed
 from oracles.generator import blank
 from oracles.planar_linkages import chain, elbow, pin_end, relative_angles
@@ -19,7 +20,7 @@ from oracles.running import simulator, with_start
 DISTANCES = (0.0, 1e-12, 1e-10, 1e-9, -1e-8, 1e-7, -1e-6, 1e-5, 1e-4, -1e-3)
 KEPT = 1e-8
 PLAIN = "one parallelogram"
-INTEGRATORS = ("rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit")
+INTEGRATORS = tuple(SCHEMES)
 
 
 @pytest.mark.parametrize("distance", DISTANCES)

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.errors import ClosureError, HapticMechError
 from hapticmech_ros.mechanism.redundancy import redundancy
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
@@ -124,9 +125,7 @@ def test_forty_windows_begin_as_one_pendulum():
     assert sim.evaluate(states[-1]).space.rank == 80
 
 
-@pytest.mark.parametrize(
-    "integrator", ["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
-)
+@pytest.mark.parametrize("integrator", SCHEMES)
 @pytest.mark.parametrize("speed", [30.0, 300.0, 3e3, 3e4, 1e8])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_far_too_long_a_step_closes_or_is_an_error_with_a_name(integrator, speed):

@@ -12,8 +12,10 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.plan.step_choice import StepChoice, StepChoices, step_choices, stepped
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.plan import step_choice
+from hapticmech_ros.plan.step_accuracy import experiment_run
+from hapticmech_ros.plan.step_choice import StepChoice, StepChoices, step_choices
 
 SHORT = "experiment.duration=0.4"
 
@@ -32,12 +34,12 @@ def test_of_each_integrator_the_fewest_steps_that_are_accurate_enough():
     ]
     # The same errors by sessions that are put side by side here, with a finer reference.
     ticks = round((scene.hand.start_delay + 0.4) / scene.simulation.period)
-    exact = Session(stepped(scene, "rk4", 64)).run(ticks)["position"]
+    exact = Session(scene.stepped(integrator="rk4", substeps=64)).run(ticks)["position"]
     for one in found.tried:
         assert one.failed == ""
 
         def error(substeps, one=one):
-            run = Session(stepped(scene, one.integrator, substeps)).run(ticks)
+            run = Session(scene.stepped(integrator=one.integrator, substeps=substeps)).run(ticks)
             return np.linalg.norm(run["position"] - exact, axis=1).max()
 
         # The error counts rotation as well.
@@ -64,6 +66,22 @@ def test_the_cheapest_of_those_that_are_accurate_enough_is_the_best():
 def test_errors_that_cannot_be_told_are_refused(error):
     with pytest.raises(InvalidInputError, match="error"):
         step_choices(load_scene("two_link", changes=[SHORT]), error, time.process_time)
+
+
+def test_json_has_no_numbers_that_json_has_not(monkeypatch):
+    def run(scene):
+        if scene.simulation.integrator == "rk2":
+            raise HapticMechError("it cannot")
+        return experiment_run(scene)
+
+    monkeypatch.setattr(step_choice, "experiment_run", run)
+    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5", "--json"]
+    said = CliRunner().invoke(app, command)
+    assert said.exit_code == 0, said.output
+    found = json.loads(said.stdout, parse_constant=pytest.fail)
+    (failed,) = (one for one in found["tried"] if one["failed"])
+    assert failed["integrator"] == "rk2"
+    assert failed["error_m"] is failed["time_s"] is None
 
 
 def test_the_command_says_what_to_set():
