@@ -90,9 +90,8 @@ class ControlArchitecture:
         self.acts = np.array(scene.device.acts)
         self.delay = scene.connection.designed
         self._period = scene.simulation.period
-        self.task = np.ones(6)
-        if scene.task_space == "planar":
-            self.task[2:5] = 0.0
+        self.task = np.zeros(6)
+        self.task[list(scene.task_rows)] = 1.0
         self._gain_ramp: GainRamp | None = None
         self._settings = np.zeros(SETTINGS.size)
         self._settings[_LIMITS] = self.limits

@@ -99,6 +99,7 @@ class LivePicture:
             numbers.
         unit: the mechanism's length, m.
         planar: whether all is in a plane.
+        directions: in which the device renders.
 
     Raises:
         SceneError: a mesh that cannot be read.
@@ -112,6 +113,7 @@ class LivePicture:
         self._analyser = Analyser(mechanism, opened.point)
         self._placer = Placer(mechanism)
         self.unit, self.planar = mechanism.length, scene.task_space == "planar"
+        self.directions = len(scene.task_rows)
         device = scene.device
         self._picture = Picture(
             mechanism,

@@ -204,7 +204,7 @@ class LivePage:
         self._asked, self._number, self._name = opened.asked, opened.number, opened.scene.name
         picture = drawing.picture
         self._drawing, self._shown, self._newest = drawing, None, None
-        self._history.begin(3 if picture.planar else 6)
+        self._history.begin(picture.directions)
         for node in (*self._nodes.values(), *self._hulls.values(), self._lines):
             if node is not None:
                 node.remove()

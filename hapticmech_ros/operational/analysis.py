@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
+from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
 from hapticmech_ros.operational.results import OperationalAnalysis
@@ -49,8 +49,8 @@ class Analyser:
         self.mechanism = mechanism
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
-        self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
         self.metric = metric = TaskMetric(scene, self.point)
+        self.rows = metric.rows
         limits = metric.mass, float(scene.perception.s_on), float(scene.perception.s_off)
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self.constants = np.concatenate([limits, *(part.ravel() for part in parts)])

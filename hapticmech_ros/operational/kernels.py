@@ -59,21 +59,22 @@ def metric_of(constants: Array, t: int) -> Metric:
 
 
 @inner
-def _in_world(metric: Metric, rotation: Array, factors: Array) -> None:
+def _in_world(metric: Metric, rotation: Array, rows: Array, factors: Array) -> None:
     """Fill ``factors`` (2, t, t) with G and G⁻ᵀ in world axes."""
-    t = factors.shape[1]
+    t = rows.size
+    link = shaped(local(9), (3, 3))
+    link[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                link[i, j] += rotation[i, k] * metric.point_to_link[k, j]
     turn = shaped(local(36), (t, t))
     turn[:] = 0.0
-    block = 3 if t == 6 else 2
-    turn[t - 1, t - 1] = 1.0
-    for i in range(block):
-        for j in range(block):
-            total = 0.0
-            for k in range(3):
-                total += rotation[i, k] * metric.point_to_link[k, j]
-            turn[i, j] = total
-            if t == 6:
-                turn[3 + i, 3 + j] = total
+    for i in range(t):
+        for j in range(t):
+            # Forces turn into forces, and torques into torques.
+            if (rows[i] < 3) == (rows[j] < 3):
+                turn[i, j] = link[rows[i] % 3, rows[j] % 3]
     factors[:] = 0.0
     for which in range(2):
         for i in range(t):
@@ -172,7 +173,7 @@ def analyse_motion(
             squares[0, rows[i], rows[j]] = product
             squares[0, rows[j], rows[i]] = product
     factors = shaped(local(72), (2, t, t))
-    _in_world(metric, rotation, factors)
+    _in_world(metric, rotation, rows, factors)
     measured, turn = shaped(local(t * nv), (t, nv)), shaped(local(36), (t, t))
     measured[:] = 0.0
     for j in range(t):

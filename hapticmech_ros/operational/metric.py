@@ -4,7 +4,9 @@
 
 The spatial inertia I_ℓ of the grasped link alone, at the operational point and in world axes, makes
 μ = eig(I_ℓ^½ X I_ℓ^½) a number between 0 (rigid) and 1 (as free as the link alone) that depends
-neither on units nor on axes.
+neither on units nor on axes. A link that moves in a plane is held in it: the rows and columns of
+I_ℓ in the plane remain. A link that is held by a ball joint turns about it: ((I_ℓ⁻¹)_tt)⁻¹ remains,
+with t the rows of positions.
 """
 
 from __future__ import annotations
@@ -18,15 +20,12 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.rules import inertia_matrix
 
-# Rows of a task wrench or twist (force first) that a planar scene has: x, y and rotation about z.
-PLANAR_ROWS = np.array([0, 1, 5])
-SPATIAL_ROWS = np.arange(6)
-
 
 class TaskMetric:
     """I_ℓ of one operational point; constant in the axes of the link, so factored once.
 
     Attributes:
+        rows: (t,) rows of a six-vector that the task space has.
         mass: reference mass m_ℓ in kg: of the link, or of the point's ``metric``.
         factor, dual_factor: (t, t) G and G⁻ᵀ in the axes of the link; √kg and √kg m, and their
             inverses.
@@ -36,8 +35,12 @@ class TaskMetric:
     def __init__(self, scene: Scene, point: OperationalPoint) -> None:
         inertia = _inertia_at_point(scene, point)
         self.mass = float(inertia[0, 0])
-        if scene.task_space == "planar":
-            inertia = inertia[np.ix_(PLANAR_ROWS, PLANAR_ROWS)]
+        self.rows = np.array(scene.task_rows)
+        moving = scene.moving_rows
+        inertia = inertia[np.ix_(moving, moving)]
+        if self.rows.size < len(moving):
+            held = np.isin(moving, self.rows)
+            inertia = np.linalg.inv(np.linalg.inv(inertia)[np.ix_(held, held)])
         self.factor = np.linalg.cholesky(inertia)
         self.dual_factor = np.linalg.inv(self.factor).T
         self.point_to_link = se3(point.origin).rotation.T

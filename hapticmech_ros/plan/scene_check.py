@@ -21,6 +21,7 @@ from hapticmech_ros.operational.felt_masses import felt_masses
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.holding_rules import pose_without_torques
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which the start counts as next to a singular position: directions change within
@@ -30,6 +31,8 @@ NEAR_SINGULAR = 1e-2
 FAR = 1e-3
 # In scene lengths, from which shorter steps make a difference that can be felt.
 COARSE = 1e-3
+# Of what turns and moves freely, from which a link turns as it is moved.
+TURNS = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +160,20 @@ def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
         )
 
 
+def _torques(simulator: Simulator, state: MechanismState) -> Iterator[str]:
+    """Yield a warning about each point that turns as it moves, if the device has no torques."""
+    mechanism, scene = simulator.mechanism, simulator.mechanism.scene
+    warning = pose_without_torques(scene)
+    if not warning:
+        return
+    terms = simulator.evaluate(state)
+    for point in scene.operational_points:
+        x = Analyser(mechanism, point.name).analyse(terms).inverse_inertia
+        size = np.sqrt(np.outer(x.diagonal()[:3], x.diagonal()[3:])).max()
+        if np.abs(x[:3, 3:]).max() > TURNS * size:
+            yield f"{point.name}: {warning}"
+
+
 def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> Iterator[str]:
     mechanism, scene = simulator.mechanism, simulator.mechanism.scene
     if rows.mobility == 0:
@@ -168,6 +185,7 @@ def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> 
         yield f"the start is next to a singular position: relative σ {closing.least:.1e}"
     yield from _start(simulator, state)
     yield from _stiffness(simulator)
+    yield from _torques(simulator, state)
     for link in scene.links:
         if link.joint.limits is not None and not link.joint.locked:
             at = scene.initial_state.q.get(link.joint.name, 0.0)

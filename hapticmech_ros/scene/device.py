@@ -125,7 +125,7 @@ class Device(Part):
         force_limit: N, saturation of the actuators' force (norm).
         torque_limit: N m, saturation of the actuators' torque (norm).
         actuated: what has actuators; of a device without those of rotation the torque is zero,
-            and the handle turns freely with its inertia.
+            and the handle turns freely with its inertia; see the scene's ``task``.
         actuator_bandwidth: Hz, of a first-order lag between command and wrench; 0 is ideal.
         position_resolution: m, encoder step per axis; 0 is ideal.
         angle_resolution: rad, encoder step of the rotation vector per axis; 0 is ideal.

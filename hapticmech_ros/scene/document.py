@@ -32,6 +32,9 @@ from hapticmech_ros.scene.part import Name, Part, Vector3
 from hapticmech_ros.scene.rendering import Experiment, Perception
 
 TaskSpace = Literal["planar", "spatial"]
+Task = Literal["pose", "position"]
+# Rows of a six-vector, force first, that a planar scene has: x, y, and rotation about z.
+PLANAR = (0, 1, 5)
 
 
 class SceneDocument(Part):
@@ -46,6 +49,9 @@ class SceneDocument(Part):
         description: for people.
         task_space: ``planar``: all moves in the world's x-y plane, and the device renders only
             forces in it and torques about z.
+        task: what of device and operational point is held together: the ``pose``, or the
+            ``position`` alone, as by a ball joint. A device without torques feels a link that turns
+            as it is moved rightly by its position alone, or if the hand turns the handle along.
         gravity: m/s², world axes.
         links: rigid bodies with their joints, in any order.
         closures: that close loops.
@@ -69,6 +75,7 @@ class SceneDocument(Part):
     name: Name
     description: str = ""
     task_space: TaskSpace = "spatial"
+    task: Task = "pose"
     gravity: Vector3 = (0.0, 0.0, 0.0)
     links: Annotated[tuple[Link, ...], Field(min_length=1)]
     closures: tuple[Closure, ...] = ()
@@ -86,6 +93,16 @@ class SceneDocument(Part):
     connection: Connection = Connection()
     experiment: Experiment = Experiment()
     limits: Limits = Limits()
+
+    @property
+    def moving_rows(self) -> tuple[int, ...]:
+        """Rows of a six-vector, force first, in which things can move: all, or those of a plane."""
+        return PLANAR if self.task_space == "planar" else tuple(range(6))
+
+    @property
+    def task_rows(self) -> tuple[int, ...]:
+        """Rows of the task space: ``moving_rows``, or those of position among them."""
+        return tuple(row for row in self.moving_rows if self.task == "pose" or row < 3)
 
     @model_validator(mode="after")
     def _gains_by_rule(self) -> SceneDocument:

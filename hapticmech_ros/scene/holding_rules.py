@@ -25,6 +25,17 @@ def broken_holding_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     yield from _script(scene)
 
 
+def pose_without_torques(scene: SceneDocument) -> str:
+    """Return a warning about a pose that the device cannot hold; empty if it can."""
+    if scene.task == "position" or scene.device.actuated == "all":
+        return ""
+    return (
+        "the device has no torques: with task: pose a link that turns as it is moved is felt"
+        " heavier than it is, unless the handle is turned along; task: position holds it as by a"
+        " ball joint"
+    )
+
+
 def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]:
     """Yield key, linear and angular part of what the hand does."""
     hand = scene.hand

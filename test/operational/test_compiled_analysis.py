@@ -22,6 +22,7 @@ ROUNDING = 1e-12
 def pairs():
     for name in shipped_scenes():
         yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(4))
+        yield pair_of(load_scene(name, changes=["task=position"]), 1, 0.2)
     for seed in range(12):
         for planar in (False, True):
             for duplicated in (False, True):

@@ -29,6 +29,7 @@ X, FREE, MOVES = (
 def pairs():
     for name in shipped_scenes():
         yield from (pair_of(load_scene(name), seed, 0.2 * seed) for seed in range(4))
+        yield pair_of(load_scene(name, changes=["task=position"]), 1, 0.2)
     for seed in range(8):
         yield sample_pair(random_mechanism(seed, seed % 2 == 0, duplicated=seed % 3 == 0), 0.3)
         yield sample_pair(closed_chain(seed, ("spherical", "revolute", "weld")[seed % 3]))

@@ -123,7 +123,7 @@ class SceneInputs:
 
     def __init__(self, actor: Actor[Any], mechanism: Mechanism) -> None:
         layout = StateLayout(mechanism)
-        directions = 3 if mechanism.scene.task_space == "planar" else 6
+        directions = len(mechanism.scene.task_rows)
         self._state = SceneInput(
             actor, STATE.name, Float64MultiArray, lambda data: layout.unpack(decode(data))
         )

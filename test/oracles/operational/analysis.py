@@ -14,7 +14,7 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
+from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 from oracles.operational.delay_compensation import compensated_response
@@ -41,8 +41,8 @@ class ReadableAnalyser:
         self.mechanism = mechanism
         self.point = scene.operational_point(point)
         self.index = mechanism.point_index(point)
-        self.rows = PLANAR_ROWS if scene.task_space == "planar" else SPATIAL_ROWS
         self.metric = TaskMetric(scene, self.point)
+        self.rows = self.metric.rows
 
     def observe(self, q: Array, v: Array, active: Active) -> Observation:
         """Evaluate Eq. 1 at a state and analyse the point there."""
@@ -62,11 +62,13 @@ class ReadableAnalyser:
         weights = rigidity(found.s, perception.s_on, perception.s_off)
         free_rates, _ = terms.acceleration(np.zeros(self.mechanism.nv))
         return OperationalAnalysis(
-            inverse_inertia=embed(inverse_inertia(root_matrix)),
+            inverse_inertia=embed(inverse_inertia(root_matrix), self.rows),
             spectrum=found,
             weights=weights,
-            constraint_projector=embed(constraint_projector(found, weights, self.metric.mass)),
-            wrench_projector=embed(wrench_projector(found, weights)),
+            constraint_projector=embed(
+                constraint_projector(found, weights, self.metric.mass), self.rows
+            ),
+            wrench_projector=embed(wrench_projector(found, weights), self.rows),
             free_acceleration=point.jacobian @ free_rates + point.drift,
             rows=self.rows,
         )

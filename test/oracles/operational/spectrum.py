@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.operational.metric import PLANAR_ROWS, SPATIAL_ROWS, TaskMetric
+from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.spectrum import Spectrum
 
 
@@ -41,12 +41,10 @@ def inverse_inertia(root_matrix: Array) -> Array:
     return np.asarray(root_matrix.T @ root_matrix)
 
 
-def embed(task_matrix: Array) -> Array:
+def embed(task_matrix: Array, rows: Array) -> Array:
     """Return the (6, 6) matrix that has ``task_matrix`` in the task's rows and zero elsewhere."""
-    if task_matrix.shape[0] == SPATIAL_ROWS.size:
-        return task_matrix
     full = np.zeros((6, 6))
-    full[np.ix_(PLANAR_ROWS, PLANAR_ROWS)] = task_matrix
+    full[np.ix_(rows, rows)] = task_matrix
     return full
 
 
@@ -58,12 +56,7 @@ def factors_in_world(metric: TaskMetric, rotation: Array) -> tuple[Array, Array]
         rotation: (3, 3) orientation of the operational point.
     """
     link = rotation @ metric.point_to_link
-    if metric.factor.shape[0] == PLANAR_ROWS.size:
-        turn = np.eye(3)
-        turn[:2, :2] = link[:2, :2]
-    else:
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = turn[3:, 3:] = link
+    turn = np.kron(np.eye(2), link)[np.ix_(metric.rows, metric.rows)]
     return turn @ metric.factor, turn @ metric.dual_factor
 
 
