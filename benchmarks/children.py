@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -78,6 +79,22 @@ class ReportingProcess:
         for line in self.process.stdout or ():
             if line.startswith("{"):
                 self.events.append(json.loads(line))
+
+
+def next_line(process: subprocess.Popen[str], seconds: float) -> str | None:
+    """Return the next line of a process that says one at a time.
+
+    Args:
+        process: with its output in a pipe.
+        seconds: that it may take.
+
+    Returns:
+        The line; empty if the process has ended, None if nothing comes.
+    """
+    if process.stdout is None:
+        raise BenchError("a process whose output is not heard")
+    ready, _, _ = select.select([process.stdout], [], [], seconds)
+    return process.stdout.readline() if ready else None
 
 
 def wait_until(

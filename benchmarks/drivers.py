@@ -21,6 +21,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from ruamel.yaml import YAML
 
+from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.arrays import Array
@@ -32,9 +33,7 @@ from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
 
 SCENE = "five_bar"
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
-WAY = 0.01
 FREE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-LONGEST_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -150,7 +149,7 @@ class _Trial:
             self._go_on(PUSH)
             apart = max(apart, self._apart())
         needed = self._time - since
-        return Felt(self._kind.name, engaged, drift, (needed / time_alone()) ** 2, apart)
+        return Felt(self._kind.name, engaged, drift, (needed / time_alone(SCENE, PUSH)) ** 2, apart)
 
     @property
     def _time(self) -> float:
@@ -213,19 +212,6 @@ class _Trial:
         told = decode(self._graph.last[f"/analysis/{self._point}/operational_model"])
         place = told[OPERATIONAL_MODEL_FIELDS.slice("position")]
         return float(np.linalg.norm((place - self._body.pose.translation)[:2]))
-
-
-def time_alone() -> float:
-    """Return how long the mechanism alone takes for the way under the same push, s."""
-    simulator = Simulator(load_scene(SCENE))
-    point = load_scene(SCENE).operational_points[0].name
-    state = simulator.initial_state()
-    start = simulator.mechanism.frame_pose(state.q, point).translation[0]
-    for tick in range(round(LONGEST_S / simulator.scene.simulation.period)):
-        if start - simulator.mechanism.frame_pose(state.q, point).translation[0] >= WAY:
-            return tick * simulator.scene.simulation.period
-        state = simulator.step(state, PUSH[None, :])
-    raise RuntimeError(f"the mechanism does not move by {WAY:g} m")
 
 
 def table(found: Sequence[Felt]) -> str:

@@ -19,8 +19,9 @@ from typing import Any
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.nodes.entry import NODES, PAGE
+from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
+from hapticmech_ros.wire.topic import PAGE
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0

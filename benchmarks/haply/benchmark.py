@@ -28,23 +28,24 @@ from std_msgs.msg import Float64MultiArray
 from benchmarks.children import BenchError
 from benchmarks.haply.emulated import Emulator, Trace, emulated
 from benchmarks.machine import MachineResults, machine
-from hapticmech_ros import Simulator, load_scene
+from benchmarks.push import WAY, time_alone
+from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.study import Sheet, Show, silent
-from hapticmech_ros.arrays import Array
 from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.graph import nodes_of
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.copying import copy_scene
-from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 DRIVER, CONTROLLER, SERVICE = "haply_device", "teleoperation_controller", "service"
 VICTIMS = (DRIVER, CONTROLLER, SERVICE)
+NODES = nodes_of((), "haply")
 # Limits: s until there is no force; s that a graph or a hand may take.
 MOST_S, PATIENCE_S = 0.020, 30.0
 # A force that counts as one, N; and one that is waited for before something dies.
@@ -54,12 +55,10 @@ SWINGING = (
     "hand={kind: arm, impedance: firm, start_delay: 0.5, waypoints: [{time: 0.0}], "
     "tremor: {frequency: 1.0, xyz: [0.01, 0.0, 0.0]}}"
 )
-# What a scene's mechanism is pushed with, N, along which unit vector (that of the circle of the
-# door's knob), and how far, m.
-WAY, PUSH_N, PUSH_AFTER_S = 0.01, 1.0, 2.0
+# What a scene's mechanism is pushed with, N, and along which unit vector (that of the circle of the
+# door's knob).
+PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
-# The handle is not turned by anybody: the point is held as by a ball joint.
-BALL = tuple(f"controller.position_channel.angular_{name}=0" for name in ("stiffness", "damping"))
 APPLIED = DEVICE_FIELDS.slice("applied")
 
 
@@ -163,10 +162,9 @@ class _Rig:
     def __init__(self, scene: Path, folder: Path, domain: int) -> None:
         self._scene, self._folder, self._number = scene, folder, 0
         self.emulator, self.trace = self._serve(0)
-        nodes = [DRIVER, *(name for name in NODES if name != "haptic_device")]
         self.graph = Graph(
             str(scene),
-            nodes=nodes,
+            nodes=NODES,
             parameters={f"{DRIVER}.uri": self.emulator.uri},
             environment=private_environment(domain),
         )
@@ -247,34 +245,19 @@ def _escaped(frames: int) -> int:
     return escaped
 
 
-def _time_alone(scene: str, push: Array) -> float:
-    """Return how long a mechanism alone takes for the way under a push (3,), N, in s."""
-    simulator = Simulator(load_scene(scene))
-    point = simulator.scene.operational_points[0].name
-    state, period = simulator.initial_state(), simulator.scene.simulation.period
-    start = simulator.mechanism.frame_pose(state.q, point).translation.copy()
-    wrench = np.concatenate((push, np.zeros(3)))[None, :]
-    for tick in range(round(PATIENCE_S / period)):
-        moved = simulator.mechanism.frame_pose(state.q, point).translation - start
-        if moved @ push >= WAY * np.linalg.norm(push):
-            return tick * period
-        state = simulator.step(state, wrench)
-    raise BenchError(f"{scene} does not move by {WAY:g} m")
-
-
 def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Felt:
     """Push a scene through the emulated device, and return what is felt."""
     push = PUSH_N * np.array(PUSHED[scene])
+    alone = time_alone(scene, np.append(push, np.zeros(3)))
     numbers = ", ".join(f"{value:.6f}" for value in push)
     hand = f"hand={{kind: constant_wrench, force: [{numbers}], start_delay: {PUSH_AFTER_S}}}"
     path = folder / f"{scene}_{label.replace(' ', '_')}.yaml"
-    copy_scene(scene, path, [f"device={device}", hand, *BALL])
+    copy_scene(scene, path, [f"device={device}", hand, "task=position"])
     rows = folder / f"{path.stem}.csv"
     with emulated("--scene", str(path), "--trace", str(rows)) as service:
-        nodes = [DRIVER, *(name for name in NODES if name != "haptic_device")]
         parameters = {f"{DRIVER}.uri": service.uri}
         environment = private_environment(domain)
-        with Graph(str(path), nodes=nodes, parameters=parameters, environment=environment):
+        with Graph(str(path), nodes=NODES, parameters=parameters, environment=environment):
             trace, end = Trace(rows), time.monotonic() + PATIENCE_S
             while time.monotonic() < end:
                 found = trace.look()
@@ -284,7 +267,11 @@ def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Fel
                     there = np.flatnonzero(moved >= WAY)
                     if len(there):
                         took = float(pushed[there[0], 0] - pushed[0, 0])
-                        return Felt(scene, label, (took / _time_alone(scene, push)) ** 2)
+                        return Felt(
+                            scene,
+                            label,
+                            (took / alone) ** 2,
+                        )
                 time.sleep(0.05)
     raise BenchError(f"{scene} does not move by {WAY:g} m through the driver")
 
@@ -304,7 +291,7 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scene = folder / "five_bar_haply.yaml"
-        copy_scene("five_bar", scene, ["device={preset: inverse3}", SWINGING])
+        copy_scene("five_bar", scene, ["device={preset: inverse3}", "task=position", SWINGING])
         rig = _Rig(scene, folder, domain)
         try:
             rig.wait_for_force()

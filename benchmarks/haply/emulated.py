@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.children import BenchError
+from benchmarks.children import STARTS_WITHIN_S, BenchError, next_line
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 
@@ -36,8 +36,8 @@ class Emulator:
         self.process: subprocess.Popen[str] = start_process(
             command, private_environment(), pipe_output=True
         )
-        line = self.process.stdout.readline() if self.process.stdout else ""
-        found = re.search(r"ws://127\.0\.0\.1:(\d+)", line)
+        line = next_line(self.process, STARTS_WITHIN_S)
+        found = re.search(r"ws://127\.0\.0\.1:(\d+)", line or "")
         if found is None:
             stop_process(self.process)
             raise BenchError(f"the emulator does not start: {line!r}")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import select
 import shutil
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchmarks.children import next_line
 from benchmarks.reliability.figure import Figure, save, table
 from benchmarks.reliability.file_seeds import ROOT
 from benchmarks.reliability.file_worker import Mutants
@@ -114,7 +114,7 @@ class Worker:
         with contextlib.suppress(BrokenPipeError):
             process.stdin.write(f"{number}\n")
             process.stdin.flush()
-        line = _line(process, PATIENCE_S)
+        line = next_line(process, PATIENCE_S)
         if line:
             return dict(json.loads(line))
         found = "hang" if line is None else f"exit code {process.wait()}"
@@ -139,17 +139,9 @@ class Worker:
             text=True,
             cwd=ROOT,
         )
-        if _line(self._process, START_S) != "ready\n":
+        if next_line(self._process, START_S) != "ready\n":
             raise RuntimeError(f"no worker starts: {self._process.communicate()[1][-2000:]}")
         return self._process
-
-
-def _line(process: subprocess.Popen[str], seconds: float) -> str | None:
-    """Return a process's next line; empty if it has ended, None if nothing comes."""
-    if process.stdout is None:
-        raise RuntimeError("a worker without output")
-    ready, _, _ = select.select([process.stdout], [], [], seconds)
-    return process.stdout.readline() if ready else None
 
 
 def read_mutants(number: int, folder: Path, workers: int = WORKERS) -> Tally:

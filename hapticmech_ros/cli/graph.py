@@ -92,7 +92,7 @@ def run(
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.nodes.entry import PAGE, VIEWER
+    from hapticmech_ros.wire.topic import PAGE, VIEWER
 
     if live and lockstep:
         raise InvalidInputError("--live", live, "in lockstep there is no page")
@@ -104,6 +104,10 @@ def run(
     held = tuple(loaded.operational_point(name).name for name in hold or ())
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
+    if len(held) > 1 and device != "simulated" and params_file is None:
+        rule = f"of several points each needs a device of its own with --device {device}: "
+        rule += "name them in --params-file"
+        raise InvalidInputError("--hold", held, rule)
     parameters = settings_of(settings or [])
     if delay:
         parameters["network_delay"] = delay
@@ -240,13 +244,13 @@ def nodes_of(only: Sequence[str], device: Driver = "simulated") -> list[str]:
     Raises:
         InvalidInputError: a node that there is none of.
     """
-    from hapticmech_ros.nodes.entry import DRIVERS, NODES, SIMULATED
+    from hapticmech_ros.nodes.entry import DRIVERS, NODES
 
     for name in only:
         if name not in NODES:
             raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
     chosen = [name for name in NODES if not only or name in only]
-    return [DRIVERS[device] if name == SIMULATED else name for name in chosen]
+    return [DRIVERS[device] if name == DRIVERS["simulated"] else name for name in chosen]
 
 
 def arguments_of(params_file: Path | None) -> tuple[str, ...]:

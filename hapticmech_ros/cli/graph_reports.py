@@ -14,9 +14,9 @@ from rich.table import Table
 
 from hapticmech_ros.cli.console import console
 from hapticmech_ros.readiness import Report
+from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, REAL_DEVICES
 
-DEVICES, MECHANISM = {"haptic_device", "haply_device", "relay_device"}, "mechanism_simulator"
-ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
+DEVICES = {DEVICE, *REAL_DEVICES}
 Reports = Mapping[str, Report]
 
 
@@ -59,6 +59,8 @@ def line_of(reports: Reports) -> str:
         if kind in DEVICES:
             rate, missed = figures.get("achieved_rate_hz", "-"), _share(figures)
             said = f"{report.sentence}, {rate} Hz, missed {missed}"
+            if "periods_without_sample" in figures:
+                said += f", no sample in {_share(figures, 'periods_without_sample')}"
         elif kind == ANALYSER or not report.well:
             said = report.sentence if kind == ANALYSER else f"{kind}: {report.sentence}"
         else:
@@ -104,9 +106,9 @@ def nothing_rendered(reports: Reports, endings: Reports) -> str:
     return f"nothing was rendered: {'; '.join(why) or 'it ended too soon'}"
 
 
-def _share(figures: Mapping[str, str]) -> str:
-    """Return the share of deadlines missed, of nodes that have any."""
-    periods, missed = figures.get("periods"), figures.get("missed_deadlines")
+def _share(figures: Mapping[str, str], what: str = "missed_deadlines") -> str:
+    """Return the share of deadlines missed, or of what else is counted, of nodes that have any."""
+    periods, missed = figures.get("periods"), figures.get(what)
     if periods is None or missed is None:
         return "-"
     return f"{int(missed) / max(int(periods), 1):.1%}"
@@ -120,6 +122,7 @@ def _notes(report: Report) -> Iterator[str]:
         ("refused_messages", "messages refused, the last: {last_refusal}"),
         ("steps_inaccurate", "inaccurate steps"),
         ("dropped_periods", "periods dropped"),
+        ("periods_without_sample", "periods in which the device did not answer"),
         ("clock_steps", "steps of the clock, the last: {last_clock_step}"),
     ):
         count = figures.get(key, "0")

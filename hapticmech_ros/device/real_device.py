@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -35,13 +35,15 @@ class Measured(NamedTuple):
 
 
 class RealDevice:
-    """Turns wrenches and samples between the world and a device's base; a kind has ``exchange``.
+    """Turns wrenches and samples between the world and a device's base.
 
-    It has no force sensor: the hand's wrench is estimated, or reported as zero, as the scene says.
+    A kind of device has :meth:`look`, :meth:`exchange` and :meth:`let_go`. It has no force sensor:
+    the hand's wrench is estimated, or reported as zero, as the scene says.
 
     Args:
         scene: what is felt; its ``device`` describes the device.
         mounting: (3, 3) axes of the base in the world.
+        silence: s without a sample after which the device counts as lost.
         clock: monotonic, s.
         has_torques: whether the device has actuators of rotation.
 
@@ -49,17 +51,24 @@ class RealDevice:
         InvalidInputError: a scene with another device.
 
     Attributes:
+        silence: s, as above.
         fresh: whether the last step brought a sample.
         problem: why it cannot be driven; empty if it can.
         late: periods without a sample.
     """
 
     def __init__(
-        self, scene: Scene, mounting: Array, clock: Callable[[], float], has_torques: bool = False
+        self,
+        scene: Scene,
+        mounting: Array,
+        silence: float,
+        clock: Callable[[], float],
+        has_torques: bool = False,
     ) -> None:
         device, planar = scene.device, scene.task_space == "planar"
         _check(scene, has_torques)
         self._mounting, self._clock = mounting, clock
+        self.silence = silence
         self._limits = device.force_limit, device.torque_limit
         self._driver = device_for(scene, with_hand=False)
         self._observer = HandObserver(device, planar)
@@ -70,6 +79,10 @@ class RealDevice:
         self.fresh = False
         self.problem = ""
         self.late = 0
+
+    def look(self) -> bool:
+        """Look for the device; return whether it is there. Asked for once a period."""
+        raise NotImplementedError
 
     def exchange(self, wrench: Array, now: float) -> tuple[bool, Measured | None]:
         """Send a wrench and take a sample.
@@ -82,6 +95,17 @@ class RealDevice:
             Whether the wrench was sent, and what was measured; None without a sample.
         """
         raise NotImplementedError
+
+    def let_go(self) -> None:
+        """Command no wrench now, not with the next period."""
+        raise NotImplementedError
+
+    def figures(self) -> Mapping[str, str]:
+        """Return what diagnostics say of it."""
+        return {"periods_without_sample": str(self.late)}
+
+    def close(self) -> None:
+        """Give back what it has; it is let go, and not driven any more."""
 
     def at_rest(
         self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None

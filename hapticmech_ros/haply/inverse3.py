@@ -62,10 +62,9 @@ class Inverse3(RealDevice):
         silence: float = 0.012,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(scene, mounting, clock)
+        super().__init__(scene, mounting, silence, clock)
         self._link = link
         self._wanted, self._identity = device_id, ""
-        self._silence = silence
         self._wait = WAIT_SHARE * scene.simulation.period
         self._cursor: Cursor | None = None
         self._heard = self._asked = -np.inf
@@ -84,9 +83,8 @@ class Inverse3(RealDevice):
                 # What the service knows is on its way.
                 self._was_open, self._asked = True, self._clock()
             self._find()
-        elif self._clock() - self._heard > self._silence:
-            self._lose(f"no valid sample of the Inverse3 for {1e3 * self._silence:.0f} ms")
-            self._link.close(self.problem)
+        elif self._left() < 0.0:
+            self._leave()
         elif self._cursor is not None:
             self.problem = self._cursor.refusal
         return bool(self._identity)
@@ -103,12 +101,22 @@ class Inverse3(RealDevice):
         """
         # A message that still waits for its answer is not followed by another one.
         sent = self._link.send(force_command(self._identity, wrench[:3].tolist()))
-        return sent, self._last if self._answered(now) else None
+        return sent, self._last if self._answered(now, self._wait) else None
 
     def let_go(self) -> None:
-        """Command no force now, not with the next period."""
-        if self._identity and self._link.send(force_command(self._identity, (0.0, 0.0, 0.0))):
+        """Command no force now, not with the next period.
+
+        An answer that is still to come is waited for, as long as the device does not count as lost;
+        then the connection is ended.
+        """
+        if not self._identity:
+            return
+        if self._link.unanswered:
+            self._answered(self._clock(), max(self._left(), 0.0))
+        if self._link.send(force_command(self._identity, (0.0, 0.0, 0.0))):
             self._given = NO_WRENCH
+        else:
+            self._leave()
 
     def close(self) -> None:
         """Command no force and end the connection, with which the service ends what it gives."""
@@ -118,10 +126,10 @@ class Inverse3(RealDevice):
     def figures(self) -> dict[str, str]:
         """Return what diagnostics say of it."""
         return {
+            **super().figures(),
             "device_id": self._identity,
             "connections": str(self._link.connections),
             "connections_lost": str(self.connections_lost),
-            "late_answers": str(self.late),
             "refused_frames": str(self.refused),
             "orientation": self._orientation,
             **self.known,
@@ -153,10 +161,14 @@ class Inverse3(RealDevice):
             self._identity, self.known = found.device_id, found.known
             self._take(found.cursor, now)
 
-    def _answered(self, now: float) -> bool:
-        """Take the newest frame that has come, waiting for one; return whether there was one."""
+    def _left(self) -> float:
+        """Return after how many s without a sample the device counts as lost."""
+        return self.silence - (self._clock() - self._heard)
+
+    def _answered(self, now: float, wait: float) -> bool:
+        """Take the newest frame that comes within ``wait`` s; return whether there was one."""
         found = False
-        for text in self._link.answers(self._wait):
+        for text in self._link.answers(wait):
             try:
                 cursor = cursor_of(parsed(text), self._identity)
                 if cursor is None:
@@ -185,6 +197,11 @@ class Inverse3(RealDevice):
         if way > most:
             rule = f"must be within {most:.3g} m of before"
             raise InvalidInputError("cursor_position", way, rule)
+
+    def _leave(self) -> None:
+        """End the connection to a device that does not answer."""
+        self._lose(f"no valid sample of the Inverse3 for {1e3 * self.silence:.0f} ms")
+        self._link.close(self.problem)
 
     def _lose(self, problem: str) -> None:
         """Note that there is no device any more."""

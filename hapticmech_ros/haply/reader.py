@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 
 import numpy as np
 
@@ -42,13 +43,15 @@ class CursorReader:
 
     def __init__(self, uri: str, device_id: str = "") -> None:
         self._link = Link(uri)
-        found = found_in(parsed(self._first()), device_id)
-        if found is None:
-            self._link.close()
-            raise LinkError(f"{uri}: the service has no Inverse3 {device_id}".rstrip())
-        self.device_id, self.known = found.device_id, found.known
-        self._link.send(greeting(self.device_id))
-        self._answer()
+        with ExitStack() as stack:
+            stack.callback(self.close)
+            found = found_in(parsed(self._first()), device_id)
+            if found is None:
+                raise LinkError(f"{uri}: the service has no Inverse3 {device_id}".rstrip())
+            self.device_id, self.known = found.device_id, found.known
+            self._link.send(greeting(self.device_id))
+            self._answer()
+            stack.pop_all()
 
     def path(self, seconds: float) -> Array:
         """Return where the cursor is for a while, (n, 3), axes of the base, m."""

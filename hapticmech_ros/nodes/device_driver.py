@@ -8,18 +8,19 @@ obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
 from std_msgs.msg import Bool, Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
 from hapticmech_ros.device.position_servo import PositionServo
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
@@ -52,7 +53,6 @@ from hapticmech_ros.wire.topics import (
     DEVICE_STATE,
     DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
-    START_HAND,
 )
 
 _HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
@@ -69,11 +69,9 @@ class DeviceDriver(ClockedActor[D]):
     def __init__(self, node: Host, parameters: D) -> None:
         self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
-        self._wait_for_start = parameters.wait_for_start
         self._side = DeviceSide(self.scene, self._limits)
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
-        scene = self.scene
         self._device: SimulatedDevice = self.new_device()
         self._push: Array = NO_WRENCH
         # servo_cf, and the sample that it answers.
@@ -92,10 +90,9 @@ class DeviceDriver(ClockedActor[D]):
         self._written = DeviceWriter()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._view = DeviceView(self)
-        node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
         commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
-        self._servo = PositionServo(scene.device, self.period_s, self._limits)
+        self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
         self._poses = PoseCommands(
             self,
             lambda: self._state.measured_pose,
@@ -117,7 +114,7 @@ class DeviceDriver(ClockedActor[D]):
         qos = self.control_input
         self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
         # With axes of its own the controller says both.
-        if scene.device.servo_axes == "world" and not self.lockstep:
+        if self.scene.device.servo_axes == "world" and not self.lockstep:
             self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
@@ -264,7 +261,7 @@ class DeviceDriver(ClockedActor[D]):
             },
         )
 
-    def figures(self, now_ns: int) -> dict[str, str]:
+    def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return what diagnostics say of a kind of device at a time (ns)."""
         return {}
 
@@ -297,19 +294,19 @@ class DeviceDriver(ClockedActor[D]):
         command, answered_ns = acting
         if not self._answers.begin(answered_ns, now_ns):
             return None
-        self._take_hold()
+        self.take_hold()
         return self._safe(self._loop.correct(command, answered_ns, now_ns))
 
-    def _take_hold(self) -> None:
-        """Let the hand take hold, unless it has, or waits."""
-        if self._held is None and not self._wait_for_start:
+    def take_hold(self) -> None:
+        """Let the hand take hold, unless it has."""
+        if self._held is None:
             self._held = self._state
             self._ticks_held = 0
             self.times_held += 1
 
     def _pull(self, goal: pin.SE3) -> Array:
         """Return what leaves of the wrench that takes the device to a pose."""
-        self._take_hold()
+        self.take_hold()
         state = self._state
         wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
         added = self._device.compensation(state)
@@ -461,17 +458,6 @@ class DeviceDriver(ClockedActor[D]):
             self._warn(reason)
             self.put_at_zero()
         self._operating.publish(self.node.active)
-
-    def _on_start_hand(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        del request
-        return self.failures.answer(START_HAND, self._start_hand, response, "the hand starts")
-
-    def _start_hand(self) -> None:
-        if not self._wait_for_start:
-            raise HapticMechError("the hand was not waiting")
-        self._wait_for_start = False
 
     def _start_pose(self) -> pin.SE3:
         """Return where a device that has not been measured is taken to be: at the point held."""

@@ -17,6 +17,7 @@ from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InstallationError
 from hapticmech_ros.installation import OF_COMMANDS, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
+from hapticmech_ros.wire.topic import DEVICE, HAPLY, PAGE, RELAY, VIEWER
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
@@ -25,14 +26,12 @@ NODES = {
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
 # Drivers of real devices, by what they are called in the command line; in haptic_device's place.
-SIMULATED = "haptic_device"
-DRIVERS = {"simulated": SIMULATED, "haply": "haply_device", "relay": "relay_device"}
+DRIVERS = {"simulated": DEVICE, "haply": HAPLY, "relay": RELAY}
 # These look on; they are not part of the graph.
-VIEWER, PAGE = "scene_viewer", "live_page"
 PURPOSES = {
     **NODES,
-    DRIVERS["haply"]: "driver of a Haply Inverse3, through Haply's Inverse service",
-    DRIVERS["relay"]: "relay to a driver of ros2_control, such as forcedimension_ros2",
+    HAPLY: "driver of a Haply Inverse3, through Haply's Inverse service",
+    RELAY: "relay to a driver of ros2_control, such as forcedimension_ros2",
     VIEWER: "markers, frames and a URDF model of a running graph, for people",
     PAGE: "a running graph in a browser, where it is dragged with the mouse",
 }

@@ -16,29 +16,10 @@ class HaplyDevice(RealDeviceDriver[HaplyParameters]):
 
     name = "haply_device"
     parameters_type = HaplyParameters
-    _inverse: Inverse3
 
     def real_device(self) -> RealDevice:
         """Return the Inverse3; connecting begins with the first tick."""
         given = self.parameters
-        self._inverse = Inverse3(
+        return Inverse3(
             Link(given.uri), self.scene, self.mounting, given.device_id, given.command_timeout
         )
-        return self._inverse
-
-    def look(self) -> bool:
-        """Go on connecting; return whether the Inverse3 is there."""
-        return self._inverse.look()
-
-    def let_go(self) -> None:
-        """Command no force now."""
-        self._inverse.let_go()
-
-    def figures(self, now_ns: int) -> dict[str, str]:
-        """Return what diagnostics say of connection and device."""
-        return self._inverse.figures()
-
-    def close(self) -> None:
-        """End the connection: the device is left without a force."""
-        self._inverse.close()
-        super().close()

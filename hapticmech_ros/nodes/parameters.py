@@ -190,7 +190,6 @@ class DriverParameters(NodeParameters):
         "limits and timeouts of the device, message_age_limit, scene and rate cannot change",
         "never",
     )
-    wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")
 
 
 class DeviceParameters(DriverParameters):
@@ -202,6 +201,7 @@ class DeviceParameters(DriverParameters):
         "commanded: only hand_cf moves the device",
     )
     hand_timeout: float = number(0.2, "hand_cf expires after this; 0: never", "s", 0.0, 3600.0)
+    wait_for_start: bool = flag(False, "the hand starts when device/start_hand is called")
 
 
 class MountedParameters(DriverParameters):

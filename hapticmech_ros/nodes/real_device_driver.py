@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import MountedParameters
+from hapticmech_ros.scene.holding_rules import pose_without_torques
 
 D = TypeVar("D", bound=MountedParameters)
 
@@ -29,17 +30,11 @@ class RealDeviceDriver(DeviceDriver[D]):
             raise InvalidInputError("lockstep", True, "must be false: a real device has real time")
         self._was_there = False
         super().__init__(node, parameters)
+        if warning := pose_without_torques(self.scene):
+            node.get_logger().warning(warning)
 
     def real_device(self) -> RealDevice:
         """Return the device that is driven."""
-        raise NotImplementedError
-
-    def look(self) -> bool:
-        """Look for the device; return whether it is there."""
-        raise NotImplementedError
-
-    def let_go(self) -> None:
-        """Command no wrench now, not with the next period."""
         raise NotImplementedError
 
     def new_device(self) -> SimulatedDevice:
@@ -53,6 +48,12 @@ class RealDeviceDriver(DeviceDriver[D]):
         given = self.parameters
         angles = given.mounting_roll, given.mounting_pitch, given.mounting_yaw
         return np.asarray(pin.rpy.rpyToMatrix(*angles))
+
+    def apply_parameters(self, parameters: D) -> None:
+        """Take new parameters: the device's silence counts from now on."""
+        super().apply_parameters(parameters)
+        if self._poses is not None:
+            self._real.silence = parameters.command_timeout
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
         """Yield one step, however many periods have gone by: a real device cannot catch up."""
@@ -69,7 +70,7 @@ class RealDeviceDriver(DeviceDriver[D]):
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Exchange a command for a sample, and publish it; without a device, look for one."""
-        is_there = self.look()
+        is_there = self._real.look()
         if is_there and not self._was_there:
             # Where it is now, and without a force: whoever held it may have moved it meanwhile.
             self.activate()
@@ -82,5 +83,14 @@ class RealDeviceDriver(DeviceDriver[D]):
 
     def put_at_zero(self) -> None:
         """Put the actuators at zero now."""
-        self.let_go()
+        self._real.let_go()
         super().put_at_zero()
+
+    def figures(self, now_ns: int) -> Mapping[str, str]:
+        """Return what diagnostics say of the device."""
+        return self._real.figures()
+
+    def close(self) -> None:
+        """Leave the device without a wrench."""
+        self._real.close()
+        super().close()

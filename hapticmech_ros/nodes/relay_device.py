@@ -38,7 +38,7 @@ class AxesDevice(RealDevice):
         mounting: (3, 3) axes of the base in the world.
         send: takes efforts (3,) or (6,), N and N m, axes of the base.
         has_torques: whether there are six efforts.
-        silence: s without a sample after which the device counts as lost.
+        silence: s without joint states after which the device counts as lost.
         clock: s.
     """
 
@@ -51,9 +51,9 @@ class AxesDevice(RealDevice):
         silence: float,
         clock: Callable[[], float],
     ) -> None:
-        super().__init__(scene, mounting, clock, has_torques)
+        super().__init__(scene, mounting, silence, clock, has_torques)
         self._send, self._efforts = send, 6 if has_torques else 3
-        self._silence, self._heard, self._is_new = silence, -np.inf, False
+        self._heard, self._is_new = -np.inf, False
         self.problem = "no joint states have come"
 
     def hear(self, measured: Measured) -> None:
@@ -63,8 +63,8 @@ class AxesDevice(RealDevice):
 
     def look(self) -> bool:
         """Return whether the device is there."""
-        if self._last is not None and self._clock() - self._heard > self._silence:
-            self.problem = f"no joint states for {1e3 * self._silence:.0f} ms"
+        if self._last is not None and self._clock() - self._heard > self.silence:
+            self.problem = f"no joint states for {1e3 * self.silence:.0f} ms"
             self.forget()
         return self._last is not None
 
@@ -119,18 +119,6 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             self.scene, self.mounting, send, torques, silence, lambda: self.now_ns() / NANOSECONDS
         )
         return self._axes_device
-
-    def look(self) -> bool:
-        """Return whether joint states come."""
-        return self._axes_device.look()
-
-    def let_go(self) -> None:
-        """Send efforts of zero."""
-        self._axes_device.let_go()
-
-    def figures(self, now_ns: int) -> dict[str, str]:
-        """Return what diagnostics say of the device."""
-        return {"periods_without_state": str(self._axes_device.late)}
 
     def _on_state(self, message: JointState, now_ns: int) -> None:
         """Take a state of all axes; one of others is none of ours."""

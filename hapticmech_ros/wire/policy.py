@@ -11,9 +11,9 @@ from hapticmech_ros.wire.topic import (
     ANALYSER,
     CONTROLLER,
     DEVICE,
-    HAPLY,
     MECHANISM,
     PAGE,
+    REAL_DEVICES,
     RELAY,
     VIEWER,
 )
@@ -28,8 +28,7 @@ from hapticmech_ros.wire.topics import (
     TOPICS,
 )
 
-NODES = (DEVICE, HAPLY, RELAY, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
-REAL_DEVICES = (HAPLY, RELAY)
+NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
 # Of the relay, to the driver behind it: what it hears and what it sends, by its parameters.
 _BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
 # Look on, each in a process of its own.
@@ -44,7 +43,8 @@ _OWN_SERVICES = (
     *("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description"),
 )
 _SERVICES: Mapping[str, tuple[str, ...]] = {
-    **dict.fromkeys((DEVICE, *REAL_DEVICES), (EMERGENCY_STOP, START_HAND)),
+    DEVICE: (EMERGENCY_STOP, START_HAND),
+    **dict.fromkeys(REAL_DEVICES, (EMERGENCY_STOP,)),
     MECHANISM: (f"{CLOSURES.name}/*",),
 }
 # Topics with further ones below them: of whoever pushes, each his own.

@@ -67,6 +67,7 @@ ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 VIEWER, PAGE = "scene_viewer", "live_page"
 # Drive devices that are not simulated, by the same topics as DEVICE.
 HAPLY, RELAY = "haply_device", "relay_device"
+REAL_DEVICES = (HAPLY, RELAY)
 
 
 def crtk_type(name: str) -> str:

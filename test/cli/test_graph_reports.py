@@ -93,6 +93,10 @@ def test_the_line_says_what_is_rendered_and_felt() -> None:
     assert line_of({**ALL, waiting.node: waiting}).endswith(
         "; teleoperation_controller: waiting for /device/state"
     )
+    real = Report(
+        "/haply_device", True, "rendering", {**DEVICE.figures, "periods_without_sample": "132"}
+    )
+    assert line_of({real.node: real}) == "rendering, 990.0 Hz, missed 1.0%, no sample in 3.3%"
     left = Report("/left/haptic_device", True, "rendering", {})
     assert line_of({left.node: left}) == "left: rendering, - Hz, missed -"
 

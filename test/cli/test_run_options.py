@@ -3,7 +3,9 @@
 """Options of `hapticmech run` that are more than a word."""
 
 import pytest
+from typer.testing import CliRunner
 
+from hapticmech_ros.cli import app
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.cli.graph import nodes_of
 from hapticmech_ros.errors import InvalidInputError
@@ -29,3 +31,15 @@ def test_some_nodes_run_here_in_the_order_of_the_graph():
     assert chosen == ["mechanism_simulator", "teleoperation_controller"]
     with pytest.raises(InvalidInputError, match="--only"):
         nodes_of(["scene_viewer"])
+
+
+def test_a_driver_takes_the_place_of_the_simulated_device():
+    assert nodes_of([], "haply")[0] == "haply_device"
+    assert nodes_of([], "relay")[1:] == nodes_of([])[1:]
+
+
+def test_one_real_device_is_not_driven_from_two_points():
+    command = ["run", "crane", "--hold", "load_middle", "--hold", "trolley_grip"]
+    ran = CliRunner().invoke(app, [*command, "--device", "haply"])
+    assert isinstance(ran.exception, InvalidInputError)
+    assert "a device of its own" in str(ran.exception)

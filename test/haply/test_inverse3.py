@@ -93,6 +93,41 @@ def test_a_device_that_was_let_go_tells_no_force_that_it_does_not_give():
         device.close()
 
 
+def given(service):
+    return service.device.state()["current_cursor_force"]["x"]
+
+
+def pushed_with_a_late_answer(service):
+    """Return a device that has sent a force and waits for no answer."""
+    device = driver(service.uri, scene=HELD)
+    state = found(device)
+    device._wait = 0.0
+    device.step(state, np.ones(6), None, 0)
+    until(lambda: given(service))
+    return device
+
+
+def test_a_device_is_let_go_after_the_answer_that_is_still_to_come():
+    with served(HELD, faults=Faults(delay=0.1), idle_after=10.0) as service:
+        device = pushed_with_a_late_answer(service)
+        device.let_go()
+        until(lambda: not given(service))
+        assert device.look()
+        device.close()
+
+
+def test_a_device_that_cannot_be_let_go_is_left():
+    """The service gives a force for as long as the connection lasts."""
+    with served(HELD, faults=Faults(delay=0.2), idle_after=10.0) as service:
+        device = pushed_with_a_late_answer(service)
+        device.silence = 0.01
+        device.let_go()
+        assert "no valid sample" in device.problem
+        assert device.connections_lost == 1
+        until(lambda: not given(service))
+        device.close()
+
+
 def test_forces_stay_within_the_device_s_limit():
     with served() as service:
         device = driver(service.uri)

@@ -11,7 +11,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.drivers import PUSH, WAY, Body, time_alone
+from benchmarks.drivers import PUSH, SCENE, Body
+from benchmarks.push import WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
@@ -101,7 +102,7 @@ def test_the_mechanism_is_felt_through_it(tmp_path, yaw):
         driver.go_on(PUSH)
         ticks += 1
         assert ticks < 5000
-    assert (ticks * PERIOD / time_alone()) ** 2 == pytest.approx(1.0, abs=0.02)
+    assert (ticks * PERIOD / time_alone(SCENE, PUSH)) ** 2 == pytest.approx(1.0, abs=0.02)
 
 
 def test_three_axes_give_no_torque_and_keep_their_orientation(tmp_path):
@@ -140,6 +141,20 @@ def test_without_joint_states_efforts_are_zero_and_nothing_is_told(tmp_path):
         driver.go_on(PUSH)
     assert driver.efforts.any()
     assert np.linalg.norm(driver.efforts[:3]) < 5.0
+
+
+def test_how_long_it_may_be_silent_is_a_parameter_that_can_change(tmp_path):
+    graph = graph_of(tmp_path)
+    driver = Driver(graph)
+    for _ in range(300):
+        driver.go_on(PUSH)
+    actor = graph.hosts["relay_device"].actor
+    for timeout, lost in ((0.1, False), (0.005, True)):
+        driver.go_on(PUSH)
+        actor.apply_parameters(actor.parameters.model_copy(update={"command_timeout": timeout}))
+        for _ in range(40):
+            graph.tick()
+        assert ("no joint states" in actor.status()[1]) == lost
 
 
 @pytest.mark.parametrize(

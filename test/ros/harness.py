@@ -30,10 +30,13 @@ from ruamel.yaml import YAML
 
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.scene import document_of
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0
+# The graph without its device.
+OTHERS = ",".join(name for name in NODES if name != "haptic_device")
 _counter = itertools.count()
 
 

@@ -23,10 +23,9 @@ from ruamel.yaml import YAML
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene import document_of
-from ros.harness import WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
-OTHERS = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
 SCENE = load_scene("five_bar")
 MASS = np.array([SCENE.device.mass] * 3 + [SCENE.device.inertia] * 3)
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -19,10 +19,9 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
-from ros.harness import WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
-OTHERS = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
 # A hand that holds still for a while, then pulls the point along.
 HAND = (
     "hand={kind: arm, impedance: firm, start_delay: 3.0, "

@@ -13,10 +13,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.loading.copying import copy_scene
-from ros.harness import WAIT_S, Peer, running
+from ros.harness import OTHERS, WAIT_S, Peer, running
 
 pytestmark = pytest.mark.ros
-OTHERS = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
 AXES = ["fd_x", "fd_y", "fd_z"]
 MASS, PERIOD, PUSH = 0.2, 0.002, np.array([-0.5, 0.0, 0.0])
 
