@@ -17,19 +17,35 @@ from benchmarks.speed.contender import (
 )
 from benchmarks.speed.equality import Check
 from benchmarks.speed.problems import Problem
-from benchmarks.speed.result import RunResult, run_once, timed
+from benchmarks.speed.result import RunResult, numbers_of, run_once, timed
 from hapticmech_ros.analysis.study import Show, silent
+from hapticmech_ros.errors import InvalidInputError
 
-# Steps in units of a problem, coarse to fine, from this order on. Each divides all times.
+# Steps in units of a problem, coarse to fine, from this order on; those that do not divide a time
+# of comparison are left out.
 MULTIPLES = {
-    5: (100.0, 62.5, 50.0, 25.0, 20.0, 10.0, 5.0, 2.0, 1.0),
-    3: (100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.25),
+    3: (
+        200.0,
+        125.0,
+        100.0,
+        200.0 / 3.0,
+        62.5,
+        50.0,
+        40.0,
+        25.0,
+        20.0,
+        10.0,
+        5.0,
+        2.0,
+        1.0,
+        0.5,
+        0.25,
+    ),
     2: (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1),
     0: (4.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02),
 }
 LARGE_MULTIPLES = {
-    5: (100.0, 50.0, 25.0, 20.0, 10.0),
-    3: (20.0, 10.0, 5.0, 2.0),
+    3: (100.0, 50.0, 25.0, 20.0, 10.0, 5.0, 2.0),
     0: (4.0, 2.0, 1.0, 0.5, 0.2),
 }
 QUICK = {5: (50.0, 20.0, 10.0), 3: (10.0, 5.0, 2.0), 0: (2.0, 1.0, 0.5)}
@@ -83,7 +99,17 @@ def multiples_of(problem: Problem, method: Method, quick: bool) -> tuple[float, 
     if method.multiples:
         return tuple(sorted(method.multiples, reverse=True))
     table = QUICK if quick else LARGE_MULTIPLES if problem.large else MULTIPLES
-    return next(steps for order, steps in table.items() if method.order >= order)
+    steps = next(steps for order, steps in table.items() if method.order >= order)
+    return tuple(one for one in steps if _divides(one * problem.unit, problem))
+
+
+def _divides(step: float, problem: Problem) -> bool:
+    """Return whether all times of comparison are reached by whole steps."""
+    try:
+        numbers_of(problem.times, step)
+    except InvalidInputError:
+        return False
+    return True
 
 
 def _compare(

@@ -88,6 +88,10 @@ def steps(
     error: Annotated[
         float, typer.Option(help="largest error of the operational point that is wanted, m")
     ] = 1e-6,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="copy of SCENE with what takes the least time, to make"),
+    ] = None,
     json_only: Annotated[
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
     ] = False,
@@ -98,6 +102,7 @@ def steps(
 
     from hapticmech_ros.cli.scene_tables import show_steps
     from hapticmech_ros.loading import load_scene
+    from hapticmech_ros.loading.copying import copy_scene
     from hapticmech_ros.plan.step_choice import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
@@ -114,6 +119,12 @@ def steps(
         show_steps(found)
     if found.best is None:
         raise typer.Exit(1)
+    if out is not None:
+        keys = {"integrator": found.best.integrator, "substeps": found.best.substeps}
+        chosen = [f"simulation.{key}={value}" for key, value in keys.items()]
+        copy_scene(scene, out, [*(changes or ()), *chosen])
+        if not json_only:
+            console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError, SceneError
 from hapticmech_ros.plan import step_choice
 from hapticmech_ros.plan.step_accuracy import experiment_run
 from hapticmech_ros.plan.step_choice import StepChoice, StepChoices, step_choices
@@ -98,3 +98,26 @@ def test_the_command_says_what_to_set():
     changes = [word for word in words if word.startswith("simulation.")]
     assert len(changes) == 2
     load_scene("two_link", changes=changes)
+
+
+def test_a_copy_of_the_scene_has_what_takes_the_least_time(tmp_path):
+    out, base = tmp_path / "mine.yaml", ["scene", "steps", "two_link", "--set", SHORT]
+    said = CliRunner().invoke(app, [*base, "--error", "1e-5", "--out", str(out), "--json"])
+    assert said.exit_code == 0, said.output
+    best, mine = json.loads(said.stdout)["best"], load_scene(out)
+    assert mine.simulation.integrator == best["integrator"]
+    assert mine.simulation.substeps == best["substeps"]
+    assert mine.experiment.duration == 0.4
+    # A file that exists is not written over.
+    again = CliRunner().invoke(app, [*base, "--error", "1e-5", "--out", str(out)])
+    assert isinstance(again.exception, SceneError)
+    assert "exists" in str(again.exception)
+
+
+def test_no_copy_is_made_where_nothing_is_accurate_enough(tmp_path, monkeypatch):
+    monkeypatch.setattr(step_choice, "MOST_SUBSTEPS", 1)
+    monkeypatch.setattr(step_choice, "get_args", lambda _: ["semi_implicit_euler"])
+    out = tmp_path / "mine.yaml"
+    command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-7", "--out", str(out)]
+    assert CliRunner().invoke(app, command).exit_code == 1
+    assert not out.exists()
