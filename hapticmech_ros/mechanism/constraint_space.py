@@ -4,7 +4,9 @@
 
 With D = L Lᵀ, the columns of A = L⁻¹Wᵀ span the forces that the loops can transmit. The thin SVD
 A = U diag(σ) Vᵀ, cut at the solver's rank tolerance, gives every constrained quantity without ever
-forming W D⁻¹ Wᵀ, whose condition number is the square of A's. T1 of docs/derivations.md.
+forming W D⁻¹ Wᵀ, whose condition number is the square of A's. T1 of docs/derivations.md. Where
+nothing is near to being cut a QR takes its place: U is then another basis of the same space, σ the
+diagonal of R, and V such that A⁺ = V diag(σ)⁻¹ Uᵀ as before.
 """
 
 from __future__ import annotations
@@ -128,7 +130,7 @@ class ConstraintSpace:
 
     @property
     def sigma(self) -> Array:
-        """(r,) singular values kept, 1/(√kg m), of rows divided by their units."""
+        """(r,) singular values kept, or R's diagonal, 1/(√kg m), of rows divided by their units."""
         return self.closing.dense.parts.sigma[: self.rank]
 
     @property

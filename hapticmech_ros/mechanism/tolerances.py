@@ -46,6 +46,9 @@ ROUNDING_TOLERANCE = 1e-11
 # ...and a loop that is still open by this fraction after all iterations has come apart.
 PROJECTION_FAILURE = 1e-6
 PROJECTION_ITERATIONS = 10
+# Of these, how many may take the factors of the step's last stage; and what such an iteration must
+# leave of φ at most: if it leaves more, factors where q is now take its place.
+SIMPLIFIED, SHRINKS = 6, 0.1
 # A projection that moves the mechanism by more than this fraction of the step before it, in mass
 # metric, may have found another assembly. After a quarter of a radian by the coarsest rule it moves
 # it by 0.11 at most, after a whole radian by 0.55; by rk4 then by 0.05.

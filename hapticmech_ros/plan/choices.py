@@ -7,7 +7,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.dense_kernels import APART
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
 from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.plan.running import Running
 
@@ -77,10 +78,10 @@ def _closure_rows(run: Running) -> Choice:
         return Choice("closure factorisation", kind, "see factorisation")
     if m == 0:
         return Choice("closure factorisation", "none", "no closure is active")
-    if m <= FEW_ROWS:
-        return Choice("closure factorisation", "SVD", f"{m} rows, at most {FEW_ROWS}")
-    why = f"{m} rows, more than {FEW_ROWS}; SVD where the rank is uncertain"
-    return Choice("closure factorisation", "pivoted QR", why)
+    if m < SOME_ROWS:
+        return Choice("closure factorisation", "SVD", f"{m} rows, fewer than {SOME_ROWS}")
+    where = f"the smallest σ is below {APART:g}" if m <= FEW_ROWS else "the rank is uncertain"
+    return Choice("closure factorisation", "pivoted QR", f"{m} rows; SVD where {where}")
 
 
 def _stabilisation(run: Running) -> Choice:

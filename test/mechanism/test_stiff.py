@@ -11,12 +11,12 @@ import pytest
 from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
-from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.closed_form import kkt
 from oracles.generator import closed_chain, random_mechanism
 from oracles.implementations import apart, condition
+from oracles.mechanism.integrators import Advance
 from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.reference import reference_motion
@@ -86,7 +86,7 @@ STIFF = [stiffened(sample, 10.0**power) for sample, power in zip(SAMPLES, range(
 
 
 def by_definition(mechanism, state, wrenches, period):
-    """Return (q, v) after a step of the Rosenbrock method with a dense J, before projection."""
+    """Return a step of the Rosenbrock method with a dense J, and the factors of its last stage."""
     model, nv, q = mechanism.model, mechanism.nv, state.q
     start = mechanism.evaluate(q, state.v, state.active)
     slopes = mechanism.slopes(q, state.v, period)
@@ -111,7 +111,9 @@ def by_definition(mechanism, state, wrenches, period):
         y = y0 + period * REACHED[i] @ k
         k[i] = np.linalg.solve(matrix, rates(y) + period * jacobian @ (COUPLED[i] @ k))
     end = y0 + period * WEIGHTS @ k
-    return mechanism.integrate(q, end[:nv]), end[nv:]
+    last = mechanism.closing_terms(mechanism.integrate(q, y[:nv]), state.active)
+    moved = Advance(mechanism.integrate(q, end[:nv]), end[nv:], end[:nv], 0.0, 0.0)
+    return moved, last.space
 
 
 def test_the_coefficients_are_of_order_three_with_any_jacobian():
@@ -141,8 +143,8 @@ def test_a_step_is_that_of_the_definition(document):
     sim = simulated(document, kind=ReadableSimulator)
     state, mechanism = sim.initial_state(), sim.mechanism
     wrenches = 0.3 * np.random.default_rng(0).normal(size=(len(mechanism.point_names), 6))
-    q, v = by_definition(mechanism, state, wrenches, PERIOD)
-    q, v, _, closing = project(mechanism, q, v, state.active)
+    moved, last = by_definition(mechanism, state, wrenches, PERIOD)
+    q, v, _, closing = sim.stepper.settled(moved, state.active, last)
     found = sim.step(state, wrenches)
     # J of the stiffest scene has entries of 1e8, times h, and the oracle forms its inverse.
     close = 1e-10 * condition(closing.space)

@@ -18,7 +18,7 @@ from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
-from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
+from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.session import Session
@@ -100,10 +100,10 @@ def test_redundant_rows_are_named() -> None:
     assert plan.closures[0].redundant == plan.redundant_rows
 
 
-def test_many_rows_are_factored_by_qr_and_few_by_svd() -> None:
-    few, many = (dense(n_four_bar(FEW_ROWS // 2 + more)) for more in (0, 1))
+def test_some_rows_are_factored_by_qr_and_fewer_by_svd() -> None:
+    few, some = (dense(n_four_bar(SOME_ROWS // 2 - less)) for less in (1, 0))
     assert taken(plan_scene(few))["closure factorisation"] == "SVD"
-    assert taken(plan_scene(many))["closure factorisation"] == "pivoted QR"
+    assert taken(plan_scene(some))["closure factorisation"] == "pivoted QR"
 
 
 def test_what_reaches_few_rates_is_factored_inside_a_band() -> None:

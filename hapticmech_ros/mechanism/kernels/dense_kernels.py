@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""W of all closures, dense, and its factorisation with that of D: SVD, or QR of many rows."""
+"""W of all closures, dense, and its factorisation with that of D: SVD, or QR where that will do."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     SOME_ROWS,
+    cut,
     first_directions,
     pseudo_inverse_transposed,
     solve_lower_columns,
@@ -33,6 +34,9 @@ from hapticmech_ros.mechanism.tolerances import RESOLVED
 
 # What a kernel returns where an SVD does not converge.
 NO_SVD = -1
+# Reflections do for the directions kept if R's diagonal says that they have at least this share of
+# the largest singular value: far from all limits that ask for the smallest one.
+APART = 1e-2
 
 
 @inner
@@ -52,15 +56,15 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
         if kind == COUPLING:
             add_gear(model, a, b, jacobian[first])
     rank = NOT_DECIDED
-    if m > FEW_ROWS:
-        rank = _resolve_many(model, tolerance, data)
+    if m >= SOME_ROWS:
+        rank = _resolve_by_reflections(model, tolerance, data)
     if rank == NOT_DECIDED:
-        rank = _resolve_few(model, tolerance, data)
+        rank = _resolve_by_rotations(model, tolerance, data)
     return rank
 
 
 @inner
-def _resolve_few(model: Model, tolerance: float, data: Data) -> int:
+def _resolve_by_rotations(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis, σ and rows by an SVD; return the rank, or NO_SVD.
 
     From some rows on a QR comes first: of its R Jacobi's rotations need half as many sweeps, along
@@ -137,35 +141,44 @@ def _columns_of(model: Model, data: Data) -> bool:
 
 
 @inner
-def _resolve_many(model: Model, tolerance: float, data: Data) -> int:
+def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
 
-    Return the rank; NO_SVD; or NOT_DECIDED where more than rounding has to be cut, off the
-    closures or next to a singular position: only an SVD cuts no more than needs be.
+    Return the rank; NO_SVD; or NOT_DECIDED next to a singular position: only an SVD says how near,
+    and cuts no more than needs be. Of many rows it is asked only where something has to be cut.
     """
-    basis, rows, sigmas = data.basis, data.rows, data.sigma
     m, nv = data.jacobian.shape
-    most, units, sums = sigmas.size, model.units, model.sums
-    scaled, directions, inverse = model.columns, model.directions, model.inverse
+    units, sums, scaled = model.units, model.sums, model.columns
     if not _columns_of(model, data):
         return NO_SVD
     order, reflectors = local_whole(m), model.reflectors
-    resolved = triangularise(scaled, most, RESOLVED, order, reflectors, sums)
-    if resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > tolerance * abs(scaled[0, 0]):
+    resolved = triangularise(scaled, data.sigma.size, RESOLVED, order, reflectors, sums)
+    if resolved == 0:
+        return 0
+    first, kept = abs(scaled[0, 0]), resolved
+    while kept > 0 and not abs(scaled[kept - 1, kept - 1]) > tolerance * first:
+        kept -= 1
+    apart = kept > 0 and abs(scaled[kept - 1, kept - 1]) > APART * first
+    if not apart and (kept < resolved or m <= FEW_ROWS):
         return NOT_DECIDED
-    if resolved > 0:
-        data.tail[LEAST] = abs(scaled[resolved - 1, resolved - 1] / scaled[0, 0])
-    data.tail[RESOLVED_RANK] = resolved
-    first_directions(reflectors, resolved, nv, sums[0], directions)
-    pseudo_inverse_transposed(scaled, resolved, model.inverting, sums, inverse)
-    for i in range(resolved):
-        sigma = abs(scaled[i, i])
-        sigmas[i] = sigma
+    tail, sigmas, basis, rows = data.tail, data.sigma, data.basis, data.rows
+    tail[LEAST], tail[RESOLVED_RANK] = abs(scaled[resolved - 1, resolved - 1]) / first, resolved
+    directions, inverse = model.directions, model.inverse
+    if kept == resolved:
+        for i in range(kept):
+            sigmas[i] = abs(scaled[i, i])
+        first_directions(reflectors, kept, nv, sums[0], directions)
+        pseudo_inverse_transposed(scaled, kept, model.inverting, sums, inverse)
+    elif not cut(
+        scaled, resolved, kept, reflectors, model.inverting, sums, sigmas, directions, inverse
+    ):
+        return NOT_DECIDED
+    for i in range(kept):
         for c in range(nv):
             basis[i, c] = directions[c, i]
         for j in range(m):
-            rows[i, order[j]] = inverse[i, j] * sigma / units[order[j]]
-    return resolved
+            rows[i, order[j]] = inverse[i, j] * sigmas[i] / units[order[j]]
+    return kept
 
 
 @inner

@@ -48,10 +48,9 @@ NOT_FINITE, SINGULAR = -2, -3
 
 
 @inner
-def factor(model: Model, q: Array, data: Data) -> int:
-    """Fill ``data`` at a configuration; see :func:`factor_closures`."""
-    m, closures, poses, lengths = model.m, model.closures, data.poses, model.lengths
-    residual, pairs, tail = data.residual, data.pairs, data.tail
+def locate(model: Model, q: Array, data: Data) -> None:
+    """Fill ``data`` with where everything is at a configuration, and how far loops are open."""
+    closures, poses, residual, pairs = model.closures, data.poses, data.residual, data.pairs
     place_tree(model, q, data)
     for index in range(closures.shape[0]):
         row_of = closures[index]
@@ -62,12 +61,21 @@ def factor(model: Model, q: Array, data: Data) -> int:
             continue
         residual_of(kind, poses, a, b, first, residual)
         wrenches_of(kind, poses, a, b, first, pairs)
-    worst, drift = 0.0, 0.0
-    for i in range(m):
+    worst = 0.0
+    for i in range(model.m):
         worst = max(worst, abs(residual[i]))
+    data.tail[ERROR] = worst
+
+
+@inner
+def factorise(model: Model, data: Data) -> int:
+    """Fill the rest of ``data`` where :func:`locate` was; see :func:`factor_closures`."""
+    residual, lengths, tail = data.residual, model.lengths, data.tail
+    drift = 0.0
+    for i in range(model.m):
         drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
-    tail[ERROR], tail[RANK], tail[LEAST], tail[RESOLVED_RANK] = worst, 0.0, 1.0, 0.0
+    tail[RANK], tail[LEAST], tail[RESOLVED_RANK] = 0.0, 1.0, 0.0
     tail[POTENTIAL] = math.inf
     rank = NOT_DECIDED
     if model.path == SPARSE:
@@ -83,6 +91,13 @@ def factor(model: Model, q: Array, data: Data) -> int:
         return SINGULAR - bad
     tail[RANK] = max(rank, 0)
     return rank
+
+
+@inner
+def factor(model: Model, q: Array, data: Data) -> int:
+    """Fill ``data`` at a configuration; see :func:`factor_closures`."""
+    locate(model, q, data)
+    return factorise(model, data)
 
 
 @kernel("int64(int64[::1], float64[::1], float64[::1], float64[::1])")

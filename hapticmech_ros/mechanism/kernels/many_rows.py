@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Factorisation of many closure rows, as loops inside kernels: a rank-revealing QR, not an SVD.
+"""Factorisation of closure rows, as loops inside kernels: a rank-revealing QR, not an SVD.
 
 One-sided Jacobi turns every pair of rows several times: m² n each. Here A P = Q R by Householder
 reflections with column pivoting takes 2 m² n once, and where rows depend on each other a second QR,
@@ -15,12 +15,12 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local_whole, shaped
+from hapticmech_ros.mechanism.kernels.small_matrices import EPSILON
 
-# QR takes less time from some eight rows on. Up to this many the SVD is worth its time: what it
-# drops at a tolerance is the least that can be dropped.
-FEW_ROWS = 16
-# From so many on the SVD is that of R.
+# QR takes less time from so many rows on; and an SVD is then that of R.
 SOME_ROWS = 4
+# Up to this many an SVD is worth its time wherever a σ is small, not only where one may be cut.
+FEW_ROWS = 16
 
 
 @inner
@@ -193,3 +193,101 @@ def pseudo_inverse_transposed(
         pivot = turned[i, i]
         for j in range(count):
             found[i, j] /= pivot
+
+
+@inner
+def cut(
+    upper: Array,
+    resolved: int,
+    kept: int,
+    reflectors: Array,
+    workspace: Array,
+    sums: Array,
+    sigmas: Array,
+    directions: Array,
+    found: Array,
+) -> bool:
+    """Factorise A without its smallest singular values, those of R's rows after the first ones.
+
+    With R = [R₁; R₂], R₂ small, the rows of R₁ span the right singular vectors that are kept to the
+    square of |R₂| over the smallest σ kept. Each step of a simultaneous iteration with RᵀR takes
+    the error down by that factor (Golub and Van Loan, Matrix Computations, 8.2.4), until it is
+    rounding. With Z, an orthonormal basis of them, A P Z is made triangular once more.
+
+    Args:
+        upper: R (n, m), of A P = Q R.
+        resolved: its rows.
+        kept: how many of them R₁ has.
+        reflectors: of Q.
+        workspace: (3, resolved m or more) to work in.
+        sums: (2, max(m, n) or more) to work in.
+        sigmas: to fill with the diagonal of the second R.
+        directions: (n, kept or more) to fill with an orthonormal basis of A P Z.
+        found: (kept or more, m) to fill with (A P Z Zᵀ)⁺ᵀ in that basis.
+
+    Returns:
+        Whether all directions kept are resolved.
+    """
+    size, count = upper.shape
+    order, here, there = local_whole(kept), 0, 2
+    turned, space = shaped(workspace[0], (count, kept)), shaped(workspace[2], (count, kept))
+    for i in range(kept):
+        for j in range(count):
+            turned[j, i] = upper[i, j] if j >= i else 0.0
+    _span(turned, shaped(workspace[1], (kept, count)), order, sums, space)
+    product = shaped(workspace[0], (resolved, kept))
+    _times(upper, space, product)
+    share = upper[kept, kept] / upper[kept - 1, kept - 1]
+    factor = error = share * share
+    while error > EPSILON:
+        turned = shaped(workspace[there], (count, kept))
+        for j in range(count):
+            for k in range(kept):
+                turned[j, k] = 0.0
+            for i in range(min(j + 1, resolved)):
+                for k in range(kept):
+                    turned[j, k] += upper[i, j] * product[i, k]
+        space, product = shaped(workspace[here], (count, kept)), shaped(turned, (resolved, kept))
+        _span(turned, shaped(workspace[1], (kept, count)), order, sums, space)
+        _times(upper, space, product)
+        here, there, error = there, here, error * factor
+    mirrors = shaped(workspace[1], (kept, resolved))
+    if triangularise(product, kept, EPSILON, order, mirrors, sums) < kept:
+        return False
+    first_directions(mirrors, kept, resolved, sums[0], directions[:resolved])
+    for i in range(resolved, size):
+        for k in range(kept):
+            directions[i, k] = 0.0
+    for r in range(resolved - 1, -1, -1):
+        mirror(directions, r, 0, kept, reflectors[r], sums[0])
+    inverse = shaped(workspace[1], (kept, kept))
+    inverse_transposed(product, kept, inverse)
+    for i in range(kept):
+        sigmas[i] = abs(product[i, i])
+        for j in range(count):
+            total = 0.0
+            for k in range(i + 1):
+                total += inverse[i, k] * space[j, order[k]]
+            found[i, j] = total
+    return True
+
+
+@inner
+def _span(columns: Array, mirrors: Array, order: Array, sums: Array, space: Array) -> None:
+    """Fill ``space`` with an orthonormal basis of what the columns span; they are used up."""
+    count, rank = columns.shape
+    triangularise(columns, rank, -1.0, order, mirrors, sums)
+    first_directions(mirrors, rank, count, sums[0], space)
+
+
+@inner
+def _times(upper: Array, space: Array, product: Array) -> None:
+    """Fill ``product`` with so many rows of R times ``space``."""
+    count, rank = space.shape
+    for i in range(product.shape[0]):
+        for k in range(rank):
+            product[i, k] = 0.0
+        for j in range(i, count):
+            share = upper[i, j]
+            for k in range(rank):
+                product[i, k] += share * space[j, k]

@@ -87,7 +87,7 @@ def _advance(
 
     It is not done where a stage is nearer than ``limit`` (relative σ) to a singular position.
     """
-    result = model.result
+    result, data = model.result, start
     start_step(parts)
     for stage in range(stages):
         if not np.isfinite(dot(parts.v, parts.v)):
@@ -111,7 +111,7 @@ def _advance(
             aim_by_all(model, parts, spring_work, stage, result)
         else:
             aim(model, parts, weight, parts.scheme[stage, 1], result)
-    return settle(model, end, parts)
+    return settle(model, data, end, parts)
 
 
 @inner

@@ -1,6 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`."""
+"""The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`.
+
+Newton's method finds q on the closures. Its first iterations take the factors of the step's last
+stage (a simplified Newton method), so that the closures are factorised once, where q has arrived.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
 from hapticmech_ros.mechanism.kernels.data import Data
-from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factor
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
 from hapticmech_ros.mechanism.kernels.model import Model
@@ -25,6 +29,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     LAST_ERROR,
     LEAST,
     PROJECTED,
+    RANK,
     ROUNDED,
     WENT,
 )
@@ -34,6 +39,9 @@ from hapticmech_ros.mechanism.tolerances import (
     NEAR_SINGULAR,
     PROJECTION_ITERATIONS,
     PROJECTION_TOLERANCE,
+    SHRINKS,
+    SIMPLIFIED,
+    SINGULAR,
 )
 
 # How a state ends: on the closures; with a loop that came apart; on the closures, but after a jump,
@@ -71,10 +79,20 @@ def _is_flipped(model: Model, data: Data) -> bool:
 
 
 @inner
-def settle(model: Model, data: Data, parts: Work) -> int:
+def _serves(model: Model, stage: Data) -> bool:
+    """Return whether a stage's factors may bring q onto the closures: not near a singularity."""
+    rank, sigma = int(stage.tail[RANK]), stage.sigma
+    if sigma.size == 0 or rank == 0:
+        return bool(model.m > 0 and stage.tail[LEAST] > SINGULAR)
+    return bool(sigma[rank - 1] > SINGULAR * sigma[0])
+
+
+@inner
+def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
     """Bring q and v onto the closures; with Baumgarte's pull, only see where they are.
 
-    ``data`` is left with the terms there. After a step, ``parts.theta`` is what it changed.
+    ``stage`` holds the terms of the step's last stage. ``data`` is left with those where q is now.
+    After a step, ``parts.theta`` is what it changed.
 
     Returns:
         SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor_closures``, and
@@ -83,32 +101,39 @@ def settle(model: Model, data: Data, parts: Work) -> int:
     settings, account, q, theta = parts.settings, parts.account, parts.q, parts.theta
     if not np.isfinite(dot(q, q) + dot(parts.v, parts.v)):
         return NOT_FINITE
-    worst = np.inf
-    for _ in range(PROJECTION_ITERATIONS):
-        rank = factor(model, q, data)
-        if rank < 0:
-            return rank
-        if model.m == 0:
-            return SETTLED
+    pulled, worst, before = settings[BAUMGARTE_RATE] > 0.0, np.inf, np.inf
+    simplified = SIMPLIFIED if not pulled and _serves(model, stage) else 0
+    for iteration in range(PROJECTION_ITERATIONS):
+        locate(model, q, data)
         worst, before = data.tail[ERROR], account[LAST_ERROR]
-        if settings[BAUMGARTE_RATE] > 0.0:
-            break
-        rounding = worst <= settings[ROUNDED] and worst > 0.5 * before
-        if worst <= settings[CLOSED] * _share_of_tolerance(data.tail[LEAST]) or rounding:
-            worst = 0.0
-            break
+        if iteration < simplified and not (worst > settings[CLOSED] and worst < SHRINKS * before):
+            simplified = iteration
+        rounding = iteration > simplified and worst <= settings[ROUNDED] and worst > 0.5 * before
+        terms = stage
+        if iteration >= simplified:
+            rank = factorise(model, data)
+            if rank < 0:
+                return rank
+            if model.m == 0:
+                return SETTLED
+            if pulled:
+                break
+            if worst <= settings[CLOSED] * _share_of_tolerance(data.tail[LEAST]) or rounding:
+                worst = 0.0
+                break
+            terms = data
         if before == np.inf and worst > settings[FAR]:
-            account[WENT] = _size(model, data, theta)
+            account[WENT] = _size(model, terms, theta)
         account[LAST_ERROR] = worst
-        correction_of(model, data, data.residual, theta)
+        correction_of(model, terms, data.residual, theta)
         if account[WENT] < np.inf:
-            account[PROJECTED] += _size(model, data, theta)
+            account[PROJECTED] += _size(model, terms, theta)
         for c in range(theta.size):
             theta[c] = -theta[c]
         move(model, q, theta, q)
     if not worst <= settings[APART]:
         return OPEN
-    if settings[BAUMGARTE_RATE] == 0.0:
+    if not pulled:
         close_rates(model, data, parts.v)
         if account[PROJECTED] > JUMP * account[WENT]:
             return JUMPED

@@ -11,6 +11,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.energy_balance import Balance
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.motion import (
@@ -24,20 +25,31 @@ from hapticmech_ros.mechanism.motion import (
     not_finite,
     plan_of,
 )
-from hapticmech_ros.mechanism.projection import Projected, came_apart, project, refuse_flipped
+from hapticmech_ros.mechanism.projection import (
+    Projected,
+    came_apart,
+    project,
+    refuse_flipped,
+    refuse_jump,
+)
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
     ENERGY_ROUNDING,
     NEAR,
     PASSING,
+    PROJECTION_FAILURE,
+    PROJECTION_TOLERANCE,
+    SHRINKS,
+    SIMPLIFIED,
+    SINGULAR,
     UNFELT,
 )
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.simulation.latching import Latches
-from oracles.mechanism.integrators import INTEGRATORS, Springs
-from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.mechanism.integrators import INTEGRATORS, Advance, Springs
+from oracles.mechanism.mechanism import ReadableMechanism, ReadableSpace
 
 
 class ReadableMotion(HeldMotion):
@@ -46,9 +58,11 @@ class ReadableMotion(HeldMotion):
     Attributes:
         least: smallest σ kept over the largest one, of all stages but the first; 0 if a stage kept
             fewer than the first one.
+        last: factors of the last stage.
     """
 
     least = 1.0
+    last: ReadableSpace | None = None
 
     def resistance(self, q: Array, v: Array, period: float, reach: float) -> Springs | None:
         """Return springs and dampers at the step's start, or None where there is none."""
@@ -59,6 +73,7 @@ class ReadableMotion(HeldMotion):
 
     def _evaluate(self, q: Array, v: Array) -> Evaluation:
         terms = super()._evaluate(q, v)
+        self.last = terms.space
         if q is not self._start.q or v is not self._start.v:
             fewer = self._first is not None and terms.space.rank < self._first.space.rank
             self.least = min(self.least, 0.0 if fewer else terms.space.least_kept)
@@ -123,7 +138,7 @@ class ReadableStepper(Stepper):
             ReadableMotion(self._mechanism, start, external, self._plan.baumgarte_rate), start
         )
 
-    def _follow(self, motion: HeldMotion, start: Start) -> Stepped:
+    def _follow(self, motion: ReadableMotion, start: Start) -> Stepped:
         mechanism, step = self._mechanism, self.step
         integrate = INTEGRATORS[self._plan.integrator]
         moved = integrate(mechanism.model, motion, start.q, start.v, step)
@@ -135,9 +150,26 @@ class ReadableStepper(Stepper):
                 raise came_apart(closing.error, mechanism.names_of(start.active))
             ended = Projected(moved.q, moved.v, closing.error, closing)
         else:
-            ended = project(mechanism, moved.q, moved.v, start.active, moved.change)
+            ended = self.settled(moved, start.active, motion.last)
         refuse_flipped(mechanism, ended.q, ended.error, start.active)
         return Stepped(*ended, moved.work_in, moved.energy_lost)
+
+    def settled(self, moved: Advance, active: Active, stage: ReadableSpace) -> Projected:
+        """Bring a step's end onto the closures, first by factors of its last stage."""
+        mechanism, q, before = self._mechanism, moved.q, np.inf
+        stepped, corrected = np.inf, 0.0
+        for _ in range(SIMPLIFIED if stage.rank and stage.least_kept > SINGULAR else 0):
+            closing = mechanism.closing_terms(q, active)
+            if not PROJECTION_TOLERANCE * mechanism.length < closing.error < SHRINKS * before:
+                break
+            if before == np.inf and closing.error > PROJECTION_FAILURE * mechanism.length:
+                stepped = stage.size(moved.change)
+            correction = stage.correction(closing.residual)
+            corrected += stage.size(correction)
+            q, before = mechanism.integrate(q, -correction), closing.error
+        settled = project(mechanism, q, moved.v, active, moved.change if before == np.inf else None)
+        refuse_jump(mechanism, stepped, corrected, active)
+        return settled
 
 
 class ReadableSimulator(Simulator):
