@@ -115,6 +115,8 @@ setup(
             "iceoryx2>=0.10",
             "mujoco>=4",
         ],
+        # One more of them, of 220 MB with what it brings.
+        "drake": ["drake>=1.51"],
         # Processes of a cluster, for `--cluster`, which asks for the same version.
         "cluster": CLUSTER,
         # What the driver of a Haply Inverse3 speaks to its service with, and the emulator.

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from benchmarks.goals import Verdict
 from benchmarks.machine import MachineResults, machine
 from benchmarks.speed.contender import Peer
+from benchmarks.speed.drake_peer import DrakePeer
 from benchmarks.speed.equality import Check, check_all
 from benchmarks.speed.exudyn_peer import ExudynPeer
 from benchmarks.speed.fronts import Ratio, ratios
@@ -35,8 +36,8 @@ from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
 
-DISTRIBUTIONS = ("mujoco", "pin", "exudyn", "numpy", "numba")
-PEERS = ("mujoco", "pinocchio", "exudyn")
+DISTRIBUTIONS = ("mujoco", "pin", "exudyn", "drake", "numpy", "numba")
+PEERS = ("mujoco", "pinocchio", "exudyn", "drake")
 MOST_REPEATS = 1000
 
 
@@ -99,7 +100,7 @@ def plan(
 
 
 def _peers() -> tuple[Peer, ...]:
-    return MujocoPeer(), PinocchioPeer(), ExudynPeer()
+    return MujocoPeer(), PinocchioPeer(), ExudynPeer(), DrakePeer()
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,9 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
 
 def speed(
     scenes: Annotated[str, typer.Option(help="by name; all if not given")] = "",
-    peers: Annotated[str, typer.Option(help="of mujoco, pinocchio, exudyn; all if not given")] = "",
+    peers: Annotated[
+        str, typer.Option(help="of mujoco, pinocchio, exudyn, drake; all if not given")
+    ] = "",
     integrators: Annotated[
         str,
         typer.Option(help="of ours, each with steps in units of a scene if wished: rk4:10:5:2,rk2"),

@@ -116,12 +116,20 @@ def initial_state(scene: Scene) -> State:
     return State(state.q, state.v)
 
 
-def refuse_what_no_peer_has(scene: Scene, peer: str) -> None:
+def refuse_what_no_peer_has(scene: Scene, peer: str, gears: bool = False) -> None:
     """Check that a scene holds only what simulators agree on.
 
+    Args:
+        scene: to check.
+        peer: its name.
+        gears: whether the peer couples joints.
+
     Raises:
-        UnsuitableError: regularised friction or stops of Hunt and Crossley's kind.
+        UnsuitableError: regularised friction, stops of Hunt and Crossley's kind, or gears for a
+            peer that does not couple joints.
     """
+    if scene.couplings and not gears:
+        raise UnsuitableError(peer, scene.name, f"gear {scene.couplings[0].name}")
     for link in scene.links:
         if link.joint.friction:
             raise UnsuitableError(peer, scene.name, f"friction in {link.joint.name}")

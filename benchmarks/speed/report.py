@@ -43,8 +43,9 @@ LOOKS = {
     "mujoco": (VERMILION, "s"),
     "pinocchio": (GREEN, "D"),
     "exudyn": (PURPLE, "^"),
+    "drake": (ORANGE, "v"),
 }
-OTHER = (ORANGE, "v")
+OTHER = (GREY, "x")
 CAPTION = (
     "Largest error against the reference over the CPU time of a simulated second, both "
     "logarithmic: down and to the left is better. A line joins a peer's best runs, over all its "
