@@ -44,8 +44,8 @@ def refuse(scene: Scene, loops: Loops) -> None:
         loops: what holds closures: constraints, in discrete steps only; bushings; or nothing.
 
     Raises:
-        UnsuitableError: friction, stops, planar joints, rotors, a spring in a ball joint or without
-            length; closures or gears that are not held so; no closure to be held by bushings.
+        UnsuitableError: friction, stops, planar joints, rotors, springs without length; closures or
+            gears that are not held so; no closure to be held by bushings.
     """
 
     def refused(reason: str) -> UnsuitableError:
@@ -57,8 +57,6 @@ def refuse(scene: Scene, loops: Loops) -> None:
             raise refused(f"a {joint.type} joint")
         if joint.armature:
             raise refused(f"rotor of {joint.name}")
-        if joint.stiffness and joint.type not in SIMPLE:
-            raise refused(f"spring of {joint.name}")
     for spring in scene.springs:
         if not spring.rest_length:
             raise refused(f"spring {spring.name}: it must have a length")

@@ -15,8 +15,9 @@ import pinocchio as pin
 import pytest
 
 from benchmarks.accuracy import cases
+from benchmarks.accuracy.cases import Output
 from benchmarks.children import finding_benchmarks
-from benchmarks.speed import exudyn_peer, mujoco_peer, reference
+from benchmarks.speed import drake_peer, exudyn_peer, mujoco_peer, reference
 from benchmarks.speed.benchmark import plan
 from benchmarks.speed.contender import (
     Method,
@@ -25,7 +26,9 @@ from benchmarks.speed.contender import (
     initial_state,
     refuse_what_no_peer_has,
 )
-from benchmarks.speed.equality import Check, check
+from benchmarks.speed.drake_model import refuse
+from benchmarks.speed.drake_peer import RK2, RK3, RK5, SAP, DrakePeer
+from benchmarks.speed.equality import Check, bound_of, check
 from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import LOOPS, PinocchioDynamics, PinocchioPeer
@@ -34,15 +37,18 @@ from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
 from benchmarks.speed.result import numbers_of, run_once
 from benchmarks.speed.scaling import chain
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.mechanism.stepping import ReadableSimulator
 
 PROBLEMS = {problem.name: problem for problem in problems()}
 # Of large ones a second takes too long for a test; the same generator makes the small ones.
 SMALL = [name for name, problem in PROBLEMS.items() if not problem.large]
-# Where Exudyn is installed it is checked as well.
+# Where Exudyn and Drake are installed they are checked as well.
 PEERS = [peer for peer in (OwnPeer(), *plan().peers[1:]) if not peer.missing()]
+# What Drake does too badly to be timed, of what it can do: its discrete solver errs more with
+# smaller steps where singular positions are passed, and bushings are soft at this step.
+TOO_BAD = {("n_four_bar_2", SAP), ("n_four_bar_10", SAP), ("andrews", RK2)}
 
 
 def of(problem: Problem, peer: Peer, method: str) -> Check:
@@ -64,6 +70,14 @@ def test_all_simulators_compute_the_same_motion(peer: Peer, name: str) -> None:
     if lcaba is not None:
         loops = any(closure.active for closure in PROBLEMS[name].scene.closures)
         assert lcaba.passed == (loops and name != "spatial_four_bar"), lcaba.reason
+    if peer.name == "drake":
+        wrong = {one.method for one in found.values() if one.suitable and not one.passed}
+        assert wrong == {method for scene, method in TOO_BAD if scene == name}
+        # Constraints everywhere; integrators with bushings, or without loops.
+        closed = any(closure.active for closure in PROBLEMS[name].scene.closures)
+        suited = {SAP, RK2, RK3} if closed else {SAP, RK5}
+        assert {one.method for one in found.values() if one.suitable} == suited
+        return
     # Of Exudyn's two forms of a mechanism one is enough: it does not do all in both.
     assert peer.name == "exudyn" or all(one.passed for one in found.values())
 
@@ -152,18 +166,19 @@ def test_a_platform_in_the_middle_hangs_in_its_springs() -> None:
 
 
 def test_a_peer_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (mujoco_peer, exudyn_peer):
+    for module in (mujoco_peer, exudyn_peer, drake_peer):
         monkeypatch.setattr(module, "find_spec", lambda name: None)
     found = plan(["pendulum"])
     assert [peer.name for peer in found.peers] == ["hapticmech", "pinocchio"]
-    assert set(found.absent) == {"mujoco", "exudyn"}
-    for reason in found.absent.values():
-        assert "pip install '.[bench]'" in reason
+    extras = {"mujoco": "bench", "exudyn": "bench", "drake": "drake"}
+    assert set(found.absent) == set(extras)
+    for peer, reason in found.absent.items():
+        assert f"pip install '.[{extras[peer]}]'" in reason
 
 
 def test_peers_are_imported_when_they_race() -> None:
     program = "import sys, benchmarks.__main__ as main; main.app_of(); "
-    program += "print(sorted({'mujoco', 'exudyn'} & set(sys.modules)))"
+    program += "print(sorted({'mujoco', 'exudyn', 'pydrake'} & set(sys.modules)))"
     done = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
@@ -192,6 +207,77 @@ def test_what_simulators_do_not_agree_on_is_refused() -> None:
     }
     with pytest.raises(UnsuitableError, match="stops of hinge0"):
         MujocoScene(scene_from_document(document))
+
+
+# What has loops of kinds that no problem has, and which peers take it.
+TIED = {
+    "rod": {"drake"},
+    "weld": {"mujoco", "pinocchio", "exudyn", "drake"},
+    "gear": {"drake"},
+}
+
+
+def tied(kind: str) -> Scene:
+    """Return a chain of two rods that are geared to each other, or whose end holds a third one."""
+    document = document_of(chain(2)) | {"task_space": "spatial"}
+    if kind == "gear":
+        gear = {"name": "gear", "joint": "hinge1", "leader": "hinge0", "ratio": -2.0}
+        document["couplings"] = [gear]
+        return scene_from_document(document)
+    third = document["links"][0] | {"name": "third", "joint": {"name": "loose", "type": "free"}}
+    document["links"].append(third)
+    end = {"link": "rod1", "origin": {"xyz": [1.0, 0.0, 0.0]}}
+    tie = {"name": "tie", "kind": kind, "a": end, "b": {"link": "third"}}
+    document["closures"] = [tie | ({"length": 0.5} if kind == "rod" else {})]
+    document["initial_state"]["q"]["loose"] = [2.5, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]
+    return scene_from_document(document)
+
+
+@pytest.mark.parametrize("kind", TIED)
+def test_loops_of_other_kinds_are_done_right_or_refused(kind: str) -> None:
+    scene, tip = tied(kind), Output("point", "tip", (0, 1), (0.1,), (), 0.0)
+    start, step = initial_state(scene), 1e-4
+
+    def end(peer: Peer, method: Method) -> np.ndarray:
+        contender = peer.contender(scene, start, method, step, method.settings_for(scene)[0])
+        contender.advance(round(tip.times[0] / step))
+        return np.array(contender.read((tip,))[0])
+
+    ours, did = end(OwnPeer(), Method("rk4", 4)), set()
+    for peer in PEERS[1:]:
+        for method in peer.methods:
+            try:
+                theirs = end(peer, method)
+            except UnsuitableError:
+                continue
+            assert np.abs(theirs - ours).max() < bound_of(peer.name, Method("", 2)), method.name
+            did.add(peer.name)
+    assert did == TIED[kind] & {peer.name for peer in PEERS}
+
+
+@pytest.mark.parametrize(
+    ("joint", "reason"),
+    [
+        ({"type": "planar"}, "a planar joint"),
+        ({"armature": 0.1}, "rotor of hinge0"),
+    ],
+)
+def test_joints_that_drake_has_not_are_refused(joint: dict[str, object], reason: str) -> None:
+    document = document_of(chain(1))
+    document["links"][0]["joint"] |= joint
+    document["initial_state"] = {}
+    scene = scene_from_document(document)
+    for method in DrakePeer().methods:
+        with pytest.raises(UnsuitableError, match=reason):
+            DrakePeer().contender(scene, initial_state(scene), method, 1e-3, {})
+
+
+def test_springs_that_drake_has_not_are_refused() -> None:
+    document = document_of(PROBLEMS["andrews"].scene)
+    document["springs"][0]["rest_length"] = 0.0
+    slack = scene_from_document(document)
+    with pytest.raises(UnsuitableError, match="it must have a length"):
+        refuse(slack, "constraints")
 
 
 def test_a_motion_that_is_lost_is_a_line_not_a_crash() -> None:
