@@ -42,8 +42,8 @@ class DrakePeer:
     """Drake by ``Simulator.AdvanceTo``, many steps in a call.
 
     Constraints hold closures in discrete steps alone, whose error is of order 1. Bushings hold them
-    for its integrators; the stiffest that a step allows leave an error of order 2 by any rule. Its
-    other rules are left out, and its control of the error: in the same time none gets closer.
+    for its integrators; the stiffest that a step allows leave an error of order 2. Other rules and
+    control of the error are left out: those tried were no closer in the same time, or hardly.
     """
 
     name = NAME

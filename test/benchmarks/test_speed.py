@@ -47,7 +47,7 @@ SMALL = [name for name, problem in PROBLEMS.items() if not problem.large]
 # Where Exudyn and Drake are installed they are checked as well.
 PEERS = [peer for peer in (OwnPeer(), *plan().peers[1:]) if not peer.missing()]
 # What Drake does too badly to be timed, of what it can do: its discrete solver errs more with
-# smaller steps where singular positions are passed, and bushings are soft at this step.
+# smaller steps in A02, and bushings are soft at this step.
 TOO_BAD = {("n_four_bar_2", SAP), ("n_four_bar_10", SAP), ("andrews", RK2)}
 
 
