@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.mechanism import Mechanism
     from hapticmech_ros.operational import OperationalAnalysis, analyse
     from hapticmech_ros.scene import Scene
-    from hapticmech_ros.session import Run, Sample, Session
+    from hapticmech_ros.session import Run, Sample, Session, SharedSession
     from hapticmech_ros.simulation import MechanismState, Simulator
 
 _HOMES = {
@@ -43,6 +43,7 @@ _HOMES = {
     "Scene": "scene",
     "SceneError": "errors",
     "Session": "session",
+    "SharedSession": "session",
     "SimulatedDevice": "device",
     "Simulator": "simulation",
     "analyse": "operational",
@@ -66,6 +67,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Session",
+    "SharedSession",
     "SimulatedDevice",
     "Simulator",
     "analyse",

@@ -15,6 +15,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from hapticmech_ros.loading import load_scene
+
 PACKAGE = "hapticmech_ros"
 NODES = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 ARGUMENTS = (
@@ -23,7 +25,12 @@ ARGUMENTS = (
     ("control_rate", "0.0", "samples per second, Hz; 0.0: the scene's own"),
     ("network_delay", "0.0", "one way between device and controller, designed for, s"),
     ("operational_point", "", "where the user holds; empty: the scene's first point"),
-    ("hold", "", "several points, separated by commas: a device each, in its namespace"),
+    (
+        "hold",
+        "",
+        "several points, separated by commas: a device each, in its namespace; empty: those of the "
+        "scene's hands",
+    ),
     ("namespace", "", "put nodes and topics under this name"),
     ("composed", "false", "all four nodes in one process"),
     ("params_file", "", "ROS parameter file for all nodes; empty: none"),
@@ -133,6 +140,8 @@ def start(context):
         share = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "rviz"])
         layout = PathJoinSubstitution([share, "hapticmech.rviz"])
         started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", layout]))
+    if not (given["hold"] or given["operational_point"]):
+        given["hold"] = ",".join(entry.point for entry in load_scene(given["scene"]).hands)
     # The executable `composed` has the simulated device in it.
     another = driver_of(given) != NODES[0] and is_on(given, "composed")
     if "," in given["hold"] or is_on(given, "lockstep") or another:

@@ -44,7 +44,10 @@ def run(
     namespace: NamespaceOption = "",
     hold: Annotated[
         list[str] | None,
-        typer.Option(help="operational point to hold; several: a device each, in its namespace"),
+        typer.Option(
+            help="operational point to hold; several: a device each, in its namespace",
+            show_default="those of the scene's hands, or its first one",
+        ),
     ] = None,
     control_rate: Annotated[
         float, typer.Option(min=0.0, max=10000.0, help="Hz; 0: the scene's own")
@@ -101,7 +104,8 @@ def run(
     choose_discovery(os.environ, discovery)
     delay = seconds_of("--network-delay", network_delay) if network_delay else 0.0
     loaded = load_scene(scene, control_rate, delay)
-    held = tuple(loaded.operational_point(name).name for name in hold or ())
+    named = hold or (loaded.held_points if loaded.hands else ())
+    held = tuple(loaded.operational_point(name).name for name in named)
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
     if len(held) > 1 and device != "simulated" and params_file is None:

@@ -104,10 +104,19 @@ def _over_network(document: object, network_delay: float) -> object:
     """Return the document with another expected delay (s, one way), unless that is 0."""
     if network_delay == 0.0 or not isinstance(document, Mapping):
         return document
-    connection = document.get("connection", {})
-    if not isinstance(connection, Mapping):
-        return document
-    return {**document, "connection": {**connection, "expected": network_delay}}
+    found = {**document, "connection": _expecting(document.get("connection", {}), network_delay)}
+    if isinstance(hands := document.get("hands"), list | tuple):
+        found["hands"] = [
+            {**entry, "connection": _expecting(entry["connection"], network_delay)}
+            if isinstance(entry, Mapping) and "connection" in entry
+            else entry
+            for entry in hands
+        ]
+    return found
+
+
+def _expecting(connection: object, delay: float) -> object:
+    return {**connection, "expected": delay} if isinstance(connection, Mapping) else connection
 
 
 def find_scene(scene: str | os.PathLike[str]) -> Path:

@@ -70,11 +70,12 @@ class Actor(Generic[P]):
         self.failures = Failures(node, self.reseat)
         # Time that no stamp can hold is refused where it is first asked for.
         seconds_of(node.now_ns())
-        self.scene: Scene = load_scene(
-            parameters.scene, parameters.control_rate, parameters.network_delay
-        )
+        scene = load_scene(parameters.scene, parameters.control_rate, parameters.network_delay)
+        self.point = scene.operational_point(
+            parameters.operational_point or scene.held_points[0]
+        ).name
+        self.scene: Scene = scene.held_at(self.point)
         check_limits(self.scene)
-        self.point = self.scene.operational_point(parameters.operational_point).name
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
         self.output_qos: QoSProfile = LOCKSTEP if self.lockstep else STREAM_PUBLISHER

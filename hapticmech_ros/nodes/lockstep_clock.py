@@ -174,7 +174,7 @@ def main(arguments: Sequence[str]) -> int:
     writer: BagWriter | None = None
     try:
         scene = load_scene(options.scene, options.control_rate)
-        points = [_held(text) for text in options.hold] or [("", scene.operational_point().name)]
+        points = [_held(text) for text in options.hold] or [("", scene.held_points[0])]
         feed = None
         if options.feed_from is not None:
             feed = feed_from_bag(options.feed_from, scene, options.feed)

@@ -30,6 +30,7 @@ from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
+from hapticmech_ros.operational.coupling import by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
@@ -76,7 +77,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._calm = np.zeros((len(names), 6))
         self._calm.flags.writeable = False
         self._external = self._calm
-        self._contact_wrenches = ContactWrenches(self._mechanism) if self.scene.contacts else None
+        acted_on = bool(self.scene.contacts) or len(names) > 1
+        self._contact_wrenches = ContactWrenches(self._mechanism) if acted_on else None
+        # By the controllers, in the period that begins.
+        self._told = self._calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         self._held = [self._mechanism.point_index(name.strip()) for name in held]
         self._on_links: dict[str, Array] = {}
@@ -141,6 +145,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._commands = np.zeros_like(self._commands)
         self._external = self._calm
         self._on_links = {}
+        self._told = self._calm
         self._inaccurate_ns = NEVER
         self._operating.publish(active=True)
 
@@ -164,8 +169,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.awaited.has(deadline_ns) for port in self._ports
         ):
             return False
-        answered = self.answered_ns(deadline_ns)
-        return self._ticks < 2 or all(self._ports[i].commands.has(answered) for i in self._held)
+        # Of several hands each feels what the others were told last.
+        first = self.answered_ns(deadline_ns) if self._ticks > 1 else deadline_ns
+        last = deadline_ns - self.period_ns if len(self._held) > 1 and self._ticks else first
+        needed = {time for time in (first, last) if time < deadline_ns}
+        return all(self._ports[i].commands.has(time) for i in self._held for time in needed)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Step the mechanism under the wrenches that stand, and publish its state."""
@@ -180,7 +188,20 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
                 for port in self._ports:
                     port.command.sampled()
         self._external = self._pushing(deadline_ns)
+        self._told = self._to_act(deadline_ns)
         self._publish(deadline_ns)
+
+    def _to_act(self, deadline_ns: int) -> Array:
+        """Return the wrenches (points, 6) by the controllers that are to act next."""
+        if len(self._ports) == 1:
+            return self._calm
+        wrenches, answered = np.zeros_like(self._calm), deadline_ns - self.period_ns
+        for index, port in enumerate(self._ports):
+            if not self.lockstep:
+                wrenches[index] = port.command.at(deadline_ns)
+            elif index in self._held and port.commands.has(answered):
+                wrenches[index] = port.commands.values[answered]
+        return wrenches
 
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
@@ -208,12 +229,16 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return self.backlog.owed * self.period_ns > nanoseconds(self.parameters.command_timeout)
 
     def _by_all(self) -> Array:
-        """Return F_c (points, 6): what pushes at operational points, and virtual objects' part."""
+        """Return F_c (points, 6): of what pushes there, of virtual objects, and of other hands."""
         touching = self._state.touching
-        if self._contact_wrenches is None or touching is None or not touching.joint_force.any():
+        touched = touching is not None and bool(touching.joint_force.any())
+        if self._contact_wrenches is None or not (touched or self._told.any()):
             return self._external
         terms = self._simulator.evaluate(self._state)
-        return np.asarray(self._external + self._contact_wrenches.at(terms, touching.joint_force))
+        forces = by_others(terms, self._told)
+        if touching is not None:
+            forces += touching.joint_force
+        return np.asarray(self._external + self._contact_wrenches.at(terms, forces))
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""

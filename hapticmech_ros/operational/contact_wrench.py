@@ -1,6 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""F_c of contacts at the operational points of a mechanism; see :mod:`.contact_wrench_kernels`."""
+"""F_c at the operational points of a mechanism, of what acts on it elsewhere.
+
+That is what its contacts do, and the other hands where there are several; see
+:mod:`.contact_wrench_kernels`.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,7 @@ def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) ->
 
 
 class ContactWrenches:
-    """What contacts do at all operational points of a mechanism.
+    """What acts elsewhere on a mechanism, as a wrench at each of its operational points.
 
     Args:
         mechanism: whose.
@@ -43,11 +47,16 @@ class ContactWrenches:
     def __init__(self, mechanism: Mechanism) -> None:
         self._analysers = [Analyser(mechanism, name) for name in mechanism.point_names]
 
-    def at(self, terms: Evaluation, joint_force: Array) -> Array:
+    def at(self, terms: Evaluation, joint_forces: Array) -> Array:
         """Return F_c (points, 6), on the mechanism, N and N m, world axes at each point.
 
         Args:
             terms: of the mechanism at a state.
-            joint_force: (nv,) Σ J_cᵀ λ, N m or N.
+            joint_forces: (points, nv), N m or N: what each point is to feel, such as the sum of
+                J_cᵀ λ of the contacts.
         """
-        return np.array([contact_wrench(one, terms, joint_force) for one in self._analysers])
+        found = np.zeros((len(self._analysers), 6))
+        for index, (analyser, force) in enumerate(zip(self._analysers, joint_forces, strict=True)):
+            if force.any():
+                found[index] = contact_wrench(analyser, terms, force)
+        return found

@@ -64,8 +64,9 @@ def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
     if _has(found, "initial_state") and _has(found["initial_state"], "q"):
         start = found["initial_state"]["q"]
         _replace(start, *(name for name in start if name in turning))
-    if _has(found, "device") and _has(found["device"], "workspace"):
-        _replace(found["device"]["workspace"], "angle")
+    for holder in (found, *_mappings(found.get("hands"))):
+        if _has(holder, "device") and _has(holder["device"], "workspace"):
+            _replace(holder["device"]["workspace"], "angle")
     return found
 
 

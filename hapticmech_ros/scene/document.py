@@ -9,7 +9,7 @@ Unknown keys, NaN, wrong sizes and wrong types are refused; nothing is converted
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -31,10 +31,32 @@ from hapticmech_ros.scene.mechanism import (
 from hapticmech_ros.scene.part import Name, Part, Vector3
 from hapticmech_ros.scene.rendering import Experiment, Perception
 
+S = TypeVar("S", bound="SceneDocument")
 TaskSpace = Literal["planar", "spatial"]
 Task = Literal["pose", "position"]
 # Rows of a six-vector, force first, that a planar scene has: x, y, and rotation about z.
 PLANAR = (0, 1, 5)
+
+
+class HeldPoint(Part):
+    """One of several hands on the mechanism: where it holds, and what it holds it with.
+
+    What is left out is the scene's own; gains that are left out follow from this device and this
+    connection by the rule.
+
+    Attributes:
+        point: operational point that it holds; each is held once.
+        hand: that holds the device.
+        device: that renders.
+        controller: gains.
+        connection: between device and controller.
+    """
+
+    point: Name
+    hand: Hand | None = None
+    device: Device | None = None
+    controller: Controller | None = None
+    connection: Connection | None = None
 
 
 class SceneDocument(Part):
@@ -67,6 +89,8 @@ class SceneDocument(Part):
         hand: that holds the device.
         controller: gains.
         connection: between device and controller.
+        hands: of several users on one mechanism, each with a device; empty: one, at the first
+            operational point.
         experiment: of ``hapticmech experiment`` and ``demo``.
         limits: of numbers in messages.
     """
@@ -91,6 +115,7 @@ class SceneDocument(Part):
     hand: Hand
     controller: Controller = Controller()
     connection: Connection = Connection()
+    hands: tuple[HeldPoint, ...] = ()
     experiment: Experiment = Experiment()
     limits: Limits = Limits()
 
@@ -104,12 +129,41 @@ class SceneDocument(Part):
         """Rows of the task space: ``moving_rows``, or those of position among them."""
         return tuple(row for row in self.moving_rows if self.task == "pose" or row < 3)
 
+    def held_by(self: S, entry: HeldPoint) -> S:
+        """Return the scene as it is for one of its ``hands``."""
+        own = {key: getattr(entry, key) for key in ("hand", "device", "controller", "connection")}
+        update = {key: value for key, value in own.items() if value is not None}
+        return self.model_copy(update={**update, "hands": ()})
+
     @model_validator(mode="after")
     def _gains_by_rule(self) -> SceneDocument:
         """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.gain_rule`."""
-        joint = self.controller.joint_constraint
-        found = by_rule(joint, self.device, self.connection, self.simulation.period)
-        if found is not joint:
-            controller = self.controller.model_copy(update={"joint_constraint": found})
-            object.__setattr__(self, "controller", controller)  # frozen for everybody else
+        period = self.simulation.period
+        hands = tuple(
+            entry.model_copy(update={"controller": _filled(self, entry)}) for entry in self.hands
+        )
+        controller = _with_rule(self.controller, self.device, self.connection, period)
+        # Frozen for everybody else.
+        object.__setattr__(self, "controller", controller)
+        object.__setattr__(self, "hands", hands)
         return self
+
+
+def _filled(scene: SceneDocument, entry: HeldPoint) -> Controller:
+    """Return an entry's gains, by the rule where they were not given."""
+    return _with_rule(
+        entry.controller or scene.controller,
+        entry.device or scene.device,
+        entry.connection or scene.connection,
+        scene.simulation.period,
+    )
+
+
+def _with_rule(
+    controller: Controller, device: Device, connection: Connection, period: float
+) -> Controller:
+    joint = controller.joint_constraint
+    found = by_rule(joint, device, connection, period)
+    return (
+        controller if found is joint else controller.model_copy(update={"joint_constraint": found})
+    )

@@ -34,6 +34,7 @@ VELOCITY_SIZE = {
 UNIT_PART = {"spherical": slice(0, 4), "free": slice(3, 7), "planar": slice(2, 4)}
 UNIT_TOLERANCE = 1e-6
 ALIGNMENT_TOLERANCE = 1e-9
+IN_PLANE = "a planar scene moves in the world's x-y plane: "
 
 
 def broken_rules(scene: SceneDocument) -> list[SceneProblem]:
@@ -49,6 +50,7 @@ def broken_rules(scene: SceneDocument) -> list[SceneProblem]:
         *_plane(scene),
         *_thresholds(scene),
         *broken_holding_rules(scene),
+        *_hands(scene),
         *broken_contact_rules(scene),
     ]
 
@@ -219,7 +221,7 @@ def _initial_state(scene: SceneDocument) -> Iterator[SceneProblem]:
 def _plane(scene: SceneDocument) -> Iterator[SceneProblem]:
     if not _is_planar(scene):
         return
-    rule = "a planar scene moves in the world's x-y plane: "
+    rule = IN_PLANE
     for index, link in enumerate(scene.links):
         joint = link.joint
         key = f"links[{index}].joint"
@@ -233,10 +235,36 @@ def _plane(scene: SceneDocument) -> Iterator[SceneProblem]:
             yield SceneProblem(f"{key}.origin.rpy", joint.origin.rpy, rule + "roll = pitch = 0")
     if scene.gravity[2] != 0.0:
         yield SceneProblem("gravity[2]", scene.gravity[2], rule + "gravity has no z part")
+    yield from _hand_in_plane(scene)
+
+
+def _hand_in_plane(scene: SceneDocument) -> Iterator[SceneProblem]:
     for key, linear, angular in hand_vectors(scene):
         if linear[2] != 0.0 or angular[0] != 0.0 or angular[1] != 0.0:
-            given = (*linear, *angular)
-            yield SceneProblem(key, given, rule + "the hand has x, y and turns about z only")
+            rule = f"{IN_PLANE}the hand has x, y and turns about z only"
+            yield SceneProblem(key, (*linear, *angular), rule)
+
+
+def _hands(scene: SceneDocument) -> Iterator[SceneProblem]:
+    """Yield what is wrong with each of several hands, by the rules of a scene's own."""
+    known, held = [point.name for point in scene.operational_points], set[str]()
+    for index, entry in enumerate(scene.hands):
+        key = f"hands[{index}]"
+        if entry.point not in known:
+            rule = f"must be an operational point, one of {known}{nearest(entry.point, known)}"
+            yield SceneProblem(f"{key}.point", entry.point, rule)
+        if entry.point in held:
+            yield SceneProblem(f"{key}.point", entry.point, "each point can be held once")
+        held.add(entry.point)
+        own = scene.held_by(entry)
+        problems = list(broken_holding_rules(own))
+        if _is_planar(scene):
+            problems += _hand_in_plane(own)
+        given = {name for name in ("hand", "device") if getattr(entry, name) is not None}
+        for problem in problems:
+            # What is wrong with the scene's own hand or device is told there.
+            if problem.key_path.partition(".")[0].partition("[")[0] in given:
+                yield SceneProblem(f"{key}.{problem.key_path}", problem.value, problem.rule)
 
 
 def _thresholds(scene: SceneDocument) -> Iterator[SceneProblem]:

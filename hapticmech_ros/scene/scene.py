@@ -59,6 +59,30 @@ class Scene(SceneDocument):
         simulation = self.simulation.model_copy(update=keys)
         return self.model_copy(update={"simulation": simulation})
 
+    @property
+    def held_points(self) -> tuple[str, ...]:
+        """Names of the operational points that are held: those of ``hands``, or the first one."""
+        held = tuple(entry.point for entry in self.hands)
+        return held or (self.operational_points[0].name,)
+
+    def held_at(self, point: str = "") -> Scene:
+        """Return the scene as it is for the user who holds one of its points.
+
+        ``device``, ``hand``, ``controller`` and ``connection`` are those of the point's entry among
+        ``hands``, and so are its rules; without such an entry they are the scene's own.
+
+        Args:
+            point: name of an operational point; the first one that is held if empty.
+
+        Raises:
+            InvalidInputError: no such point.
+        """
+        name = self.operational_point(point or self.held_points[0]).name
+        for entry in self.hands:
+            if entry.point == name:
+                return self.held_by(entry)
+        return self.model_copy(update={"hands": ()}) if self.hands else self
+
     def operational_point(self, name: str = "") -> OperationalPoint:
         """Return the operational point ``name``; the first one if ``name`` is empty.
 

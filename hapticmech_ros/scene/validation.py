@@ -83,7 +83,11 @@ def _key_path(location: tuple[int | str, ...]) -> str:
     parts = list(location)
     if parts[:1] == ["hand"]:
         del parts[1:2]
-    elif parts[:1] == ["initial_state"] or parts[2:3] == ["geometry"]:
+    elif (
+        (parts[:1] == ["hands"] and parts[2:3] == ["hand"])
+        or parts[:1] == ["initial_state"]
+        or parts[2:3] == ["geometry"]
+    ):
         del parts[3:4]
     path = ""
     for part in parts:

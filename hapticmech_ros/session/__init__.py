@@ -5,5 +5,6 @@
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
 from hapticmech_ros.session.session import Session
+from hapticmech_ros.session.shared_session import SharedSession
 
-__all__ = ["Run", "Sample", "Session"]
+__all__ = ["Run", "Sample", "Session", "SharedSession"]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,7 +44,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
-from hapticmech_ros.session.sample import LeftState
+from hapticmech_ros.session.sample import LeftState, Sample
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -73,10 +74,15 @@ from hapticmech_ros.session.tick_kernels import (
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
+if TYPE_CHECKING:
+    from hapticmech_ros.contact.touching import Touching
+
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _NOBODY = np.zeros((0, 10))
 _CONSTRAINTS = TOTALS.start("constraints")
+# Before a tick: its time, and the states of mechanism and device as far as they are known as such.
+Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
@@ -90,11 +96,13 @@ class SessionLoop:
         command_delay: int = 1,
         control: ControlArchitecture | None = None,
         device: SimulatedDevice | None = None,
+        simulator: Simulator | None = None,
     ) -> None:
         if command_delay < 0:
             raise InvalidInputError("command_delay", command_delay, "must be 0 or more periods")
-        self.scene = scene
-        self.simulator = Simulator(scene)
+        point = scene.operational_point(point or scene.held_points[0]).name
+        self.scene = scene = scene.held_at(point)
+        self.simulator = Simulator(scene) if simulator is None else simulator
         self.period = self.simulator.period
         self._compensated_delay = compensated_loop_delay(scene, command_delay)
         self._analyser = Analyser(self.simulator.mechanism, point, self._compensated_delay)
@@ -229,6 +237,55 @@ class SessionLoop:
             forth.state, forth.rows = data.forth_state, data.forth
             back.state, back.rows = data.back_state, data.back
         return data
+
+    @property
+    def ticks(self) -> int:
+        """Number of the next tick."""
+        return int(self._clock[TICK])
+
+    def put(self, state: MechanismState) -> None:
+        """Go on from another state of the mechanism at the next tick."""
+        self._begin(state)
+
+    @property
+    def answered(self) -> Array:
+        """(6,) by the hand on the mechanism, of the last answer, which may not act yet."""
+        wrenches: Array = self._given[_WRENCHES].reshape(6, 6)[ON_MECHANISM]
+        return wrenches
+
+    def answer(self, inputs: Array, rows: Array) -> Array:
+        """Do a tick up to the mechanism's step, which is another's to do.
+
+        Args:
+            inputs: (1, 12) by others on the mechanism at the operational point, which counts as
+                F_c, and on the device at the point held; N and N m, world axes.
+            rows: (1, width) to fill with the tick's record, or (0, 0) for none.
+
+        Returns:
+            (6,) by the hand on the mechanism at the operational point, N and N m, world axes.
+        """
+        clock = self._clock
+        clock[EVERY], clock[RECORDED] = len(rows), 0
+        self._all_but_mechanism(inputs, rows)
+        wrench: Array = self._parts.wrenches[ON_MECHANISM].copy()
+        return wrench
+
+    def go_on(self, state: MechanismState) -> None:
+        """End a tick that :meth:`answer` began: the mechanism is at ``state`` at the next one."""
+        self._begin(state)
+        self._clock[TICK] += 1
+
+    def begun(self) -> Begun:
+        """Return what is known as such before a tick."""
+        state = self._mechanism_state
+        touching = None if self._contacts is None else self._contacts.touching()
+        return self.time, (self._known, touching) if state is None else state, self._device_state
+
+    def sample(self, begun: Begun) -> Sample:
+        """Return the sample of a tick that has been done."""
+        time, known, device = begun
+        values = self._sampled.copy()
+        return Sample(time, self._data.numbers, values, self._analyser, known, device)
 
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
@@ -415,8 +472,7 @@ class SessionLoop:
         data, state = self._parts, self.mechanism
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
         wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
-        self._begin(self.simulator.step(state, wrenches, on_links))
-        self._clock[TICK] += 1
+        self.go_on(self.simulator.step(state, wrenches, on_links))
 
     def _engaged_clutch(self, time: float) -> Clutch:
         """Return the clutch, engaged anew at the start and if the mechanism is held elsewhere."""

@@ -43,11 +43,14 @@ class Session(SessionLoop):
 
     Args:
         scene: what to run.
-        point: operational point that the device holds; the scene's first one if empty.
+        point: operational point that the device holds; the first that is held if empty. Device,
+            hand, gains and connection are its own where the scene has several ``hands``; of those
+            at other points nothing is done, see :class:`.SharedSession`.
         command_delay: whole periods between measuring and acting. One is what the graph of nodes
             has: a command computed from this tick's measurements acts from the next tick on.
         control: controllers other than the scene's; None for the scene's.
         device: a device other than the scene's; None for the scene's.
+        simulator: of the mechanism, where several sessions share one; made anew if None.
 
     Raises:
         InvalidInputError: a delay below 0, or no such operational point.
@@ -116,23 +119,20 @@ class Session(SessionLoop):
         if on_links:
             for link, wrench in on_links.items():
                 self.simulator.mechanism.link_place(link)
-                pushed[link] = _wrench(f"wrench on {link}", wrench)
+                pushed[link] = checked_wrench(f"wrench on {link}", wrench)
         inputs = _NOTHING
         if external_wrench is not None or hand_wrench is not None:
             inputs = np.zeros((1, 12))
         if external_wrench is not None:
-            inputs[0, :6] = _wrench("external_wrench", external_wrench)
+            inputs[0, :6] = checked_wrench("external_wrench", external_wrench)
         if hand_wrench is not None:
-            inputs[0, 6:] = _wrench("hand_wrench", hand_wrench)
-        time, device, state = self.time, self._device_state, self._mechanism_state
-        touching = None if self._contacts is None else self._contacts.touching()
-        known = (self._known, touching) if state is None else state
+            inputs[0, 6:] = checked_wrench("hand_wrench", hand_wrench)
+        begun = self.begun()
         if pushed:
             self._tick_pushed(inputs, _NO_RECORDS, pushed)
         else:
             self._go(1, inputs, _NO_RECORDS, 0)
-        values = self._sampled.copy()
-        return Sample(time, self._data.numbers, values, self._analyser, known, device)
+        return self.sample(begun)
 
     def run(
         self,
@@ -234,7 +234,7 @@ class Session(SessionLoop):
         return np.asarray(into)
 
 
-def _wrench(name: str, given: Array) -> Array:
+def checked_wrench(name: str, given: Array) -> Array:
     """Return a wrench (6,) as it was given.
 
     Raises:

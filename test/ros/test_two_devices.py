@@ -11,11 +11,14 @@ import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
 
+from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.share import shared
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.state import StateLayout
 from ros.harness import Peer, next_domain, six
 
 pytestmark = pytest.mark.ros
@@ -101,3 +104,81 @@ def test_two_devices_in_lockstep_repeat_to_the_bit(tmp_path: Path) -> None:
     for point in "ab":
         assert {f"/{point}/device/servo_cf", f"/mechanism/{point}/servo_cf"} <= set(found[0])
     assert found[0] == found[1]
+
+
+ARM = {"kind": "arm", "start_delay": 0.05, "impedance": "firm"}
+WAY = [{"time": 0.0}, {"time": 0.2, "xyz": [0.01, 0.02, -0.01]}]
+
+
+def two_hands(folder: Path) -> Path:
+    """Return a file with that arm, moved at its hand and held at its elbow, by two devices."""
+    path = two_points(folder)
+    document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    document["hands"] = [
+        {"point": "b", "hand": ARM | {"waypoints": [{"time": 0.0}]}},
+        {"point": "a", "hand": ARM | {"waypoints": WAY}, "device": {"mass": 0.2}},
+    ]
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return path
+
+
+def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path) -> None:
+    path, bag = two_hands(tmp_path), tmp_path / "bag"
+    scene = load_scene(path)
+    run = LockstepRun(str(path), duration=0.4, hold=scene.held_points, composed=True, out=bag)
+    assert run_lockstep(run, private_environment(next_domain()), lambda: False) == 400
+    session = SharedSession(scene)
+    rows, layout = session.run(400), StateLayout(session.simulator.mechanism)
+    with BagReader(bag) as reader:
+        states = [layout.unpack(decode(data)) for *_, data in reader.serialized("/mechanism/state")]
+        commands = {
+            point: [
+                np.frombuffer(data[-48:], dtype="<f8")
+                for *_, data in reader.serialized(f"/{point}/device/servo_cf")
+            ]
+            for point in "ab"
+        }
+    assert len(states) == 400
+    q = np.array([state.q for state in states])
+    assert np.abs(q - rows["a"]["q"]).max() < 1e-10
+    assert np.abs(q[-1] - q[0]).max() > 0.01
+    for point, found in commands.items():
+        # By rounding of poses that are sent as quaternions, as in test_lockstep.py.
+        expected = rows[point]["device_command"]
+        assert np.abs(np.array(found) - expected).max() < 1e-10 * np.abs(expected).max()
+        assert np.abs(expected).max() > 0.1
+
+
+def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path: Path) -> None:
+    statuses = peer.statuses()
+    told = {point: peer.listen(f"mechanism/{point}/servo_cf", WrenchStamped) for point in "ab"}
+    patient = {
+        "teleoperation_controller.input_timeout": 0.2,
+        "haptic_device.command_timeout": 0.2,
+        "diagnostics_period": 0.1,
+    }
+    path = two_hands(tmp_path)
+    with Graph(
+        str(path),
+        parameters=patient,
+        environment=private_environment(domain),
+        nodes=NODES,
+        hold=load_scene(path).held_points,
+    ) as graph:
+
+        def engaged(point: str) -> bool:
+            name = f"{point}/teleoperation_controller"
+            return name in statuses and statuses[name].message == "engaged"
+
+        peer.until(lambda: engaged("a") and engaged("b"), "both controllers to engage", 40.0)
+        peer.until(lambda: len(told["b"]) > 100, "commands of b")
+        graph.kill("a/haptic_device")
+        peer.until(lambda: not engaged("a"), "a to be let go")
+        heard = len(told["b"])
+        peer.until(lambda: len(told["b"]) > heard + 300, "b to go on")
+        assert engaged("b")
+        assert not np.any(six(told["a"][-1]))
+        graph.restart("a/haptic_device")
+        peer.until(lambda: engaged("a"), "a to engage again", 40.0)
+        assert engaged("b")
+        graph.check()

@@ -1,0 +1,222 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several users on one mechanism: a device, a hand, an analysis and controllers each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.device import SimulatedDevice
+from hapticmech_ros.errors import InvalidInputError, nearest
+from hapticmech_ros.mechanism.motion import NOTHING
+from hapticmech_ros.operational.contact_wrench import ContactWrenches
+from hapticmech_ros.operational.coupling import by_others
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.session.run import Run
+from hapticmech_ros.session.sample import Sample
+from hapticmech_ros.session.session import Session, checked_wrench
+from hapticmech_ros.simulation import MechanismState, Simulator
+
+_NO_RECORDS = np.zeros((0, 0))
+
+
+class SharedSession:
+    """A scene with several ``hands``, running.
+
+    In each tick every user's device is sampled, and its controllers answer, at the same state of
+    the mechanism; then the mechanism moves on by what all of them do. What the others do is part of
+    a user's F_c: the wrench at the own operational point that accelerates it as theirs do,
+    X_ii F_c = Σ X_ij F_j (see :mod:`~hapticmech_ros.operational.coupling`). It has no part along
+    directions that the joints constrain: there the joints stand between the hands.
+
+    Args:
+        scene: what to run; each of its ``hands`` is a user.
+        command_delay: as of :class:`~hapticmech_ros.session.session.Session`.
+        controls: controllers other than the scene's, by operational point.
+        devices: devices other than the scene's, likewise.
+
+    Raises:
+        InvalidInputError: a delay below 0; or controls or devices of a point that is not held.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        command_delay: int = 1,
+        controls: Mapping[str, ControlArchitecture] = MappingProxyType({}),
+        devices: Mapping[str, SimulatedDevice] = MappingProxyType({}),
+    ) -> None:
+        self.scene = scene
+        self.points = scene.held_points
+        self._check_points("controls", controls)
+        self._check_points("devices", devices)
+        self.simulator = Simulator(scene)
+        self.period = self.simulator.period
+        self._users = {
+            point: Session(
+                scene,
+                point,
+                command_delay,
+                controls.get(point),
+                devices.get(point),
+                self.simulator,
+            )
+            for point in self.points
+        }
+        mechanism = self.simulator.mechanism
+        self._places = {point: mechanism.point_index(point) for point in self.points}
+        self._state = self.simulator.initial_state()
+        self._contact_wrenches = ContactWrenches(mechanism)
+
+    def __repr__(self) -> str:
+        return f"SharedSession of {self.scene.name} at {self.time:g} s, held at {self.points}"
+
+    @property
+    def time(self) -> float:
+        """Time of the next tick, s."""
+        return self._users[self.points[0]].time
+
+    @property
+    def mechanism(self) -> MechanismState:
+        """State of the mechanism at the next tick."""
+        return self._state
+
+    def user(self, point: str) -> Session:
+        """Return the session of the user who holds a point: its device, account and gains.
+
+        It is ticked by this one only.
+
+        Raises:
+            InvalidInputError: a point that is not held.
+        """
+        self._check_points("point", [point])
+        return self._users[point]
+
+    def tick(
+        self,
+        external_wrenches: Mapping[str, Array] = NOTHING,
+        hand_wrenches: Mapping[str, Array] = NOTHING,
+        on_links: Mapping[str, Array] = NOTHING,
+    ) -> dict[str, Sample]:
+        """Advance mechanism and devices by one period; return what was measured and commanded.
+
+        Args:
+            external_wrenches: (6,) by operational point that is held, on the mechanism, N and N m,
+                world axes, held over the period.
+            hand_wrenches: (6,) by point, on the device that holds it, likewise, beside its hand's.
+            on_links: (6,) by link, on the mechanism at the link's frame, likewise.
+
+        Returns:
+            The sample of each user by its point; its ``external_wrench`` has the other hands' part
+            of F_c in it.
+
+        Raises:
+            InvalidInputError: a point that is not held, an unknown link, or a wrench of another
+                shape or not finite; nothing has moved then.
+            ClosureError, InaccurateStepError: as of ``Session.tick``.
+        """
+        inputs = self._inputs(external_wrenches, hand_wrenches)
+        pushed = {}
+        for link, wrench in on_links.items():
+            self.simulator.mechanism.link_place(link)
+            pushed[link] = checked_wrench(f"wrench on {link}", wrench)
+        begun, others = {}, self._by_others()
+        wrenches = np.zeros_like(others)
+        for point, user in self._users.items():
+            begun[point], at = user.begun(), self._places[point]
+            row = inputs[point].copy()
+            row[0, :6] += others[at]
+            wrenches[at] = user.answer(row, _NO_RECORDS)
+        for point, at in self._places.items():
+            wrenches[at] += inputs[point][0, :6]
+        self._go_on(self.simulator.step(self._state, wrenches, pushed))
+        return {point: user.sample(begun[point]) for point, user in self._users.items()}
+
+    def run(self, ticks: int, every: int = 1) -> dict[str, Run]:
+        """Do many ticks, and return what each user went through, by its point.
+
+        Args:
+            ticks: how many.
+            every: ticks from one row to the next.
+
+        Raises:
+            InvalidInputError: fewer than 0 ticks, or ``every`` below 1.
+            ClosureError, InaccurateStepError: as of :meth:`tick`.
+        """
+        for name, value, least in (("ticks", ticks, 0), ("every", every, 1)):
+            if value < least:
+                raise InvalidInputError(name, value, f"must be {least} or more")
+        width, filled = {p: user.layout.size for p, user in self._users.items()}, 0
+        rows = {point: np.empty((ticks // every + 1, width[point])) for point in self.points}
+        for _ in range(ticks):
+            kept = self._users[self.points[0]].ticks % every == 0
+            others = self._by_others()
+            wrenches = np.zeros_like(others)
+            for point, user in self._users.items():
+                at, row = self._places[point], np.zeros((1, 12))
+                row[0, :6] = others[at]
+                into = rows[point][filled : filled + 1] if kept else _NO_RECORDS
+                wrenches[at] = user.answer(row, into)
+            filled += kept
+            self._go_on(self.simulator.step(self._state, wrenches))
+        return {
+            point: Run(rows[point][:filled], user.layout) for point, user in self._users.items()
+        }
+
+    def switch_closure(self, name: str, closed: bool) -> None:
+        """Open or close a loop between two ticks.
+
+        Raises:
+            InvalidInputError: unknown closure, or one too far open to be closed.
+        """
+        self._state = self.simulator.switch(self._state, {name: closed})
+        for user in self._users.values():
+            user.put(self._state)
+
+    def _go_on(self, state: MechanismState) -> None:
+        self._state = state
+        for user in self._users.values():
+            user.go_on(state)
+
+    def _by_others(self) -> Array:
+        """Return (points, 6) what the other hands were told last to do, as part of F_c."""
+        told = np.zeros((len(self.simulator.mechanism.point_names), 6))
+        for point, user in self._users.items():
+            told[self._places[point]] = user.answered
+        if len(self._users) == 1 or not told.any():
+            return np.zeros_like(told)
+        terms = self.simulator.evaluate(self._state)
+        return self._contact_wrenches.at(terms, by_others(terms, told))
+
+    def _inputs(
+        self, external: Mapping[str, Array], hands: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return (1, 12) by point: what others do to mechanism and device.
+
+        Raises:
+            InvalidInputError: as :meth:`tick`.
+        """
+        inputs = {point: np.zeros((1, 12)) for point in self.points}
+        given = (("external_wrenches", external, 0), ("hand_wrenches", hands, 6))
+        for name, wrenches, first in given:
+            self._check_points(name, wrenches)
+            for point, wrench in wrenches.items():
+                checked = checked_wrench(f"{name} at {point}", wrench)
+                inputs[point][0, first : first + 6] = checked
+        return inputs
+
+    def _check_points(self, name: str, points: Mapping[str, object] | list[str]) -> None:
+        """Check that points are held.
+
+        Raises:
+            InvalidInputError: one is not.
+        """
+        for point in points:
+            if point not in self.points:
+                rule = f"must be a point that is held, one of {list(self.points)}"
+                raise InvalidInputError(name, point, rule + nearest(point, self.points))
