@@ -15,6 +15,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 
 PACKAGE = "hapticmech_ros"
@@ -132,6 +133,14 @@ def command_of(given):
     return command + (["--composed"] if is_on(given, "composed") else [])
 
 
+def hands_of(scene):
+    """Return the points that a scene's hands hold; of a scene that is refused none."""
+    try:
+        return [entry.point for entry in load_scene(scene).hands]
+    except SceneError:
+        return []  # the nodes say what is wrong with it
+
+
 def start(context):
     given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
     started = []
@@ -141,7 +150,7 @@ def start(context):
         layout = PathJoinSubstitution([share, "hapticmech.rviz"])
         started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", layout]))
     if not (given["hold"] or given["operational_point"]):
-        given["hold"] = ",".join(entry.point for entry in load_scene(given["scene"]).hands)
+        given["hold"] = ",".join(hands_of(given["scene"]))
     # The executable `composed` has the simulated device in it.
     another = driver_of(given) != NODES[0] and is_on(given, "composed")
     if "," in given["hold"] or is_on(given, "lockstep") or another:

@@ -13,10 +13,12 @@ from typing import Any
 
 import pytest
 import typer.main
+import yaml
 
 from hapticmech_ros.cli import app
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.nodes.parameters import LiveParameters, NodeParameters, ViewerParameters
+from oracles.users import two_points
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "launch" / "hapticmech.launch.py"
@@ -128,6 +130,18 @@ def test_one_point_to_hold_is_the_operational_point(launched: Launch) -> None:
     made = launched(hold="tip", view="false")
     assert [one.named["executable"] for one in made] == FOUR
     assert all(one.named["parameters"][0]["operational_point"].given == ("tip",) for one in made)
+
+
+def test_the_hands_of_a_scene_are_held_unless_another_point_is(
+    launched: Launch, tmp_path: Path
+) -> None:
+    path = tmp_path / "scene.yaml"
+    hands = [{"point": "b"}, {"point": "a"}]
+    path.write_text(yaml.safe_dump(two_points(hands=hands)), encoding="utf-8")
+    (made,) = launched(scene=str(path))
+    assert understood(made.named["cmd"])["hold"] == ["b", "a"]
+    made = launched(scene=str(path), operational_point="a", view="false")
+    assert [one.named["executable"] for one in made] == FOUR
 
 
 @pytest.mark.parametrize(

@@ -237,6 +237,10 @@ class Session(SessionLoop):
 def checked_wrench(name: str, given: Array) -> Array:
     """Return a wrench (6,) as it was given.
 
+    Args:
+        name: of it, for errors.
+        given: (6,) N and N m.
+
     Raises:
         InvalidInputError: an array of another shape, NaN or infinity.
     """
