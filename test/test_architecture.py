@@ -16,7 +16,7 @@ BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 ALL_FILES = [*FILES, *sorted(BENCHMARKS.rglob("*.py"))]
 CORE = (
     *("scene", "mechanism", "operational", "control", "device", "wire", "session", "errors"),
-    *("formats", "loading", "plan", "contact", "simulation"),
+    *("formats", "loading", "plan", "contact", "simulation", "robot"),
 )
 # Above the core, still without ROS: they run sessions and read files.
 TOOLS = ("experiment", "bag", "view")

@@ -1,0 +1,256 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Operational-space control of a serial robot by Λ_h⁻¹: joint torques that make a point obey.
+
+A robot with D v̇ + h = τ + Jᵀ F_c and the torques
+
+    ẍ_c = ẍ_d + 2 ζ ω (ẋ_d - ẋ) + ω² e,      e = log(x⁻¹ x_d)
+    F   = Λ⁺ (ẍ_c - J̇ v)                                                                     (R3)
+    τ   = Jᵀ F + h + Nᵀ τ_0
+
+accelerates its operational point by ẍ = Σ (1 - w_i) d_i n_iᵀ ẍ_c + X F_c wherever no direction is
+between rigid and free, with Λ⁺, Nᵀ, and the pairs n_i, d_i of :mod:`.shaped_inertia`: exactly by
+ẍ_c + X F_c in poses that are not singular. This is O. Khatib's operational-space formulation (A
+unified approach for motion and force control of robot manipulators, IEEE J. Robotics and
+Automation 3(1), 1987) with another inverse, derived in docs/robots.md.
+
+Along a controlled force n the motion's command is replaced by its own decay, and the force is
+commanded ahead, with an integral of its error:
+
+    nᵀ ẍ_c = -κ nᵀ ẋ,      F += n (f_d + ∫ ρ (f_d + nᵀ F_c) dt)                               (R4)
+
+Against a wall, nᵀ ẍ = 0, all other terms of R3 give no acceleration along n, so the wall's force is
+-n (f_d + ∫): it does not depend on the motion along the wall.
+
+τ_0 = D (a_p - r v) returns joints to a posture, with a_p = ω_p² (q_p ⊖ q) limited per joint. Forces
+of springs, dampers and stops that the scene has in joints are not compensated.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.clutch import pose_error
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism, PointKinematics
+from hapticmech_ros.mechanism.lapack import dtrsv
+from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.shaped_inertia import ShapedInertia, shaped_inertia
+from hapticmech_ros.robot.target import ForceTask, Target
+from hapticmech_ros.robot.torque_limits import Limited, checked_limits, limited_torque
+
+# Joints that a motor turns or pushes.
+_DRIVEN = ("revolute", "prismatic")
+NO_LIMITS = np.empty(0)
+_NO_CONTACT = np.zeros(6)
+
+
+class RobotState(NamedTuple):
+    """A robot's terms of Eq. 1 at a state, and the analysis of its operational point.
+
+    Attributes:
+        q: (nv,) joint positions, rad or m.
+        v: (nv,) joint rates, rad/s or m/s.
+        bias_force: (nv,) h, N m or N.
+        factor: (nv, nv) lower Cholesky factor L of D.
+        point: kinematics of the operational point, world axes.
+        analysis: of the operational point.
+        shaped: Λ⁺ and Nᵀ.
+    """
+
+    q: Array
+    v: Array
+    bias_force: Array
+    factor: Array
+    point: PointKinematics
+    analysis: OperationalAnalysis
+    shaped: ShapedInertia
+
+
+class Command(NamedTuple):
+    """What the law asks for at a state.
+
+    Attributes:
+        torque: (nv,) τ within limits, N m or N.
+        acceleration: (nv,) v̇ that it gives the robot without contact, rad/s² or m/s².
+        wrench: (6,) F, N and N m, world axes at the point, before limits.
+        asked: (6,) ẍ_c, m/s² and rad/s².
+        error: (6,) e, m and rad.
+        limited: what the limits left of the torques.
+    """
+
+    torque: Array
+    acceleration: Array
+    wrench: Array
+    asked: Array
+    error: Array
+    limited: Limited
+
+
+class OperationalLaw:
+    """The law for one robot and one operational point; a function of state and target.
+
+    Args:
+        mechanism: of the robot, a tree of revolute and prismatic joints without closures.
+        point: name of the operational point; the first one if empty.
+        gains: of the law.
+        posture: (nv,) q_p, rad or m; the scene's initial state if empty.
+        torque_limits: (nv,) N m or N; empty: none.
+
+    Attributes:
+        mechanism, gains: as above.
+        posture: (nv,) q_p.
+        torque_limits: (nv,) N m or N, infinite for none.
+
+    Raises:
+        InvalidInputError: a robot with closures or other joints, an unknown point, a posture or
+            limits of another size.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        point: str = "",
+        gains: Gains | None = None,
+        posture: Array = NO_LIMITS,
+        torque_limits: Array = NO_LIMITS,
+    ) -> None:
+        others = sorted(set(mechanism.tree.joint_types) - set(_DRIVEN))
+        if others:
+            raise InvalidInputError("robot", others, f"must have joints of {list(_DRIVEN)} only")
+        if mechanism.closures:
+            names = [closure.name for closure in mechanism.closures]
+            raise InvalidInputError("robot", names, "must have no closures: a serial robot")
+        self.mechanism = mechanism
+        self.gains = Gains() if gains is None else gains
+        self._analyser = Analyser(mechanism, point)
+        self._active = mechanism.initially_active
+        self._s_off = float(mechanism.scene.perception.s_off)
+        self.torque_limits = checked_limits(torque_limits, mechanism.nv)
+        if np.size(posture) == 0:
+            posture, _ = authored_state(mechanism.scene, mechanism.tree)
+        self.posture, _ = mechanism.check_state(posture, np.zeros(mechanism.nv))
+
+    @property
+    def point(self) -> str:
+        """Name of the operational point."""
+        return self._analyser.point.name
+
+    def state(self, q: Array, v: Array) -> RobotState:
+        """Return the robot's terms at a state.
+
+        Args:
+            q: (nv,) joint positions, rad or m.
+            v: (nv,) joint rates, rad/s or m/s.
+
+        Raises:
+            InvalidInputError: wrong size, NaN or infinity.
+            HapticMechError: D is not positive definite, or an SVD did not converge.
+        """
+        q, v = self.mechanism.check_state(q, v)
+        terms = self.mechanism.evaluate(q, v, self._active)
+        analysis = self._analyser.analyse(terms)
+        point, factor = terms.points[self._analyser.index], terms.space.factor
+        shaped = shaped_inertia(analysis, point.jacobian, factor, self._s_off)
+        return RobotState(q, v, terms.bias_force, factor, point, analysis, shaped)
+
+    def command(
+        self,
+        state: RobotState,
+        target: Target,
+        contact: Array = _NO_CONTACT,
+        integral: float = 0.0,
+    ) -> Command:
+        """Return torques (R3, R4) at a state.
+
+        Args:
+            state: of the robot.
+            target: of the operational point.
+            contact: (6,) F_c, by the environment on the robot, N and N m, world axes at the point.
+            integral: of the force's error, N; see :meth:`next_integral`.
+        """
+        error = pose_error(state.point.pose, target.pose)
+        asked = self._asked(state, target, error)
+        wrench = state.shaped.inverse @ (asked - state.point.drift)
+        balanced = self.gains.contact_share * contact
+        if target.force is not None:
+            along = target.force.direction
+            pushed = target.force.force + integral + float(along @ balanced[:3])
+            wrench[:3] += pushed * along
+        wrench -= balanced
+        task = state.point.jacobian.T @ wrench
+        null = state.shaped.null @ self._posture_torque(state)
+        limited = limited_torque(state.bias_force, task, null, self.torque_limits)
+        moving = dtrsv(state.factor, limited.torque - state.bias_force, lower=1)
+        acceleration = dtrsv(state.factor, moving, lower=1, trans=1)
+        return Command(limited.torque, acceleration, wrench, asked, error, limited)
+
+    def next_integral(
+        self, integral: float, force: ForceTask | None, contact: Array, period: float
+    ) -> float:
+        """Return the integral of a force's error a period later, N; 0 without a force.
+
+        It stays within the commanded force, so that a wall that is not there winds up no more.
+
+        Args:
+            integral: so far, N.
+            force: that is controlled.
+            contact: (6,) F_c, by the environment on the robot, N and N m.
+            period: s.
+        """
+        if force is None:
+            return 0.0
+        missing = force.force + float(force.direction @ contact[:3])
+        most = abs(force.force)
+        return float(np.clip(integral + self.gains.force_rate * period * missing, -most, most))
+
+    def resting(self, q: Array) -> Array:
+        """Return torques (nv,) that carry the weight at q and do nothing else, within limits.
+
+        Args:
+            q: (nv,) joint positions, rad or m.
+
+        Raises:
+            InvalidInputError: wrong size, NaN or infinity.
+        """
+        q, v = self.mechanism.check_state(q, np.zeros(self.mechanism.nv))
+        weight = self.mechanism.evaluate(q, v, self._active).bias_force
+        return np.asarray(np.clip(weight, -self.torque_limits, self.torque_limits))
+
+    def braking(self, state: RobotState) -> Array:
+        """Return torques (nv,), N m or N, that carry the weight and bring all joints to rest.
+
+        Args:
+            state: of the robot.
+        """
+        brake = -self.gains.rest_rate * (state.factor @ (state.factor.T @ state.v))
+        none = np.zeros_like(brake)
+        return limited_torque(state.bias_force, brake, none, self.torque_limits).torque
+
+    def _asked(self, state: RobotState, target: Target, error: Array) -> Array:
+        """Return ẍ_c (6,)."""
+        gains = self.gains
+        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
+        asked = (
+            target.acceleration
+            + 2.0 * gains.damping_ratio * rates * (target.twist - state.point.twist)
+            + rates**2 * error
+        )
+        if target.force is not None:
+            along = target.force.direction
+            speed = float(along @ state.point.twist[:3])
+            asked[:3] -= (float(along @ asked[:3]) + gains.contact_rate * speed) * along
+        return np.asarray(asked)
+
+    def _posture_torque(self, state: RobotState) -> Array:
+        """Return τ_0 (nv,)."""
+        gains = self.gains
+        pull = gains.posture_rate**2 * self.mechanism.difference(state.q, self.posture)
+        pull = np.clip(pull, -gains.posture_acceleration, gains.posture_acceleration)
+        motion = state.factor.T @ (pull - gains.rest_rate * state.v)
+        return np.asarray(state.factor @ motion)

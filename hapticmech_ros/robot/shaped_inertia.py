@@ -1,0 +1,73 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Λ⁺, the inverse of Λ_h⁻¹ that stays bounded at singular poses, and the null space that fits it.
+
+X = Λ_h⁻¹ = Σ μ_i d_i d_iᵀ with the pairs n_i, d_i = I_ℓ⁻¹ n_i of the spectrum, n_iᵀ d_j = δ_ij, so
+its inverse is Σ n_i n_iᵀ / μ_i. With the weights w_i = w(s_i) by which joints count as rigid,
+
+    Λ⁺ = Σ φ_i n_i n_iᵀ,      φ_i = (1 - w_i) / μ_i + w_i / s_off²                            (R1)
+
+is that inverse, to rounding, as long as all s_i ≥ s_off. A direction that is rigid, s_i ≤ s_on, has
+a force of its own that no inertia shapes: that of a mass of constant size, 1 / s_off² of the
+metric. It is bounded, and fades as Jᵀ n_i does, which is the joints' share of it. In between w
+falls smoothly, so Λ⁺ is as smooth as s.
+
+With the unit vectors of the mass metric u_i = L⁻¹ J_hᵀ n_i / s_i, D = L Lᵀ, torques of the null
+space pass
+
+    Nᵀ = L (1 - Σ (1 - w_i) u_i u_iᵀ) L⁻¹                                                     (R2)
+
+and accelerate the point by X-consistent parts only: n_iᵀ J D⁻¹ Nᵀ τ = w_i n_iᵀ J D⁻¹ τ, nothing
+along directions that the law controls. Where all w_i = 0 it is 1 - Jᵀ Λ J D⁻¹. Derivation:
+docs/robots.md.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism.lapack import dtrsm
+from hapticmech_ros.operational import OperationalAnalysis
+
+
+class ShapedInertia(NamedTuple):
+    """Λ⁺ and Nᵀ at a state; world axes at the operational point.
+
+    Attributes:
+        inverse: (6, 6) Λ⁺, kg, kg m and kg m²; zero in rows that the task does not have.
+        null: (nv, nv) Nᵀ, joint torques to joint torques.
+        free: (t,) 1 - w_i, in the spectrum's order: 1 where the law decouples.
+    """
+
+    inverse: Array
+    null: Array
+    free: Array
+
+
+def shaped_inertia(
+    analysis: OperationalAnalysis, jacobian: Array, factor: Array, s_off: float
+) -> ShapedInertia:
+    """Return Λ⁺ (R1) and Nᵀ (R2) of a tree without closures.
+
+    Args:
+        analysis: of the operational point at the state.
+        jacobian: (6, nv) J_h there, m and 1.
+        factor: (nv, nv) lower Cholesky factor L of D there.
+        s_off: of the scene's perception: free from here.
+    """
+    rows, found = analysis.rows, analysis.spectrum
+    free = 1.0 - analysis.weights
+    # Of directions with w = 1 s may be 0; they have no part in what is divided by it.
+    safe = np.where(free > 0.0, found.s, 1.0)
+    size = free / safe**2 + analysis.weights / s_off**2
+    inverse = np.zeros((6, 6))
+    inverse[np.ix_(rows, rows)] = (found.wrenches * size) @ found.wrenches.T
+    # L⁻¹ Jᵀ n_i: (nv, t).
+    units = dtrsm(1.0, factor, jacobian[rows].T @ found.wrenches, lower=1) * (np.sqrt(free) / safe)
+    lost = factor @ units
+    back = dtrsm(1.0, factor, units, lower=1, trans_a=1)
+    null = np.eye(factor.shape[0]) - lost @ back.T
+    return ShapedInertia(inverse, null, free)

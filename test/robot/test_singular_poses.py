@@ -1,0 +1,130 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Through singular poses: torques are bounded and as smooth as the pose, and no energy is made."""
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.target import Target
+from oracles.driven_robots import accelerated, law_of, pose_of
+
+# Poses whose s is singular where one joint is at 0: the elbow, and the wrist.
+SINGULAR = {
+    "iiwa14": (np.array([0.3, 0.7, 0.2, 0.0, 0.4, 0.9, 0.1]), 3),
+    "ur5e": (np.array([0.1, -1.2, 1.3, -0.9, 0.0, 0.2]), 4),
+}
+NAMES = sorted(SINGULAR)
+
+
+def bent(name, angle):
+    pose, joint = SINGULAR[name]
+    q = pose.copy()
+    q[joint] = angle
+    return q
+
+
+def pulled(law, q):
+    """Return the state, and a command that asks for 1 m/s² and 1 rad/s² along every axis."""
+    state = law.state(q, np.zeros_like(q))
+    return state, law.command(state, Target(pose_of(law, q), acceleration=np.ones(6)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_torques_are_bounded_by_the_metric_whatever_the_pose(name):
+    """|L⁻¹ τ| ≤ (1 / s_on + 1 / s_off) |nᵀ ẍ_c|: of R1, and the exact inverse has no bound."""
+    law = law_of(name, gains=Gains(posture_rate=0.0))
+    seen = law.mechanism.scene.perception
+    bound = 1.0 / seen.s_on + 1.0 / seen.s_off
+    exact = []
+    for angle in np.r_[0.0, np.geomspace(1e-8, 0.5, 60), -np.geomspace(1e-8, 0.5, 60)]:
+        state, command = pulled(law, bent(name, angle))
+        asked = state.analysis.spectrum.wrenches.T @ command.asked
+        motion = np.linalg.solve(state.factor, command.torque - state.bias_force)
+        assert np.linalg.norm(motion) <= bound * np.linalg.norm(asked)
+        if angle:
+            inverse = np.linalg.pinv(state.analysis.inverse_inertia, rcond=1e-15)
+            exact.append(np.abs(state.point.jacobian.T @ inverse @ command.asked).max())
+    assert max(exact) > 1e5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_torques_are_continuous_through_the_singular_pose(name):
+    """Halving the steps halves the largest change: what jumps would keep it."""
+    law = law_of(name, gains=Gains(posture_rate=0.0))
+
+    def largest(count):
+        torques = [
+            pulled(law, bent(name, angle))[1].torque for angle in np.linspace(-0.4, 0.4, count)
+        ]
+        return max(np.abs(b - a).max() for a, b in pairwise(torques))
+
+    # To first order in steps of 0.4 mrad, over which the weight changes by a hundredth.
+    assert largest(1001) / largest(2001) == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_other_directions_are_decoupled_in_the_singular_pose_itself(name):
+    law = law_of(name)
+    state, command = pulled(law, bent(name, 0.0))
+    _, reached = accelerated(law, state.q, state.v, command.torque)
+    controlled = state.analysis.weights == 0.0
+    assert 1 <= np.count_nonzero(~controlled) <= 2
+    along = state.analysis.spectrum.wrenches[:, controlled].T
+    # Masses of up to 1 / s² = 1e4 of the link's, in numbers of 2e-16 each.
+    np.testing.assert_allclose(along @ reached, along @ command.asked, rtol=1e-9, atol=1e-9)
+
+
+def stepped(law, q, v, target, h):
+    """Return the state a step of the classical rule of order 4 later, under the law throughout."""
+
+    def rate(q, v):
+        torque = law.command(law.state(q, v), target).torque
+        return v, accelerated(law, q, v, torque)[0]
+
+    k1 = rate(q, v)
+    k2 = rate(q + 0.5 * h * k1[0], v + 0.5 * h * k1[1])
+    k3 = rate(q + 0.5 * h * k2[0], v + 0.5 * h * k2[1])
+    k4 = rate(q + h * k3[0], v + h * k3[1])
+    ks = (k1, k2, k3, k4)
+    q = q + h / 6.0 * sum(w * k[0] for w, k in zip((1, 2, 2, 1), ks, strict=True))
+    v = v + h / 6.0 * sum(w * k[1] for w, k in zip((1, 2, 2, 1), ks, strict=True))
+    return q, v
+
+
+def test_a_regulator_comes_to_rest_as_the_closed_form_says_and_makes_no_energy():
+    """e(t) = e_0 (1 + ω t) exp(-ω t), at every time, while joints move in the null space."""
+    rate = 10.0
+    law = law_of("iiwa14", gains=Gains(linear_rate=rate, angular_rate=rate))
+    q, v = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0]), np.zeros(7)
+    pose = pose_of(law, q)
+    start = np.array([0.03, -0.05, 0.04])
+    target = Target(pin.SE3(pose.rotation, pose.translation + start))
+    h, energies = 2e-3, []
+    for step in range(300):
+        state = law.state(q, v)
+        error = target.pose.translation - state.point.pose.translation
+        time = rate * h * step
+        # The rule's error: (ω h)⁵ = 3e-9 a step, of 0.07 m, over 1 / (ω h) = 50 steps.
+        np.testing.assert_allclose(error, start * (1 + time) * np.exp(-time), atol=1e-8)
+        energies.append(0.5 * rate**2 * error @ error + 0.5 * state.point.twist @ state.point.twist)
+        q, v = stepped(law, q, v, target, h)
+    assert max(b - a for a, b in pairwise(energies)) <= 0.0
+    assert energies[-1] < 1e-3 * energies[0]
+
+
+def test_a_straight_arm_bends_again_when_it_is_called_back():
+    """In the singular pose no torque pulls inwards: the posture bends the elbow, then the law."""
+    law = law_of("iiwa14")
+    q, v = np.array([0.0, 0.8, 0.0, 0.0, 0.0, 0.5, 0.0]), np.zeros(7)
+    goal = np.array([0.0, 0.8, 0.0, -1.2, 0.0, 0.8, 0.0])
+    target = Target(pose_of(law, goal))
+    for _ in range(1500):
+        q, v = stepped(law, q, v, target, 2e-3)
+    error = target.pose.actInv(pose_of(law, q))
+    # Critically damped at 30 1/s it is at rest to exp(-30) after 1 s.
+    assert np.linalg.norm(pin.log6(error).vector) < 1e-6
+    assert q[3] < -0.5
