@@ -21,6 +21,7 @@ COMMANDS = (
     "live",
     "memory",
     "realtime",
+    "robot",
     "session",
     "speed",
     "study",

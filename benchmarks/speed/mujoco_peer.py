@@ -24,8 +24,9 @@ from benchmarks.speed.contender import (
 )
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.robot.mujoco_tree import MujocoTree
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.mechanism import Closure, Joint, LinkFrame, Spring
+from hapticmech_ros.scene.mechanism import Closure, LinkFrame, Spring
 
 # Time constant of a closure in steps, with or without its exact inverse inertia in place of
 # MuJoCo's estimate.
@@ -47,9 +48,6 @@ TOLERANCE = 1e-12
 NAME = "mujoco"
 # A revolute closure is two points of its axis on each other: five independent rows out of six.
 AXIS_POINTS = (0.0, 0.2)
-SIMPLE = ("revolute", "prismatic")
-# MuJoCo takes no body without rotational inertia; so little (kg m^2) changes no digit of a motion.
-LEAST_INERTIA = 1e-13
 POINT = "point/"
 
 
@@ -174,11 +172,11 @@ class MujocoScene:
             off.mjDSBL_SENSOR,
         )
         self.spec.option.disableflags = sum(int(bit) for bit in unused)
-        self._bodies: list[Any] = [self.spec.worldbody]
-        for number, joint in enumerate(self.tree.joints, start=1):
-            self._add_body(number, joint)
+        if "planar" in self.tree.joint_types:
+            raise UnsuitableError(NAME, scene.name, "a planar joint")
+        self._added = MujocoTree(self.tree, self.spec)
         for point in scene.operational_points:
-            self._add_site(POINT + point.name, point.link, se3(point.origin))
+            self._added.add_site(POINT + point.name, point.link, se3(point.origin))
         for closure in scene.closures:
             if closure.active:
                 self._add_closure(closure)
@@ -207,46 +205,6 @@ class MujocoScene:
             efforts[self.tree.velocity_slice(index)] = joint.effort
         return efforts
 
-    def _add_body(self, number: int, joint: Joint) -> None:
-        model = self.tree.pinocchio
-        place, inertia = model.jointPlacements[number], model.inertias[number]
-        moments = inertia.inertia
-        if np.linalg.eigvalsh(moments).min() < LEAST_INERTIA:
-            moments = moments + LEAST_INERTIA * np.eye(3)
-        body = self._bodies[model.parents[number]].add_body(
-            name=self.tree.links[number - 1],
-            pos=place.translation,
-            quat=_wxyz(place.rotation),
-            mass=inertia.mass,
-            ipos=inertia.lever,
-            fullinertia=moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
-            explicitinertial=True,
-        )
-        kinds = self._mujoco.mjtJoint
-        known = {
-            "revolute": kinds.mjJNT_HINGE,
-            "prismatic": kinds.mjJNT_SLIDE,
-            "spherical": kinds.mjJNT_BALL,
-            "free": kinds.mjJNT_FREE,
-        }
-        if joint.type not in known:
-            raise UnsuitableError(NAME, self._scene.name, f"a {joint.type} joint")
-        added = body.add_joint(name=joint.name, type=known[joint.type])
-        added.align = self._mujoco.mjtAlignFree.mjALIGNFREE_FALSE
-        if joint.type in SIMPLE:
-            added.axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            added.springref = joint.rest
-        added.stiffness[0], added.damping[0] = joint.stiffness, joint.damping
-        self._bodies.append(body)
-
-    def _add_site(self, name: str, link: str, placement: pin.SE3) -> str:
-        number, within = self.tree.link_joint[link]
-        placed = within * placement
-        self._bodies[number].add_site(
-            name=name, pos=placed.translation, quat=_wxyz(placed.rotation)
-        )
-        return name
-
     def _add_closure(self, closure: Closure) -> None:
         kinds, weld = self._mujoco.mjtEq, closure.kind == "weld"
         if closure.kind == "rod":
@@ -269,7 +227,7 @@ class MujocoScene:
 
     def _add_frame(self, name: str, frame: LinkFrame, along_z: float) -> str:
         offset = pin.SE3(np.eye(3), np.array([0.0, 0.0, along_z]))
-        return self._add_site(name, frame.link, se3(frame.origin) * offset)
+        return self._added.add_site(name, frame.link, se3(frame.origin) * offset)
 
     def _add_spring(self, spring: Spring) -> None:
         tendon = self.spec.add_tendon(name=spring.name)
@@ -277,7 +235,3 @@ class MujocoScene:
             tendon.wrap_site(self._add_frame(f"{spring.name}/{end}", frame, 0.0))
         tendon.stiffness[0], tendon.damping[0] = spring.stiffness, spring.damping
         tendon.springlength = [spring.rest_length] * 2
-
-
-def _wxyz(rotation: Array) -> Array:
-    return np.array(pin.Quaternion(rotation).coeffs())[[3, 0, 1, 2]]

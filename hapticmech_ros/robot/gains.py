@@ -26,6 +26,7 @@ class Gains:
         damping_ratio: ζ of both, and of the posture.
         posture_rate: ω with which joints return to their posture in the null space, 1/s.
         posture_acceleration: most that the posture asks for, of each joint, rad/s² or m/s².
+        rigid_acceleration: a_r, most that counts along rigid directions, m/s²; above 0.
         rest_rate: rate at which motion of the null space decays, 1/s.
         force_rate: rate at which the integral of a force's error grows, 1/s.
         contact_rate: rate at which motion along a controlled force decays, 1/s.
@@ -41,6 +42,7 @@ class Gains:
     damping_ratio: float = 1.0
     posture_rate: float = 5.0
     posture_acceleration: float = 5.0
+    rigid_acceleration: float = 2.0
     rest_rate: float = 10.0
     force_rate: float = 5.0
     contact_rate: float = 60.0
@@ -52,5 +54,7 @@ class Gains:
             if not (math.isfinite(value) and 0.0 <= value <= _LARGEST):
                 rule = f"must be a number between 0 and {_LARGEST:g}"
                 raise InvalidInputError(field.name, value, rule)
+        if self.rigid_acceleration == 0.0:
+            raise InvalidInputError("rigid_acceleration", 0.0, "must be above 0")
         if self.contact_share > 1.0:
             raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")

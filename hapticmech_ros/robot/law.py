@@ -5,14 +5,17 @@
 A robot with D v̇ + h = τ + Jᵀ F_c and the torques
 
     ẍ_c = ẍ_d + 2 ζ ω (ẋ_d - ẋ) + ω² e,      e = log(x⁻¹ x_d)
-    F   = Λ⁺ (ẍ_c - J̇ v)                                                                     (R3)
+    F   = Λ⁺ a + m_r P_c a / √(1 + aᵀ P_c a / a_r²),      a = ẍ_c - J̇ v                       (R3)
     τ   = Jᵀ F + h + Nᵀ τ_0
 
-accelerates its operational point by ẍ = Σ (1 - w_i) d_i n_iᵀ ẍ_c + X F_c wherever no direction is
-between rigid and free, with Λ⁺, Nᵀ, and the pairs n_i, d_i of :mod:`.shaped_inertia`: exactly by
-ẍ_c + X F_c in poses that are not singular. This is O. Khatib's operational-space formulation (A
-unified approach for motion and force control of robot manipulators, IEEE J. Robotics and
-Automation 3(1), 1987) with another inverse, derived in docs/robots.md.
+accelerates its operational point by ẍ_c + X F_c in poses that are not singular, and elsewhere along
+all directions that are not rigid, with Λ⁺ and Nᵀ of :mod:`.shaped_inertia`. Along directions that
+are, as P_c of the analysis has it, there is a force that no inertia shapes: that of a mass
+m_r = m_ℓ / (s_on s_off), which is between those with which a direction becomes rigid and free, and
+of no more than the acceleration a_r: what cannot be reached need not be pulled at more and more.
+Where all directions are free this is O. Khatib's operational-space formulation (A unified approach
+for motion and force control of robot manipulators, IEEE J. Robotics and Automation 3(1), 1987);
+derived in docs/robots.md.
 
 Along a controlled force n the motion's command is replaced by its own decay, and the force is
 commanded ahead, with an integral of its error:
@@ -130,7 +133,8 @@ class OperationalLaw:
         self.gains = Gains() if gains is None else gains
         self._analyser = Analyser(mechanism, point)
         self._active = mechanism.initially_active
-        self._s_off = float(mechanism.scene.perception.s_off)
+        seen = mechanism.scene.perception
+        self._rigid_mass = self._analyser.metric.mass / (seen.s_on * seen.s_off)
         self.torque_limits = checked_limits(torque_limits, mechanism.nv)
         if np.size(posture) == 0:
             posture, _ = authored_state(mechanism.scene, mechanism.tree)
@@ -156,7 +160,7 @@ class OperationalLaw:
         terms = self.mechanism.evaluate(q, v, self._active)
         analysis = self._analyser.analyse(terms)
         point, factor = terms.points[self._analyser.index], terms.space.factor
-        shaped = shaped_inertia(analysis, point.jacobian, factor, self._s_off)
+        shaped = shaped_inertia(analysis, point.jacobian, factor)
         return RobotState(q, v, terms.bias_force, factor, point, analysis, shaped)
 
     def command(
@@ -175,8 +179,8 @@ class OperationalLaw:
             integral: of the force's error, N; see :meth:`next_integral`.
         """
         error = pose_error(state.point.pose, target.pose)
-        asked = self._asked(state, target, error)
-        wrench = state.shaped.inverse @ (asked - state.point.drift)
+        asked = self.asked(state, target)
+        wrench = self.wrench(state, asked - state.point.drift)
         balanced = self.gains.contact_share * contact
         if target.force is not None:
             along = target.force.direction
@@ -184,11 +188,23 @@ class OperationalLaw:
             wrench[:3] += pushed * along
         wrench -= balanced
         task = state.point.jacobian.T @ wrench
-        null = state.shaped.null @ self._posture_torque(state)
+        null = state.shaped.null @ self.posture_torque(state)
         limited = limited_torque(state.bias_force, task, null, self.torque_limits)
         moving = dtrsv(state.factor, limited.torque - state.bias_force, lower=1)
         acceleration = dtrsv(state.factor, moving, lower=1, trans=1)
         return Command(limited.torque, acceleration, wrench, asked, error, limited)
+
+    def wrench(self, state: RobotState, acceleration: Array) -> Array:
+        """Return F (6,) of R3, N and N m, world axes at the point.
+
+        Args:
+            state: of the robot.
+            acceleration: (6,) a, m/s² and rad/s².
+        """
+        held = state.analysis.constraint_projector @ acceleration
+        size = float(acceleration @ held) / self.gains.rigid_acceleration**2
+        rigid = self._rigid_mass / np.sqrt(1.0 + max(size, 0.0)) * held
+        return np.asarray(state.shaped.inverse @ acceleration + rigid)
 
     def next_integral(
         self, integral: float, force: ForceTask | None, contact: Array, period: float
@@ -232,14 +248,19 @@ class OperationalLaw:
         none = np.zeros_like(brake)
         return limited_torque(state.bias_force, brake, none, self.torque_limits).torque
 
-    def _asked(self, state: RobotState, target: Target, error: Array) -> Array:
-        """Return ẍ_c (6,)."""
+    def asked(self, state: RobotState, target: Target) -> Array:
+        """Return ẍ_c (6,), m/s² and rad/s², world axes at the point.
+
+        Args:
+            state: of the robot.
+            target: of the operational point.
+        """
         gains = self.gains
         rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
         asked = (
             target.acceleration
             + 2.0 * gains.damping_ratio * rates * (target.twist - state.point.twist)
-            + rates**2 * error
+            + rates**2 * pose_error(state.point.pose, target.pose)
         )
         if target.force is not None:
             along = target.force.direction
@@ -247,8 +268,12 @@ class OperationalLaw:
             asked[:3] -= (float(along @ asked[:3]) + gains.contact_rate * speed) * along
         return np.asarray(asked)
 
-    def _posture_torque(self, state: RobotState) -> Array:
-        """Return τ_0 (nv,)."""
+    def posture_torque(self, state: RobotState) -> Array:
+        """Return τ_0 (nv,), N m or N, before Nᵀ.
+
+        Args:
+            state: of the robot.
+        """
         gains = self.gains
         pull = gains.posture_rate**2 * self.mechanism.difference(state.q, self.posture)
         pull = np.clip(pull, -gains.posture_acceleration, gains.posture_acceleration)

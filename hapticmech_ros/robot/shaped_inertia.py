@@ -1,16 +1,15 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Λ⁺, the inverse of Λ_h⁻¹ that stays bounded at singular poses, and the null space that fits it.
+"""Λ⁺, the inverse of Λ_h⁻¹ that leaves out what is rigid, and the null space that fits it.
 
 X = Λ_h⁻¹ = Σ μ_i d_i d_iᵀ with the pairs n_i, d_i = I_ℓ⁻¹ n_i of the spectrum, n_iᵀ d_j = δ_ij, so
 its inverse is Σ n_i n_iᵀ / μ_i. With the weights w_i = w(s_i) by which joints count as rigid,
 
-    Λ⁺ = Σ φ_i n_i n_iᵀ,      φ_i = (1 - w_i) / μ_i + w_i / s_off²                            (R1)
+    Λ⁺ = Σ (1 - w_i) / μ_i n_i n_iᵀ                                                          (R1)
 
-is that inverse, to rounding, as long as all s_i ≥ s_off. A direction that is rigid, s_i ≤ s_on, has
-a force of its own that no inertia shapes: that of a mass of constant size, 1 / s_off² of the
-metric. It is bounded, and fades as Jᵀ n_i does, which is the joints' share of it. In between w
-falls smoothly, so Λ⁺ is as smooth as s.
+is that inverse, to rounding, where all s_i ≥ s_off; directions with s_i ≤ s_on have no part in it.
+In between w falls smoothly, so Λ⁺ is as smooth as s. It asks for bounded torques in any pose:
+L⁻¹ Jᵀ n_i has the length s_i, and s_i (1 - w_i) / μ_i ≤ 1 / s_on.
 
 With the unit vectors of the mass metric u_i = L⁻¹ J_hᵀ n_i / s_i, D = L Lᵀ, torques of the null
 space pass
@@ -47,24 +46,20 @@ class ShapedInertia(NamedTuple):
     free: Array
 
 
-def shaped_inertia(
-    analysis: OperationalAnalysis, jacobian: Array, factor: Array, s_off: float
-) -> ShapedInertia:
+def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array) -> ShapedInertia:
     """Return Λ⁺ (R1) and Nᵀ (R2) of a tree without closures.
 
     Args:
         analysis: of the operational point at the state.
         jacobian: (6, nv) J_h there, m and 1.
         factor: (nv, nv) lower Cholesky factor L of D there.
-        s_off: of the scene's perception: free from here.
     """
     rows, found = analysis.rows, analysis.spectrum
     free = 1.0 - analysis.weights
     # Of directions with w = 1 s may be 0; they have no part in what is divided by it.
     safe = np.where(free > 0.0, found.s, 1.0)
-    size = free / safe**2 + analysis.weights / s_off**2
     inverse = np.zeros((6, 6))
-    inverse[np.ix_(rows, rows)] = (found.wrenches * size) @ found.wrenches.T
+    inverse[np.ix_(rows, rows)] = (found.wrenches * (free / safe**2)) @ found.wrenches.T
     # L⁻¹ Jᵀ n_i: (nv, t).
     units = dtrsm(1.0, factor, jacobian[rows].T @ found.wrenches, lower=1) * (np.sqrt(free) / safe)
     lost = factor @ units

@@ -94,8 +94,13 @@ def test_the_virtual_robot_is_held_back_and_it_is_told():
 
 @pytest.mark.parametrize("name", ["period", "leash", "correction"])
 def test_numbers_that_are_none_are_refused(name):
+    given = {"period": 1e-3, "leash": 0.1, "correction": 20.0, name: 0.0}
     with pytest.raises(InvalidInputError, match=name):
-        virtual(**{name: 0.0}) if name != "period" else virtual(0.0)
-    with pytest.raises(InvalidInputError, match="q"):
-        robot = virtual()
-        robot.next(robot.at_rest(Q), np.zeros(6), Target(pose_of(robot.law, Q)), NO_CONTACT)
+        VirtualRobot(law_of("iiwa14"), **given)
+
+
+def test_a_measurement_of_another_size_is_refused():
+    robot = virtual()
+    target = Target(pose_of(robot.law, Q))
+    with pytest.raises(InvalidInputError, match="7 finite numbers"):
+        robot.next(robot.at_rest(Q), np.zeros(6), target, NO_CONTACT)

@@ -1,0 +1,285 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot through singular poses and against a wall: our law beside two that are in use.
+
+MuJoCo moves the robot, with friction and a payload that no law knows. Each law has one setting for
+all that a robot is asked to do, the best of a grid: what is lost, ends with its elbow on the other
+side, or needs more torque than the motors have, does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+import typer
+
+from benchmarks.goals import Verdict, goal_sheet, verdict
+from benchmarks.machine import MachineResults, machine
+from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
+from benchmarks.robot.tasks import ROBOTS, TASKS
+from benchmarks.robot.trial import Measured, Stage
+from hapticmech_ros.analysis.study import Sheet, Show, number, silent
+from hapticmech_ros.cli.console import OutOption
+from hapticmech_ros.cli.study import JsonOption, carry_out
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.mujoco_robot import MujocoRobot, Unmodelled
+
+# Of the terms of MuJoCo and ours, relative to the largest entry: both add some hundred products of
+# numbers of 2e-16 each.
+EQUAL = 1e-12
+POSES = 100
+# kg, N m s/rad and N m.
+UNKNOWN = Unmodelled(payload=0.5, damping=0.5, friction=0.5)
+CONDITIONS: dict[str, Unmodelled] = {"as modelled": Unmodelled(), "disturbed": UNKNOWN}
+TUNED_IN = "disturbed"
+# rad: a joint that is farther from where it began has gone to the other side of a singular pose.
+FLIPPED = 0.5
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A law with the numbers chosen for a robot.
+
+    Attributes:
+        robot: its name.
+        law: its name.
+        values: chosen, by name; None: no setting did all tasks.
+        observer: rate of the observer of disturbances, 1/s.
+        tried: number of settings.
+        failed: of these, that did not do all tasks.
+    """
+
+    robot: str
+    law: str
+    values: Mapping[str, float] | None
+    observer: float
+    tried: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured of a law.
+
+    Attributes:
+        task: what was done.
+        condition: whether with what the law does not know.
+        law: its name.
+        measured: None: the robot was lost.
+    """
+
+    task: str
+    condition: str
+    law: str
+    measured: Measured | None
+
+
+@dataclass(frozen=True)
+class RobotResults(MachineResults):
+    """What was measured.
+
+    Attributes:
+        difference: largest relative difference of D, h and J between MuJoCo and us, by robot.
+        chosen: settings of the laws.
+        rows: what was measured of them.
+    """
+
+    NAME: ClassVar[str] = "bench_robot"
+    FAULT: ClassVar[str] = "the robots are not the same in both, or our law lost one"
+
+    difference: Mapping[str, float]
+    chosen: tuple[Chosen, ...]
+    rows: tuple[Row, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether both have the same robots, and our law lost none."""
+        kept = all(row.measured is not None for row in self.rows if row.law == OURS + OBSERVED)
+        return kept and max(self.difference.values()) <= EQUAL
+
+    def sheets(self) -> Iterator[Sheet]:
+        """Yield settings, measurements and goals."""
+        settled = [
+            (
+                one.robot,
+                one.law,
+                "none" if one.values is None else _values(one.values),
+                str(one.tried),
+                str(one.failed),
+            )
+            for one in self.chosen
+        ]
+        yield Sheet(
+            "settings",
+            ("robot", "law", "chosen", "tried", "failed"),
+            tuple(settled),
+            ("law", "chosen"),
+            "largest relative difference of D, h and J between MuJoCo and us: "
+            + ", ".join(f"{name} {value:.1e}" for name, value in self.difference.items()),
+        )
+        for task in dict.fromkeys(row.task for row in self.rows):
+            for condition in CONDITIONS:
+                yield self._sheet(task, condition)
+        yield goal_sheet(self._goals())
+
+    def _sheet(self, task: str, condition: str) -> Sheet:
+        found = [row for row in self.rows if (row.task, row.condition) == (task, condition)]
+        return Sheet(
+            f"{task}, {condition}",
+            (
+                "law",
+                "path rms, mm",
+                "max, mm",
+                "force rms, N",
+                "peak, N",
+                "along wall rms, mm",
+                "torque / limit",
+                "torque rate, kN m/s",
+                "drift, rad",
+                "saturated, ms",
+            ),
+            tuple((row.law, *_cells(row.measured)) for row in found),
+            kept=32,
+        )
+
+    def _goals(self) -> list[Verdict]:
+        """Return in which tasks our law is ahead of all others along the path."""
+        goals = []
+        keys = dict.fromkeys((row.task, row.condition) for row in self.rows)
+        for task, condition in keys:
+            errors = {
+                row.law: np.inf if row.measured is None else row.measured.path_rms_mm
+                for row in self.rows
+                if (row.task, row.condition) == (task, condition)
+            }
+            own = errors.pop(OURS + OBSERVED, np.inf)
+            if not errors:
+                continue
+            other = min(errors, key=lambda name: errors[name])
+            seen = f"{own:.3g} mm, {other} {errors[other]:.3g} mm"
+            goals.append(verdict(f"{task}, {condition}: least error", seen, own <= errors[other]))
+        return goals
+
+
+def _values(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:g}" for name, value in values.items())
+
+
+def _cells(found: Measured | None) -> tuple[str, ...]:
+    if found is None:
+        return ("lost",)
+    return (
+        f"{found.path_rms_mm:.3f}",
+        f"{found.path_max_mm:.3f}",
+        f"{found.force_rms_n:.2f}",
+        f"{found.force_peak_n:.0f}",
+        f"{found.slide_rms_mm:.2f}",
+        f"{found.peak_torque:.2f}",
+        f"{found.torque_rate:.2f}",
+        number(found.drift, ".3f"),
+        str(found.saturated),
+    )
+
+
+def difference(law: OperationalLaw, poses: int = POSES) -> float:
+    """Return the largest relative difference of D, h and J between MuJoCo and us.
+
+    Args:
+        law: of the robot.
+        poses: number of random states.
+    """
+    robot, chance, worst = MujocoRobot(law.mechanism.scene), np.random.default_rng(0), 0.0
+    for _ in range(poses):
+        q, v = chance.uniform(-3.0, 3.0, robot.nv), chance.normal(size=robot.nv)
+        robot.put(q, v)
+        state = law.state(q, v)
+        ours = state.factor @ state.factor.T, state.bias_force, state.point.jacobian
+        for one, other in zip(robot.terms(), ours, strict=True):
+            worst = max(worst, float(np.abs(one - other).max() / np.abs(one).max()))
+    return worst
+
+
+def done(stage: Stage, setting: Setting) -> Measured | None:
+    """Return what is measured of a task; None if the robot was lost."""
+    try:
+        return stage.run(setting)
+    except HapticMechError:
+        return None
+
+
+def _score(found: Measured | None) -> float:
+    """Return what a setting is chosen by; infinite if it does not count."""
+    if found is None or found.saturated or (found.drift or 0.0) > FLIPPED:
+        return float("inf")
+    return found.score
+
+
+def choose(
+    robot: str, law: str, tried: Sequence[Setting], stages: Sequence[Stage], show: Show
+) -> tuple[Chosen, Setting | None]:
+    """Return the setting with the least sum of scores over a robot's tasks.
+
+    Args:
+        robot: its name.
+        law: its name.
+        tried: settings.
+        stages: the robot's tasks.
+        show: called with what was found.
+    """
+    scores = []
+    for setting in tried:
+        score = 0.0
+        for stage in stages:
+            score += _score(done(stage, setting))
+            if score == float("inf"):
+                break
+        scores.append(score)
+        show(f"{robot}, {law}, {_values(setting.values)}: {score:.4g}")
+    failed = sum(score == float("inf") for score in scores)
+    best = tried[int(np.argmin(scores))] if failed < len(scores) else None
+    values = None if best is None else best.values
+    observer = 0.0 if best is None else best.observer
+    return Chosen(robot, law, values, observer, len(tried), failed), best
+
+
+def run_benchmark(quick: bool, show: Show = silent) -> RobotResults:
+    """Choose settings, and measure them.
+
+    Args:
+        quick: one setting of each law, and one task.
+        show: called with what was done.
+    """
+    differences: dict[str, float] = {}
+    chosen: list[Chosen] = []
+    rows: list[Row] = []
+    robots = {"iiwa14": ("reach",)} if quick else ROBOTS
+    for robot, names in robots.items():
+        tasks = [TASKS[name]() for name in names]
+        stages = {
+            condition: [Stage(task, unknown) for task in tasks]
+            for condition, unknown in CONDITIONS.items()
+        }
+        differences[robot] = difference(OperationalLaw(stages[TUNED_IN][0].mechanism))
+        show(f"{robot}: D, h and J differ from MuJoCo's by {differences[robot]:.1e}")
+        for law, tried in settings(quick).items():
+            found, best = choose(robot, law, tried, stages[TUNED_IN], show)
+            chosen.append(found)
+            if best is None:
+                continue
+            for condition, of in stages.items():
+                rows += [Row(stage.task.name, condition, law, done(stage, best)) for stage in of]
+    return RobotResults(machine(), differences, tuple(chosen), tuple(rows))
+
+
+def robot(
+    quick: Annotated[bool, typer.Option(help="one task, one setting of each law")] = False,
+    out: OutOption = Path("bench"),
+    json_only: JsonOption = False,
+) -> None:
+    """Lead robots through singular poses and press them on a wall, by three laws, in MuJoCo."""
+    carry_out(lambda show: run_benchmark(quick, show), out, json_only)

@@ -1,0 +1,198 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Our law and two that are in use, for the same errors, force and torque limits.
+
+All three ask for the same posture in the null space, and get the same terms of the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.clutch import pose_error
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.law import OperationalLaw, RobotState
+from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.torque_limits import Limited, limited_torque
+
+OURS, IMPEDANCE, DAMPED = "ours", "impedance", "damped inverse"
+
+
+class Law(Protocol):
+    """Joint torques at a state."""
+
+    @property
+    def law(self) -> OperationalLaw:
+        """What knows the robot, and the parts that all laws share."""
+
+    def torque(self, state: RobotState, target: Target, contact: Array, integral: float) -> Limited:
+        """Return torques within limits."""
+
+
+class Setting(NamedTuple):
+    """A law, and the numbers that were chosen for it.
+
+    Attributes:
+        name: of the law.
+        values: by name.
+        make: returns the law for a robot.
+        observer: rate of the observer of disturbances beside it, 1/s; 0: none.
+    """
+
+    name: str
+    values: dict[str, float]
+    make: Callable[[Mechanism, str, Array], Law]
+    observer: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ours:
+    """The package's law."""
+
+    law: OperationalLaw
+
+    def torque(self, state: RobotState, target: Target, contact: Array, integral: float) -> Limited:
+        """Return its torques."""
+        return self.law.command(state, target, contact, integral).limited
+
+
+@dataclass(frozen=True, slots=True)
+class Impedance:
+    """Cartesian impedance: springs and dampers at the tool, and weight compensated.
+
+    τ = Jᵀ (K e + C ė) + h + (1 - Jᵀ J⁺ᵀ) τ_0, C = 2 ζ √(K m); along a force that and a damper.
+    ``m`` (6,) are the mean masses of the tool, kg and kg m², in the robot's posture.
+    """
+
+    law: OperationalLaw
+    stiffness: float
+    angular_stiffness: float
+    damping_ratio: float
+    masses: Array
+
+    def torque(self, state: RobotState, target: Target, contact: Array, integral: float) -> Limited:
+        """Return its torques."""
+        del contact
+        stiffness = np.repeat((self.stiffness, self.angular_stiffness), 3)
+        damping = 2.0 * self.damping_ratio * np.sqrt(stiffness * self.masses)
+        error = pose_error(state.point.pose, target.pose)
+        wrench = stiffness * error + damping * (target.twist - state.point.twist)
+        if target.force is not None:
+            n, twist = target.force.direction, state.point.twist[:3]
+            brake = self.law.gains.contact_rate * self.masses[0] * float(n @ twist)
+            wrench[:3] += (target.force.force + integral - brake - float(n @ wrench[:3])) * n
+        jacobian = state.point.jacobian
+        null = np.eye(state.q.size) - jacobian.T @ np.linalg.pinv(jacobian).T
+        parts = jacobian.T @ wrench, null @ self.law.posture_torque(state)
+        return limited_torque(state.bias_force, *parts, self.law.torque_limits)
+
+
+@dataclass(frozen=True, slots=True)
+class DampedInverse:
+    """Operational-space control with the damped inverse Λ_λ = (X + λ² 1)⁻¹.
+
+    τ = Jᵀ Λ_λ (ẍ_c - J̇ v) + h + (1 - Jᵀ Λ_λ J D⁻¹) τ_0, force as in ours.
+    """
+
+    law: OperationalLaw
+    factor: float
+
+    def torque(self, state: RobotState, target: Target, contact: Array, integral: float) -> Limited:
+        """Return its torques."""
+        del contact
+        found, jacobian = state.analysis, state.point.jacobian
+        inverse = np.linalg.inv(found.inverse_inertia + self.factor**2 * np.eye(6))
+        wrench = inverse @ (self.law.asked(state, target) - state.point.drift)
+        if target.force is not None:
+            wrench[:3] += (target.force.force + integral) * target.force.direction
+        posture = self.law.posture_torque(state)
+        moving = np.linalg.solve(state.factor.T, np.linalg.solve(state.factor, posture))
+        null = posture - jacobian.T @ (inverse @ (jacobian @ moving))
+        task = jacobian.T @ wrench
+        return limited_torque(state.bias_force, task, null, self.law.torque_limits)
+
+
+RATES = (40.0, 60.0, 80.0)
+# s_off of the robot's perception; s_on is two fifths of it, as in a scene without its own.
+THRESHOLDS = (0.05, 0.1, 0.2)
+STIFFNESSES = (1000.0, 3000.0, 10000.0)
+ANGULAR_STIFFNESSES = (10.0, 30.0, 100.0)
+DAMPING_RATIOS = (0.7, 1.0)
+FACTORS = (0.03, 0.05, 0.1, 0.2)
+# Of the observer of disturbances, 1/s, and what laws are called that have it.
+OBSERVER, OBSERVED = 100.0, ", observer"
+
+
+def ours(rate: float, s_off: float) -> Setting:
+    """Return our law.
+
+    Args:
+        rate: of errors, 1/s.
+        s_off: of the robot's perception.
+    """
+    gains = Gains(linear_rate=rate, angular_rate=rate)
+
+    def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
+        scene = mechanism.scene.with_(f"perception={{s_on: {0.4 * s_off}, s_off: {s_off}}}")
+        law = OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits)
+        return Ours(law)
+
+    return Setting(OURS, {"rate": rate, "s_off": s_off}, make)
+
+
+def impedance(stiffness: float, angular: float, ratio: float) -> Setting:
+    """Return an impedance, N/m, N m/rad and 1."""
+
+    def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
+        law = OperationalLaw(mechanism, point, Gains(), torque_limits=limits)
+        mobility = law.state(law.posture, 0.0 * law.posture).analysis.inverse_inertia.diagonal()
+        masses = np.repeat((1.0 / mobility[:3].mean(), 1.0 / mobility[3:].mean()), 3)
+        return Impedance(law, stiffness, angular, ratio, masses)
+
+    values = {"stiffness": stiffness, "angular stiffness": angular, "damping ratio": ratio}
+    return Setting(IMPEDANCE, values, make)
+
+
+def damped(rate: float, factor: float) -> Setting:
+    """Return control with the damped inverse: rate of errors, 1/s, and λ, SI units."""
+    gains = Gains(linear_rate=rate, angular_rate=rate)
+
+    def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
+        law = OperationalLaw(mechanism, point, gains, torque_limits=limits)
+        return DampedInverse(law, factor)
+
+    return Setting(DAMPED, {"rate": rate, "factor": factor}, make)
+
+
+def settings(quick: bool = False) -> dict[str, list[Setting]]:
+    """Return all settings of each law, from which the best is chosen; one of each if quick.
+
+    Each law is there as it is, and with the package's observer of disturbances.
+    """
+    if quick:
+        plain = {
+            OURS: [ours(40.0, 0.2)],
+            IMPEDANCE: [impedance(3000.0, 30.0, 0.7)],
+            DAMPED: [damped(40.0, 0.1)],
+        }
+    else:
+        stiff = [
+            impedance(k, c, d)
+            for k in STIFFNESSES
+            for c in ANGULAR_STIFFNESSES
+            for d in DAMPING_RATIOS
+        ]
+        inverse = [damped(rate, factor) for rate in RATES for factor in FACTORS]
+        own = [ours(rate, s_off) for rate in RATES for s_off in THRESHOLDS]
+        plain = {OURS: own, IMPEDANCE: stiff, DAMPED: inverse}
+    observed = {
+        name + OBSERVED: [one._replace(observer=OBSERVER) for one in tried]
+        for name, tried in plain.items()
+    }
+    return {**observed, **plain}

@@ -1,0 +1,230 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What robots are to do: go through a singular pose, press on a wall, and move along it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros import load_scene
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.target import Target
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.mechanism import Metric
+
+IIWA = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
+# N m, of the makers' data sheets.
+IIWA_LIMITS = (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0)
+UR5E_LIMITS = (150.0, 150.0, 150.0, 28.0, 28.0, 28.0)
+# s of the path, and s at rest after it.
+PATH_S, REST_S = 3.0, 0.5
+# m before the wall, m/s towards it, N on it, m along it, and s for that.
+GAP, APPROACH, FORCE, SLIDE, SLIDE_S = 0.01, 0.05, 20.0, 0.08, 2.0
+# m by which a tool is called beyond its robot's reach.
+BEYOND = 0.010
+# m: with what lever an error of orientation counts as one of position.
+LEVER = 0.1
+# s that force and tool may take to settle, before and after the motion along the wall.
+SETTLE_S = 1.0
+
+Motion = Callable[[float], Target]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A robot's task.
+
+    Attributes:
+        name: of the task.
+        scene: of the robot.
+        limits: (nv,) of its torques, N m.
+        start: (nv,) where it begins, at rest.
+        path: target by time, 0 to PATH_S.
+        into: (3,) unit vector into the wall.
+        along: (3,) unit vector along it, in which the tool is moved.
+        returns: whether the path ends where it began.
+    """
+
+    name: str
+    scene: Scene
+    limits: Array
+    start: Array
+    path: Motion
+    into: Array
+    along: Array
+    returns: bool
+
+
+def share(time: float, duration: float) -> tuple[float, float, float]:
+    """Return a quintic from 0 to 1, at rest at both ends, and its derivatives, 1, 1/s and 1/s²."""
+    x = float(np.clip(time / duration, 0.0, 1.0))
+    position = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+    rate = 30.0 * x**2 * (1.0 - x) ** 2 / duration
+    change = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
+    return position, rate, change
+
+
+def straight(start: pin.SE3, way: Array, duration: float) -> Motion:
+    """Return a straight motion of the tool, at rest at both ends.
+
+    Args:
+        start: pose.
+        way: (3,) m, world axes.
+        duration: s.
+    """
+
+    def at(time: float) -> Target:
+        position, rate, change = share(time, duration)
+        pose = pin.SE3(start.rotation, start.translation + position * way)
+        none = np.zeros(3)
+        return Target(pose, np.r_[rate * way, none], np.r_[change * way, none])
+
+    return at
+
+
+def through_joints(law: OperationalLaw, start: Array, end: Array, duration: float) -> Motion:
+    """Return the tool's motion while all joints go straight to others: one that a robot can make.
+
+    Args:
+        law: of the robot.
+        start: (nv,) rad.
+        end: (nv,) rad.
+        duration: s.
+    """
+
+    def at(time: float) -> Target:
+        position, rate, change = share(time, duration)
+        way = end - start
+        point = law.state(start + position * way, rate * way).point
+        return Target(point.pose, point.twist, point.jacobian @ (change * way) + point.drift)
+
+    return at
+
+
+def stretched(
+    law: OperationalLaw, start: Array, end: Array, beyond: Array, duration: float
+) -> Motion:
+    """Return a motion of the tool out of what a robot can reach, and back to where it began.
+
+    Args:
+        law: of the robot.
+        start: (nv,) rad.
+        end: (nv,) rad, a pose at the end of its reach.
+        beyond: (3,) m, from there on.
+        duration: s.
+    """
+    turn = 2.0 * np.pi / duration
+
+    def at(time: float) -> Target:
+        angle = turn * float(np.clip(time, 0.0, duration))
+        c, s = np.cos(angle), np.sin(angle)
+        # Half of 1 - cos, squared: it rests at both ends with its first three derivatives.
+        half, slope, bend = 0.5 * (1.0 - c), 0.5 * s * turn, 0.5 * c * turn**2
+        position, rate, change = half**2, 2.0 * half * slope, 2.0 * (slope**2 + half * bend)
+        way = end - start
+        point = law.state(start + position * way, rate * way).point
+        twist, acceleration = point.twist.copy(), point.jacobian @ (change * way) + point.drift
+        twist[:3] += 2.0 * position * rate * beyond
+        acceleration[:3] += 2.0 * (rate**2 + position * change) * beyond
+        place = point.pose.translation + position**2 * beyond
+        return Target(pin.SE3(point.pose.rotation, place), twist, acceleration)
+
+    return at
+
+
+def ur5e() -> OperationalLaw:
+    """Return a UR5e as a robot: with weight, without the damping that a hand feels in the scene."""
+    scene = load_scene("ur5e").with_("gravity=[0, 0, -9.81]")
+    still = {"damping": 0.0}
+    links = [
+        link.model_copy(update={"joint": link.joint.model_copy(update=still)})
+        for link in scene.links
+    ]
+    point = scene.operational_points[0]
+    # As the iiwa's: the tool's own would rather turn the tool than move it.
+    metric = Metric(mass=5.0, length=LEVER)
+    points = (point.model_copy(update={"metric": metric}),)
+    changed = {"links": tuple(links), "operational_points": points}
+    return OperationalLaw(Mechanism(scene.model_copy(update=changed)))
+
+
+def iiwa() -> OperationalLaw:
+    """Return the iiwa of examples/."""
+    return OperationalLaw(Mechanism(load_scene(IIWA)))
+
+
+def wrist() -> Task:
+    """Return the task of a UR5e whose wrist passes through its singular pose."""
+    law = ur5e()
+    start = np.array([0.0, -1.9, 1.9, -0.5, -0.6, 0.0])
+    end = np.array([0.4, -1.6, 1.7, -0.7, 0.6, 0.3])
+    path = through_joints(law, start, end, PATH_S)
+    return _pressed("UR5e, through the wrist", law, UR5E_LIMITS, start, end, path)
+
+
+def arm() -> Task:
+    """Return the task of a UR5e that is called beyond its reach, and back."""
+    law = ur5e()
+    start = np.array([0.0, -1.9, 1.9, -0.5, -1.0, 0.0])
+    end = np.array([0.0, -1.3, 0.0, -0.3, -1.0, 0.0])
+    way = _out_of(law, end, "upper_arm", "wrist_block1")
+    path = stretched(law, start, end, way, PATH_S)
+    return _pressed("UR5e, beyond reach", law, UR5E_LIMITS, start, start, path)
+
+
+def elbow() -> Task:
+    """Return the task of an iiwa whose elbow passes through its straight pose."""
+    law = iiwa()
+    start = np.array([0.0, 0.9, 0.0, -0.6, 0.0, 0.6, 0.0])
+    end = np.array([0.3, 0.7, 0.2, 0.6, 0.0, 0.4, 0.2])
+    path = through_joints(law, start, end, PATH_S)
+    return _pressed("iiwa14, through the elbow", law, IIWA_LIMITS, start, end, path)
+
+
+def reach() -> Task:
+    """Return the task of an iiwa that is called beyond its reach, and back."""
+    law = iiwa()
+    start = np.array([0.0, 0.6, 0.0, -1.2, 0.0, 0.9, 0.0])
+    end = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.6, 0.0])
+    way = _out_of(law, end, "link2", "link6")
+    path = stretched(law, start, end, way, PATH_S)
+    return _pressed("iiwa14, beyond reach", law, IIWA_LIMITS, start, start, path)
+
+
+def _out_of(law: OperationalLaw, q: Array, shoulder: str, wrist_link: str) -> Array:
+    """Return the way (3,) beyond the end of a straight arm's reach, m."""
+    places = [law.mechanism.frame_pose(q, link).translation for link in (shoulder, wrist_link)]
+    out = places[1] - places[0]
+    return np.asarray(BEYOND * out / np.linalg.norm(out))
+
+
+def _pressed(
+    name: str,
+    law: OperationalLaw,
+    limits: tuple[float, ...],
+    start: Array,
+    end: Array,
+    path: Motion,
+) -> Task:
+    """Return the task with a wall beyond all of the path, where that is next to the path's end."""
+    times = np.linspace(0.0, PATH_S, 61)
+    places = np.array([path(float(time)).pose.translation for time in times])
+    axes = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    # How far the path goes beyond where it ends; in that direction there is no wall.
+    beyond = [float((places @ axis).max() - places[-1] @ axis) for axis in axes]
+    into = axes[int(np.argmin(beyond))]
+    along = np.abs(np.roll(into, 1))
+    scene, returns = law.mechanism.scene, bool((start == end).all())
+    return Task(name, scene, np.array(limits), start, path, into, along, returns)
+
+
+TASKS = {"wrist": wrist, "arm": arm, "elbow": elbow, "reach": reach}
+# Of one robot each: one setting serves all that it is asked to do.
+ROBOTS = {"UR5e": ("wrist", "arm"), "iiwa14": ("elbow", "reach")}

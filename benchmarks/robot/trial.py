@@ -1,0 +1,220 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""One task by one law in MuJoCo: the motion, and what is measured of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.robot.laws import Law, Setting
+from benchmarks.robot.tasks import (
+    APPROACH,
+    FORCE,
+    GAP,
+    LEVER,
+    PATH_S,
+    REST_S,
+    SETTLE_S,
+    SLIDE,
+    SLIDE_S,
+    Task,
+    straight,
+)
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.clutch import pose_error
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
+from hapticmech_ros.robot.law import RobotState
+from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall
+from hapticmech_ros.robot.target import ForceTask, Target
+
+# s of control, in so many steps of MuJoCo; m of the ball at the tool.
+PERIOD, STEPS, RADIUS = 1e-3, 4, 0.01
+# N that count as contact, and m at which a trial is given up.
+TOUCH_N, LOST_M = 1.0, 0.3
+# s that a contact may take to be found.
+_LONGEST_APPROACH_S = 2.0
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured of a trial.
+
+    Attributes:
+        path_rms_mm: error of the tool along the path, with the lever of 0.1 m for angles.
+        path_max_mm: the largest.
+        force_rms_n: error of the force while the tool moves along the wall.
+        force_peak_n: largest force, at the impact above all.
+        slide_rms_mm: error of the tool along the wall meanwhile.
+        peak_torque: largest torque over the joint's limit.
+        torque_rate: largest change of a torque along the path, kN m/s.
+        drift: rad, by how much joints have moved in the null space, where the path returns.
+        saturated: periods in which limits took torque away.
+    """
+
+    path_rms_mm: float
+    path_max_mm: float
+    force_rms_n: float
+    force_peak_n: float
+    slide_rms_mm: float
+    peak_torque: float
+    torque_rate: float
+    drift: float | None
+    saturated: int
+
+    @property
+    def score(self) -> float:
+        """What settings are chosen by: mm along the path and N at the wall."""
+        return self.path_rms_mm + self.force_rms_n
+
+
+class Stage:
+    """A task prepared for trials: targets along the path and the wall, the same for all laws.
+
+    Args:
+        task: what is to be done.
+        unmodelled: what the robot has that no law knows of.
+    """
+
+    def __init__(self, task: Task, unmodelled: Unmodelled | None = None) -> None:
+        self.task = task
+        self.mechanism = Mechanism(task.scene)
+        ticks = round((PATH_S + REST_S) / PERIOD)
+        self.path = [task.path(PERIOD * tick) for tick in range(ticks)]
+        places = np.array([target.pose.translation for target in self.path])
+        end = self.path[-1].pose.translation
+        beyond = float((places @ task.into).max() - end @ task.into)
+        self.gap = beyond + GAP
+        self.wall = Wall(end + (self.gap + RADIUS) * task.into, -task.into)
+        self._around = Around(self.wall, RADIUS, unmodelled or Unmodelled())
+
+    @cached_property
+    def robot(self) -> MujocoRobot:
+        """The robot, which every trial puts back."""
+        return MujocoRobot(self.task.scene, around=self._around, step=PERIOD / STEPS)
+
+    def run(self, setting: Setting) -> Measured:
+        """Return what is measured of a law.
+
+        Raises:
+            HapticMechError: the robot is lost, or finds no wall.
+        """
+        law = setting.make(self.mechanism, "", self.task.limits)
+        return _Trial(self, law, setting.observer).measured()
+
+
+class _Trial:
+    """A robot in motion under a law; torques act a period after what they answer."""
+
+    def __init__(self, stage: Stage, law: Law, rate: float) -> None:
+        self.stage, self.law, self.robot = stage, law, stage.robot
+        self.robot.put(stage.task.start, np.zeros(self.robot.nv))
+        self.torque = law.law.resting(stage.task.start)
+        self.integral, self.saturated, self.peak = 0.0, 0, 0.0
+        self.contact: Array = np.zeros(6)
+        self.rates: list[float] = []
+        self.error: Array = np.zeros(6)
+        self.observer = DisturbanceObserver(law.law.mechanism, rate, PERIOD)
+        self.before: RobotState | None = None
+        self.observed = Observed(np.zeros(0), np.zeros(0))
+        self.acted = self.torque
+
+    def measured(self) -> Measured:
+        """Return what is measured."""
+        task = self.stage.task
+        errors = [self.tick(target) for target in self.stage.path]
+        path = np.array(errors)
+        rate, drift = max(self.rates), None
+        if task.returns:
+            drift = float(np.abs(self.robot.q - task.start).max())
+        forces, slide, peak = self._press()
+        lengths = _lengths(path)
+        return Measured(
+            path_rms_mm=1e3 * float(np.sqrt(np.mean(lengths**2))),
+            path_max_mm=1e3 * float(lengths.max()),
+            force_rms_n=float(np.sqrt(np.mean((forces - FORCE) ** 2))),
+            force_peak_n=peak,
+            slide_rms_mm=1e3 * float(np.sqrt(np.mean(slide**2))),
+            peak_torque=self.peak,
+            torque_rate=1e-3 * rate,
+            drift=drift,
+            saturated=self.saturated,
+        )
+
+    def tick(self, target: Target) -> Array:
+        """Return the error (6,) at the start of a period, and move over it."""
+        robot, law = self.robot, self.law
+        state = law.law.state(robot.q, robot.v)
+        if self.before is None:
+            self.observed = self.observer.begin(state)
+        else:
+            self.observed = self.observer.next(
+                self.observed, self.before, self.acted, self.contact, state
+            )
+        self.before = state
+        self.error = pose_error(robot.pose, target.pose)
+        if not np.linalg.norm(self.error[:3]) < LOST_M:
+            raise HapticMechError("the robot is lost")
+        self.contact = robot.contact_wrench()
+        known = balanced(state, self.observed)
+        limited = law.torque(known, target, self.contact, self.integral)
+        self.integral = law.law.next_integral(self.integral, target.force, self.contact, PERIOD)
+        robot.advance(self.torque, STEPS)
+        self.acted = self.torque
+        self.rates.append(float(np.abs(limited.torque - self.torque).max()) / PERIOD)
+        self.saturated += limited.saturated
+        self.torque = limited.torque
+        share = np.abs(limited.torque) / self.stage.task.limits
+        self.peak = max(self.peak, float(share.max()))
+        return self.error
+
+    def _press(self) -> tuple[Array, Array, float]:
+        """Return forces and errors while moving along the wall, and the peak force."""
+        task, end = self.stage.task, self.stage.path[-1].pose
+        far = self.stage.gap + APPROACH * _LONGEST_APPROACH_S
+        towards = straight(end, far * task.into, 1.5 * far / APPROACH)
+        target = towards(0.0)
+        for tick in range(round(4.0 / PERIOD)):
+            if self._pushed() > TOUCH_N:
+                break
+            target = towards(PERIOD * tick)
+            self.tick(target)
+        else:
+            raise HapticMechError("the robot finds no wall")
+        found, peak = target.pose, self._pushed()
+        force = ForceTask(task.into, FORCE)
+        forces, errors = [], []
+        along = straight(found, SLIDE * task.along, SLIDE_S)
+        for at, counts in _press_times():
+            moved = along(at)
+            self.tick(Target(moved.pose, moved.twist, moved.acceleration, force))
+            pushed = self._pushed()
+            peak = max(peak, pushed)
+            if counts:
+                forces.append(pushed)
+                sideways = self.error[:3] - (task.into @ self.error[:3]) * task.into
+                errors.append(float(np.linalg.norm(sideways)))
+        return np.array(forces), np.array(errors), peak
+
+    def _pushed(self) -> float:
+        """Return the force into the wall, N."""
+        return -float(self.stage.task.into @ self.contact[:3])
+
+
+def _press_times() -> Iterator[tuple[float, bool]]:
+    """Yield times of the motion along the wall, s, and whether it is under way."""
+    for _ in range(round(SETTLE_S / PERIOD)):
+        yield 0.0, False
+    for tick in range(round(SLIDE_S / PERIOD)):
+        yield PERIOD * tick, True
+
+
+def _lengths(errors: Array) -> Array:
+    """Return (n,) lengths of errors (n, 6), m, with the lever for angles."""
+    scaled = errors * np.repeat((1.0, LEVER), 3)
+    return np.asarray(np.linalg.norm(scaled, axis=1))

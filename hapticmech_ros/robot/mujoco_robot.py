@@ -1,0 +1,265 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot in MuJoCo that takes joint torques, with a ball at its tool and a wall to press on.
+
+What a controller that computes with our dynamics drives here is somebody else's: MuJoCo's own
+dynamics and contacts. Friction at the wall is μ times MuJoCo's contact force, against the slip, of
+each step: MuJoCo's own friction lifts what slips off a stiff wall by μ times its speed, since its
+contacts are a convex problem, so that the tool would bounce whatever controls it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism.model import build_tree, se3
+from hapticmech_ros.robot.mujoco_tree import MujocoTree, mujoco_module, wxyz
+from hapticmech_ros.scene import Scene
+
+# Thickness of a wall, m: more than a tool can go through in a step.
+_THICK = 0.1
+# m/s below which friction is proportional to the slip.
+_CREEP = 0.002
+_TOOL, _WALL, _POINT = "tool_ball", "wall", "operational_point"
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A wall before the tool.
+
+    Attributes:
+        position: (3,) m, a point of its surface, world axes.
+        normal: (3,) unit vector, out of the wall.
+        size: m, of its sides.
+        friction: μ.
+        time_constant: s, of MuJoCo's contact (``solref``): the shorter, the stiffer.
+    """
+
+    position: Array
+    normal: Array
+    size: float = 1.0
+    friction: float = 0.3
+    time_constant: float = 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class Unmodelled:
+    """What the real robot has and its controller does not know.
+
+    Attributes:
+        payload: mass at the operational point, kg.
+        damping: of each joint, N m s/rad or N s/m.
+        friction: dry friction of each joint, N m or N.
+    """
+
+    payload: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What is around a robot.
+
+    Attributes:
+        wall: None: nothing to touch.
+        tool_radius: m, of the ball at the operational point that touches the wall.
+        unmodelled: of the robot.
+    """
+
+    wall: Wall | None = None
+    tool_radius: float = 0.01
+    unmodelled: Unmodelled = field(default_factory=Unmodelled)
+
+
+class MujocoRobot:
+    """A serial robot in MuJoCo.
+
+    Args:
+        scene: of the robot.
+        point: operational point, at which its tool is; the first one if empty.
+        around: what is around it.
+        step: s, of MuJoCo.
+
+    Attributes:
+        model, data: MuJoCo's own.
+        nv: number of joint rates.
+
+    Raises:
+        InstallationError: MuJoCo is not installed.
+        InvalidInputError: unknown point, or joints that are not revolute or prismatic.
+        HapticMechError: MuJoCo refuses the model.
+    """
+
+    def __init__(
+        self, scene: Scene, point: str = "", around: Around | None = None, step: float = 2.5e-4
+    ) -> None:
+        self._mujoco = mujoco = mujoco_module()
+        around = around or Around()
+        tree, held = build_tree(scene), scene.operational_point(point)
+        if set(tree.joint_types) - {"revolute", "prismatic"} or scene.closures:
+            raise InvalidInputError("robot", scene.name, "must be a tree of simple joints")
+        spec = mujoco.MjSpec()
+        spec.option.gravity = np.array(scene.gravity)
+        spec.option.timestep = step
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        added = MujocoTree(tree, spec)
+        added.add_site(_POINT, held.link, se3(held.origin))
+        number, within = tree.link_joint[held.link]
+        place = (within * se3(held.origin)).translation
+        extra = around.unmodelled
+        if extra.payload:
+            carried = added.bodies[number].add_body(name="payload", pos=place)
+            carried.mass, carried.explicitinertial = extra.payload, True
+            # Of a ball of steel of that mass, next to nothing.
+            carried.inertia = np.full(3, 1e-4 * extra.payload)
+        for body in added.bodies[1:]:
+            for joint in body.joints:
+                joint.damping[0] += extra.damping
+                joint.frictionloss = extra.friction
+        if around.wall is not None:
+            _add_contact(mujoco, spec, added.bodies[number], place, around)
+        mujoco.set_mju_user_warning(_say_nothing)
+        try:
+            self.model: Any = spec.compile()
+        except ValueError as error:
+            raise HapticMechError(f"MuJoCo refuses {scene.name}: {error}") from None
+        self.data: Any = mujoco.MjData(self.model)
+        self.nv = int(self.model.nv)
+        self._site = self.model.site(_POINT).id
+        self._tool = self.model.geom(_TOOL).id if around.wall is not None else -1
+        self._body = int(self.model.site_bodyid[self._site])
+        self._mu = 0.0 if around.wall is None else around.wall.friction
+
+    @property
+    def q(self) -> Array:
+        """(nv,) joint positions, rad or m."""
+        return np.array(self.data.qpos)
+
+    @property
+    def v(self) -> Array:
+        """(nv,) joint rates, rad/s or m/s."""
+        return np.array(self.data.qvel)
+
+    @property
+    def pose(self) -> pin.SE3:
+        """Pose of the operational point."""
+        rotation = np.array(self.data.site_xmat[self._site]).reshape(3, 3)
+        return pin.SE3(rotation, np.array(self.data.site_xpos[self._site]))
+
+    def put(self, q: Array, v: Array) -> None:
+        """Put the robot into a state, without contact forces of the past.
+
+        Args:
+            q: (nv,) joint positions, rad or m.
+            v: (nv,) joint rates, rad/s or m/s.
+        """
+        self._mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = q, v
+        self._mujoco.mj_forward(self.model, self.data)
+
+    def advance(self, torque: Array, steps: int) -> None:
+        """Move for some steps under constant torques.
+
+        Args:
+            torque: (nv,) N m or N.
+            steps: number of MuJoCo's steps.
+
+        Raises:
+            HapticMechError: the motion is lost: not finite, or reset by MuJoCo.
+        """
+        for _ in range(steps):
+            self.data.qfrc_applied[:] = torque
+            if self.data.ncon:
+                self.data.qfrc_applied += self._friction_torque()
+            self._mujoco.mj_step(self.model, self.data)
+        # Positions, contacts and forces of the state reached, not of the one before.
+        self._mujoco.mj_forward(self.model, self.data)
+        if not np.isfinite(self.data.qpos).all() or any(w.number for w in self.data.warning):
+            raise HapticMechError("MuJoCo's motion of the robot is lost")
+
+    def contact_wrench(self) -> Array:
+        """Return F_c (6,), by the wall on the robot, N and N m, world axes at the point."""
+        total, origin = np.zeros(6), np.array(self.data.site_xpos[self._site])
+        for place, force in self._forces():
+            whole = force + self._friction(place, force)
+            total[:3] += whole
+            total[3:] += np.cross(place - origin, whole)
+        return total
+
+    def _forces(self) -> list[tuple[Array, Array]]:
+        """Return where the wall pushes, m, and with which force without friction, N; (3,) each."""
+        found, forces = np.zeros(6), []
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            if self._tool not in (contact.geom1, contact.geom2):
+                continue
+            self._mujoco.mj_contactForce(self.model, self.data, index, found)
+            # On geom 2 by geom 1, along the contact's axes, which are rows.
+            sign = -1.0 if contact.geom1 == self._tool else 1.0
+            normal = sign * np.array(contact.frame[:3])
+            forces.append((np.array(contact.pos), found[0] * normal))
+        return forces
+
+    def _friction(self, place: Array, force: Array) -> Array:
+        """Return the friction (3,) that goes with a force (3,) at a place (3,), N."""
+        pushed = float(np.linalg.norm(force))
+        if pushed == 0.0 or self._mu == 0.0:
+            return np.zeros(3)
+        jacobian = np.zeros((3, self.nv))
+        self._mujoco.mj_jac(self.model, self.data, jacobian, None, place, self._body)
+        speed = jacobian @ self.data.qvel
+        normal = force / pushed
+        slip = speed - (normal @ speed) * normal
+        return np.asarray(-self._mu * pushed * slip / max(float(np.linalg.norm(slip)), _CREEP))
+
+    def _friction_torque(self) -> Array:
+        """Return torques (nv,) of all friction at the wall."""
+        total = np.zeros(self.nv)
+        for place, force in self._forces():
+            friction = self._friction(place, force)
+            self._mujoco.mj_applyFT(
+                self.model, self.data, friction, np.zeros(3), place, self._body, total
+            )
+        return total
+
+    def terms(self) -> tuple[Array, Array, Array]:
+        """Return MuJoCo's own D (nv, nv), h (nv,) and J (6, nv) at its state, for comparison."""
+        inertia = np.zeros((self.nv, self.nv))
+        self._mujoco.mj_fullM(self.model, self.data, inertia)
+        jacobian = np.zeros((6, self.nv))
+        self._mujoco.mj_jacSite(self.model, self.data, jacobian[:3], jacobian[3:], self._site)
+        return inertia, np.array(self.data.qfrc_bias), jacobian
+
+
+def _add_contact(mujoco: Any, spec: Any, body: Any, place: Array, around: Around) -> None:
+    """Add the tool's ball and the wall."""
+    wall = around.wall
+    if wall is None:
+        return
+    normal = np.asarray(wall.normal, dtype=float)
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).toRotationMatrix()
+    given = {
+        "solref": np.array([wall.time_constant, 1.0]),
+        "condim": 1,
+    }
+    kinds = mujoco.mjtGeom
+    radius = np.array([around.tool_radius, 0.0, 0.0])
+    ball = {"name": _TOOL, "type": kinds.mjGEOM_SPHERE, "size": radius, "pos": place}
+    body.add_geom(**ball, **given, mass=0.0)
+    half = 0.5 * np.array([wall.size, wall.size, _THICK])
+    centre = np.asarray(wall.position) - 0.5 * _THICK * normal
+    spec.worldbody.add_geom(
+        name=_WALL, type=kinds.mjGEOM_BOX, size=half, pos=centre, quat=wxyz(turn), **given
+    )
+
+
+def _say_nothing(_text: str) -> None:
+    return

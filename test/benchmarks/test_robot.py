@@ -1,0 +1,82 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark of robots: the same robot in MuJoCo, tasks that can be done, honest choices."""
+
+import numpy as np
+import pytest
+
+from benchmarks.robot.benchmark import EQUAL, choose, difference
+from benchmarks.robot.laws import DAMPED, IMPEDANCE, OURS, settings
+from benchmarks.robot.tasks import PATH_S, TASKS
+from benchmarks.robot.trial import Measured
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.robot.law import OperationalLaw
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_mujoco_has_the_same_inertia_weight_and_jacobian(name):
+    task = TASKS[name]()
+    assert difference(OperationalLaw(Mechanism(task.scene)), poses=20) <= EQUAL
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_targets_have_the_twist_and_acceleration_of_their_motion(name):
+    task, h = TASKS[name](), 1e-4
+    for time in np.linspace(0.2, PATH_S - 0.2, 9):
+        before, at, after = (task.path(float(time + k * h)) for k in (-1, 0, 1))
+        # Central differences: an error of h² of the third derivative, some 10 m/s³, over 6.
+        moved = (after.pose.translation - before.pose.translation) / (2.0 * h)
+        np.testing.assert_allclose(moved, at.twist[:3], atol=1e-6)
+        np.testing.assert_allclose(
+            (after.twist - before.twist) / (2.0 * h), at.acceleration, atol=1e-5
+        )
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_paths_go_through_a_singular_pose_and_begin_and_end_at_rest(name):
+    task = TASKS[name]()
+    for time in (0.0, PATH_S):
+        assert np.abs(task.path(time).twist).max() < 1e-12
+    law = OperationalLaw(Mechanism(task.scene))
+    start = task.path(0.0).pose.translation
+    pose = law.state(task.start, 0.0 * task.start).point.pose.translation
+    np.testing.assert_allclose(start, pose, atol=1e-12)
+
+
+def test_every_law_has_settings_with_and_without_the_observer():
+    found = settings()
+    assert {OURS, IMPEDANCE, DAMPED} <= set(found)
+    assert len(found) == 6
+    counts = {name: len(tried) for name, tried in found.items()}
+    # The others are given at least as many settings as ours.
+    assert min(counts[IMPEDANCE], counts[DAMPED]) >= counts[OURS]
+
+
+class Scripted:
+    """A stage whose results are given by the setting's value."""
+
+    def run(self, setting):
+        kind = setting.values["kind"]
+        if kind == "lost":
+            raise HapticMechError("lost")
+        drift = 2.0 if kind == "flipped" else 0.0
+        saturated = 5 if kind == "saturated" else 0
+        error = setting.values["error"]
+        return Measured(error, error, 0.0, 0.0, 0.0, 0.0, 0.0, drift, saturated)
+
+
+def test_the_best_setting_is_chosen_and_failures_do_not_count():
+    setting = settings(quick=True)[OURS][0]
+    kinds = [("lost", 0.0), ("flipped", 0.1), ("saturated", 0.2), ("kept", 2.0), ("kept", 1.0)]
+    tried = [setting._replace(values={"kind": kind, "error": error}) for kind, error in kinds]
+    shown = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.robot.benchmark._values", str)
+        found, best = choose("robot", "law", tried, [Scripted(), Scripted()], shown.append)
+    assert best is tried[4]
+    assert (found.tried, found.failed) == (5, 3)
+    assert len(shown) == 5
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.robot.benchmark._values", str)
+        assert choose("robot", "law", tried[:3], [Scripted()], shown.append)[1] is None
