@@ -13,6 +13,8 @@ EXECUTABLES = [
     "haptic_device",
     "haply_device",
     "relay_device",
+    "robot_follower",
+    "simulated_robot",
     "mechanism_simulator",
     "nullspace_analyser",
     "teleoperation_controller",

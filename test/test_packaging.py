@@ -33,7 +33,9 @@ EXECUTABLES = [
     "mechanism_simulator",
     "nullspace_analyser",
     "relay_device",
+    "robot_follower",
     "scene_viewer",
+    "simulated_robot",
     "teleoperation_controller",
 ]
 ROOT = Path(__file__).resolve().parents[1]

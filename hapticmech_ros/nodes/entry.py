@@ -17,7 +17,7 @@ from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InstallationError
 from hapticmech_ros.installation import OF_COMMANDS, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
-from hapticmech_ros.wire.topic import DEVICE, HAPLY, PAGE, RELAY, VIEWER
+from hapticmech_ros.wire.topic import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",
@@ -32,6 +32,8 @@ PURPOSES = {
     **NODES,
     HAPLY: "driver of a Haply Inverse3, through Haply's Inverse service",
     RELAY: "relay to a driver of ros2_control, such as forcedimension_ros2",
+    FOLLOWER: "a robot behind ros2_control that follows an operational point of the mechanism",
+    ROBOT: "a robot in MuJoCo behind the topics of ros2_control; its scene is the robot",
     VIEWER: "markers, frames and a URDF model of a running graph, for people",
     PAGE: "a running graph in a browser, where it is dragged with the mouse",
 }
@@ -111,6 +113,16 @@ def nullspace_analyser() -> None:
 def teleoperation_controller() -> None:
     """Run the teleoperation controller alone."""
     sys.exit(start(["teleoperation_controller"]))
+
+
+def robot_follower() -> None:
+    """Run the robot that follows alone."""
+    sys.exit(start([FOLLOWER]))
+
+
+def simulated_robot() -> None:
+    """Run the robot in MuJoCo alone."""
+    sys.exit(start([ROBOT]))
 
 
 def scene_viewer() -> None:

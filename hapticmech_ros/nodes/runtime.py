@@ -45,6 +45,8 @@ _ACTORS = {
     "mechanism_simulator": (".mechanism_simulator", "MechanismSimulator"),
     "nullspace_analyser": (".nullspace_analyser", "NullspaceAnalyser"),
     "teleoperation_controller": (".teleoperation_controller", "TeleoperationController"),
+    "robot_follower": (".robot_follower", "RobotFollower"),
+    "simulated_robot": (".simulated_robot", "SimulatedRobot"),
     "scene_viewer": (".viewer.scene_viewer", "SceneViewer"),
     "live_page": (".viewer.live_page", "LivePageNode"),
 }

@@ -11,10 +11,12 @@ from hapticmech_ros.wire.topic import (
     ANALYSER,
     CONTROLLER,
     DEVICE,
+    FOLLOWER,
     MECHANISM,
     PAGE,
     REAL_DEVICES,
     RELAY,
+    ROBOT,
     VIEWER,
 )
 from hapticmech_ros.wire.topics import (
@@ -28,11 +30,13 @@ from hapticmech_ros.wire.topics import (
     TOPICS,
 )
 
-NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, VIEWER, PAGE)
+NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, FOLLOWER, ROBOT, VIEWER, PAGE)
 # Of the relay, to the driver behind it: what it hears and what it sends, by its parameters.
 _BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
-# Look on, each in a process of its own.
-ONLOOKERS = (VIEWER, PAGE)
+# Of a robot, by the parameters of its nodes: joints and contact from it, commands to it.
+_FROM_ROBOT, _TO_ROBOT = ("robot/joint_states", "robot/wrench"), ("robot/commands",)
+# Beside the graph, each in a process of its own.
+ONLOOKERS = (FOLLOWER, ROBOT, VIEWER, PAGE)
 # Four nodes in one process; and who pushes, commands states and records, which is none of them.
 COMPOSED, OPERATOR = "composed", "operator"
 # Of every node.
@@ -62,6 +66,10 @@ def published(node: str) -> list[str]:
         own.append(_pattern(SET_OPERATIONAL_POINT.name))
     if node == RELAY:
         own.append(_BEHIND[1])
+    if node == FOLLOWER:
+        own += [*_TO_ROBOT, f"{_pattern(EXTERNAL_WRENCH.name)}/robot"]
+    if node == ROBOT:
+        own += _FROM_ROBOT
     managed = (DIAGNOSTICS.name, f"{node}/transition_event")
     return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
 
@@ -71,6 +79,7 @@ def heard(node: str) -> list[str]:
     found = ["/clock", "/parameter_events", *([DIAGNOSTICS.name] if node == PAGE else ())]
     role = DEVICE if node in REAL_DEVICES else node
     found += [_BEHIND[0]] if node == RELAY else []
+    found += {FOLLOWER: _FROM_ROBOT, ROBOT: _TO_ROBOT}.get(node, ())
     for topic in TOPICS:
         # A hand is what holds a real device, and nothing else pushes it.
         if role in topic.subscribers and not (role != node and topic is HAND_WRENCH):

@@ -65,6 +65,8 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 DEVICE, MECHANISM = "haptic_device", "mechanism_simulator"
 ANALYSER, CONTROLLER = "nullspace_analyser", "teleoperation_controller"
 VIEWER, PAGE = "scene_viewer", "live_page"
+# A robot that follows the mechanism, and one in MuJoCo in place of a real one.
+FOLLOWER, ROBOT = "robot_follower", "simulated_robot"
 # Drive devices that are not simulated, by the same topics as DEVICE.
 HAPLY, RELAY = "haply_device", "relay_device"
 REAL_DEVICES = (HAPLY, RELAY)

@@ -11,6 +11,7 @@ from hapticmech_ros.wire.topic import (
     ARRAY,
     CONTROLLER,
     DEVICE,
+    FOLLOWER,
     MECHANISM,
     PAGE,
     POSE,
@@ -207,12 +208,14 @@ POINT_POSE = Topic(
     POSE,
     MECHANISM,
     "pose of the operational point, in `world`",
+    (FOLLOWER,),
 )
 POINT_TWIST = Topic(
     "mechanism/{point}/measured_cv",
     TWIST,
     MECHANISM,
     "twist of the operational point, at that point, axes of `world`",
+    (FOLLOWER,),
 )
 POINT_FORCE = Topic(
     "mechanism/{point}/measured_cf",

@@ -1,0 +1,222 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot behind ros2_control that follows an operational point of the mechanism.
+
+Joint states in, commands of joints out, in one of the forms that ros2_control's own controllers
+take. What the robot touches is put on the mechanism, so that the hand feels it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading import load_scene
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.joint_input import joints_read, numbers_in
+from hapticmech_ros.nodes.messages import (
+    checked_stamp,
+    read_pose,
+    read_twist,
+    read_wrench,
+    set_stamp,
+)
+from hapticmech_ros.nodes.parameters import FollowerParameters
+from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.saturation import limited
+from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.bounds import twist_bounds
+from hapticmech_ros.wire.topics import EXTERNAL_WRENCH, POINT_POSE, POINT_TWIST
+from hapticmech_ros.wire.wrench import encode_wrench
+
+# Name below external_cf under which the robot's contact is put on the mechanism.
+WHO = "robot"
+# rad, m, rad/s and m/s that no joint of a robot exceeds.
+LARGEST = 1e3
+
+
+class RobotFollower(ClockedActor[FollowerParameters]):
+    """Runs a :class:`~hapticmech_ros.robot.follower.Follower` at the control rate."""
+
+    name = "robot_follower"
+    parameters_type = FollowerParameters
+    phase = 0.75
+
+    def __init__(self, node: Host, parameters: FollowerParameters) -> None:
+        self._follower: Follower | None = None
+        if parameters.lockstep:
+            raise InvalidInputError("lockstep", True, "must be false: a robot has real time")
+        if not parameters.robot:
+            raise InvalidInputError("robot", "", "must be the file of a scene, URDF, MJCF or SDF")
+        if parameters.command_type == "trajectory" and parameters.interface != "position":
+            rule = "must be position with command_type trajectory"
+            raise InvalidInputError("interface", parameters.interface, rule)
+        super().__init__(node, parameters)
+        self._mechanism = Mechanism(load_scene(parameters.robot))
+        self._names = list(self._mechanism.tree.joint_names)
+        self._law = self._new_law(parameters)
+        self._follower = Follower(self._law, self._settings(parameters))
+        self._twist_bounds = twist_bounds(self.limits)
+        self._twist, self._twist_ns = np.zeros(6), 0
+        self._trouble = "no joint states have come"
+        kind = JointTrajectory if parameters.command_type == "trajectory" else Float64MultiArray
+        topic = parameters.joint_command_topic
+        self._commands = node.keep(node.create_publisher(kind, topic, STREAM_PUBLISHER))
+        pushed = f"{EXTERNAL_WRENCH.of(self.point)}/{WHO}"
+        self._contact = self.output_named(pushed, WrenchStamped, STREAM_PUBLISHER)
+        self._told_contact = False
+        self._speakers = {
+            name: self.sources(name)
+            for name in (parameters.joint_state_topic, POINT_POSE.of(self.point))
+        }
+        self.input_stream(
+            parameters.joint_state_topic,
+            JointState,
+            CONTROL_SUBSCRIBER,
+            self._on_joints,
+            self._speakers[parameters.joint_state_topic],
+        )
+        pose = POINT_POSE.of(self.point)
+        self.input_stream(
+            pose, PoseStamped, CONTROL_SUBSCRIBER, self._on_pose, self._speakers[pose]
+        )
+        twist = POINT_TWIST.of(self.point)
+        self.input(twist, TwistStamped, CONTROL_SUBSCRIBER, self._on_twist)
+        if parameters.wrench_topic:
+            self.input(parameters.wrench_topic, WrenchStamped, CONTROL_SUBSCRIBER, self._on_wrench)
+
+    def activate(self) -> None:
+        """Follow when joints and target are heard from now on."""
+        if self._follower is not None:
+            self._follower = Follower(self._law, self._settings(self.parameters))
+        for sources in self._speakers.values():
+            sources.forget()
+
+    def deactivate(self) -> None:
+        """Leave the robot with what carries its weight, or at rest, and the mechanism alone."""
+        if self._follower is None:
+            return
+        order = self._follower.last()
+        if order is not None:
+            self._send(order, self.now_ns())
+
+    def ready(self, deadline_ns: int) -> bool:
+        """Return that there is no lockstep."""
+        del deadline_ns
+        return False
+
+    def tick(self, periods: int, deadline_ns: int) -> None:
+        """Tell the robot's controller what to do, and the mechanism what the robot touches."""
+        del periods, deadline_ns
+        if self._follower is None:
+            return
+        now = self.now_ns()
+        order = self._follower.order(now / NANOSECONDS)
+        if order is None:
+            return
+        if order.trouble != self._trouble:
+            self._trouble = order.trouble
+            say = self.node.get_logger()
+            if order.trouble:
+                say.warning(f"the robot does not follow: {order.trouble}")
+            else:
+                say.info("the robot follows")
+        self._send(order, now)
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Return whether the robot follows, and how often it did not."""
+        now = self.now_ns()
+        faults = [sources.fault(now) for sources in self._speakers.values()]
+        fault = "; ".join(filter(None, faults))
+        follower = self._follower
+        follows = follower is not None and follower.follows and not fault
+        counts = {} if follower is None else dict(follower.counts.figures())
+        sentence = "the robot follows" if follows else fault or self._trouble
+        return follows, sentence, {"fault": fault, **self.clock_figures(), **counts}
+
+    def _new_law(self, parameters: FollowerParameters) -> OperationalLaw:
+        gains = Gains(
+            linear_rate=parameters.linear_rate,
+            angular_rate=parameters.angular_rate,
+            damping_ratio=parameters.damping_ratio,
+            posture_rate=parameters.posture_rate,
+        )
+        limits = numbers_in("torque_limits", parameters.torque_limits)
+        point = parameters.robot_point
+        return OperationalLaw(self._mechanism, point, gains, torque_limits=limits)
+
+    def _settings(self, parameters: FollowerParameters) -> FollowerSettings:
+        return FollowerSettings(
+            interface=parameters.interface,
+            period=self.period_s,
+            joint_timeout=parameters.joint_timeout,
+            target_timeout=parameters.target_timeout,
+            wrench_timeout=parameters.wrench_timeout,
+            has_sensor=bool(parameters.wrench_topic),
+            observer_rate=parameters.observer_rate,
+        )
+
+    def _send(self, order: Order, now_ns: int) -> None:
+        self._commands.publish(self._message(order.values))
+        share = self.parameters.feedback
+        felt = limited(
+            share * order.contact, self.parameters.feedback_force, self.parameters.feedback_torque
+        )
+        # Zero once, and then silence: a wrench that stands is taken away by its timeout as well.
+        if felt.any() or self._told_contact:
+            self._told_contact = bool(felt.any())
+            self._contact.publish(encode_wrench(felt, now_ns))
+
+    def _message(self, values: Array) -> Float64MultiArray | JointTrajectory:
+        if self.parameters.command_type == "array":
+            return Float64MultiArray(data=values.tolist())
+        # Without a stamp: from now on, to be reached a period later.
+        point = JointTrajectoryPoint(positions=values.tolist())
+        set_stamp(point.time_from_start, round(self.period_s * NANOSECONDS))
+        return JointTrajectory(joint_names=self._names, points=[point])
+
+    def _on_joints(self, message: JointState, now_ns: int) -> None:
+        """Take a state of all joints, from one publisher; one of others is none of ours."""
+        self._refuse_two(self.parameters.joint_state_topic, now_ns)
+        found = joints_read(message, self._names, LARGEST)
+        if found is None or self._follower is None:
+            return
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
+        self.ages.add(now_ns - stamp)
+        self._follower.hear_joints(*found, stamp / NANOSECONDS)
+
+    def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
+        twist = read_twist(message, self._twist_bounds)
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        self._twist, self._twist_ns = twist, stamp
+
+    def _on_pose(self, message: PoseStamped, now_ns: int) -> None:
+        self._refuse_two(POINT_POSE.of(self.point), now_ns)
+        pose = read_pose(message, self.limits)
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
+        # Sent just before it, of the same sample; an older one carries nothing on.
+        is_of_now = abs(stamp - self._twist_ns) <= self.parameters.target_timeout * NANOSECONDS
+        twist = self._twist if is_of_now else np.zeros(6)
+        if self._follower is not None:
+            self._follower.hear_target(pose, twist, stamp / NANOSECONDS)
+
+    def _on_wrench(self, message: WrenchStamped, now_ns: int) -> None:
+        wrench = read_wrench(message, self.wrenches, message.header.frame_id)
+        stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
+        if self._follower is not None:
+            self._follower.hear_wrench(wrench, stamp / NANOSECONDS)
+
+    def _refuse_two(self, topic: str, now_ns: int) -> None:
+        """Refuse what comes from two publishers where one may speak: the robot stops."""
+        if fault := self._speakers[topic].fault(now_ns):
+            raise InvalidInputError(topic, fault, "must have one publisher")

@@ -1,0 +1,283 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot that follows a point whose samples come now and then, and what it does without them.
+
+Time is an argument, s. As long as joint states, target and, where there is a sensor, wrenches are
+fresh, the robot follows by the law through a clutch: what moves the target moves the robot by as
+much, from where both were when they came together. Otherwise it fails closed:
+
+    joint states stale:      effort: what carries the weight where the joints were last
+    target or wrench stale:  effort: that, and a brake
+    either:                  velocity: zero;  position: where the joints were at that time
+
+and comes together with the target anew when all is back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.clutch import Clutch, engage
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism.lapack import dtrsv
+from hapticmech_ros.quaternions import turned
+from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
+from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
+from hapticmech_ros.robot.law import OperationalLaw, RobotState
+from hapticmech_ros.robot.target import Target
+
+_NOTHING = np.zeros(6)
+_NEVER = -np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class FollowerSettings:
+    """How a robot follows.
+
+    Attributes:
+        interface: what its controller takes.
+        period: s, between commands.
+        joint_timeout, target_timeout, wrench_timeout: s, after which samples count as lost.
+        has_sensor: whether its contact wrench is measured.
+        observer_rate: rate of the observer of disturbances, 1/s; 0: none.
+        leash: of the virtual robot, rad or m; see :class:`.interfaces.VirtualRobot`.
+
+    Raises:
+        InvalidInputError: an unknown interface, or a time that is not positive.
+    """
+
+    interface: Interface = "effort"
+    period: float = 1e-3
+    joint_timeout: float = 0.02
+    target_timeout: float = 0.05
+    wrench_timeout: float = 0.05
+    has_sensor: bool = False
+    observer_rate: float = 0.0
+    leash: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.interface not in ("effort", "velocity", "position"):
+            rule = "must be effort, velocity or position"
+            raise InvalidInputError("interface", self.interface, rule)
+        for name in ("period", "joint_timeout", "target_timeout", "wrench_timeout"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InvalidInputError(name, value, "must be a positive number of s")
+
+
+class Order(NamedTuple):
+    """What a robot's controller is told.
+
+    Attributes:
+        values: (nv,) torques, rates or positions, by the interface.
+        trouble: why the robot does not follow; empty if it does.
+        contact: (6,) F_c, by the environment on the robot, N and N m, world axes at the point:
+            measured, or estimated by the observer; zero if it does not follow.
+    """
+
+    values: Array
+    trouble: str
+    contact: Array
+
+
+@dataclass(slots=True)
+class Counts:
+    """What has happened so far.
+
+    Attributes:
+        orders: given.
+        followed: of these, in which the robot followed.
+        engagements: times that robot and target came together.
+        joints_stale, target_stale, wrench_stale: orders without fresh samples.
+        saturated: orders in which torque limits took something away.
+        leashed: orders in which the virtual robot was held back.
+    """
+
+    orders: int = 0
+    followed: int = 0
+    engagements: int = 0
+    joints_stale: int = 0
+    target_stale: int = 0
+    wrench_stale: int = 0
+    saturated: int = 0
+    leashed: int = 0
+
+    def figures(self) -> Iterator[tuple[str, str]]:
+        """Yield names and numbers, for diagnostics."""
+        for name in self.__slots__:
+            yield name, str(getattr(self, name))
+
+
+class Follower:
+    """Turns samples into commands of a robot's joints.
+
+    Args:
+        law: of the robot.
+        settings: of it.
+
+    Attributes:
+        counts: what has happened so far.
+    """
+
+    def __init__(self, law: OperationalLaw, settings: FollowerSettings) -> None:
+        self._law, self._settings = law, settings
+        self._virtual = VirtualRobot(law, settings.period, settings.leash)
+        self._observer = DisturbanceObserver(law.mechanism, settings.observer_rate, settings.period)
+        self.counts = Counts()
+        nv = law.mechanism.nv
+        self._q, self._v, self._joints_at = np.zeros(nv), np.zeros(nv), _NEVER
+        self._pose, self._twist, self._target_at = pin.SE3.Identity(), _NOTHING, _NEVER
+        self._wrench, self._wrench_at = _NOTHING, _NEVER
+        self._held: Array | None = None
+        self._clutch: Clutch | None = None
+        self._state = VirtualState(self._q, self._v)
+        self._before: RobotState | None = None
+        self._torques = [np.zeros(nv), np.zeros(nv)]
+        self._observed = Observed(np.zeros(nv), np.zeros(nv))
+
+    @property
+    def follows(self) -> bool:
+        """Whether the robot follows the target now."""
+        return self._clutch is not None
+
+    def hear_joints(self, q: Array, v: Array, time: float) -> None:
+        """Take a sample of the joints.
+
+        Args:
+            q: (nv,) positions, rad or m.
+            v: (nv,) rates, rad/s or m/s.
+            time: that it stands for, s.
+
+        Raises:
+            InvalidInputError: wrong size, NaN or infinity.
+        """
+        self._q, self._v = self._law.mechanism.check_state(q, v)
+        self._joints_at = time
+
+    def hear_target(self, pose: pin.SE3, twist: Array, time: float) -> None:
+        """Take a sample of what is followed.
+
+        Args:
+            pose: in its world.
+            twist: (6,) m/s and rad/s, world axes at its point.
+            time: that it stands for, s.
+        """
+        self._pose, self._twist, self._target_at = pose, twist, time
+
+    def hear_wrench(self, wrench: Array, time: float) -> None:
+        """Take a sample of the wrench sensor.
+
+        Args:
+            wrench: (6,) by the environment on the robot, N and N m, axes of the point's frame.
+            time: that it stands for, s.
+        """
+        self._wrench, self._wrench_at = wrench, time
+
+    def let_go(self) -> None:
+        """Follow no more, until all samples are fresh again."""
+        self._clutch, self._before, self._held = None, None, None
+
+    def last(self) -> Order | None:
+        """Return what the robot's controller is told for good, or None before joints were heard."""
+        if self._joints_at == _NEVER:
+            return None
+        return self._stop("it has ended", self._law.resting(self._q))
+
+    def order(self, now: float) -> Order | None:
+        """Return what the robot's controller is to be told, or None before joints were heard.
+
+        Args:
+            now: s.
+
+        Raises:
+            HapticMechError: the robot's terms cannot be found where it is.
+        """
+        if self._joints_at == _NEVER:
+            return None
+        self.counts.orders += 1
+        settings = self._settings
+        if now - self._joints_at > settings.joint_timeout:
+            self.counts.joints_stale += 1
+            return self._stop("joint states are stale", self._law.resting(self._q))
+        state = self._law.state(self._q, self._v)
+        if now - self._target_at > settings.target_timeout:
+            self.counts.target_stale += 1
+            return self._stop("the target is stale", self._law.braking(state))
+        if settings.has_sensor and now - self._wrench_at > settings.wrench_timeout:
+            self.counts.wrench_stale += 1
+            return self._stop("the wrench sensor is stale", self._law.braking(state))
+        if self._clutch is None:
+            self._engage(state)
+        self.counts.followed += 1
+        return self._follow(state, now)
+
+    def _stop(self, trouble: str, torque: Array) -> Order:
+        """Return the order of a robot that does not follow."""
+        if self._held is None:
+            self.let_go()
+            self._held = self._q.copy()
+        values = {"effort": torque, "velocity": np.zeros_like(self._q), "position": self._held}
+        return Order(values[self._settings.interface], trouble, _NOTHING)
+
+    def _engage(self, state: RobotState) -> None:
+        """Come together with the target where both are."""
+        self.counts.engagements += 1
+        self._held = None
+        self._clutch = engage(0.0, self._pose, state.point.pose)
+        self._state = self._virtual.at_rest(self._q)
+        self._before = None
+        # Of the last two orders: one acts over a period that begins when it has been sent.
+        self._torques = [state.bias_force, state.bias_force]
+
+    def _follow(self, state: RobotState, now: float) -> Order:
+        target = self._target(now)
+        measured = turned(self._wrench, state.point.pose.rotation)
+        contact = measured if self._settings.has_sensor else _NOTHING
+        felt = contact
+        if self._settings.observer_rate:
+            self._observe(state, contact)
+            if self._settings.has_sensor:
+                state = balanced(state, self._observed)
+            else:
+                felt = self._estimated(state)
+        if self._settings.interface == "effort":
+            command = self._law.command(state, target, contact)
+            self._torques = [self._torques[1], command.torque]
+            self.counts.saturated += command.limited.saturated
+            return Order(command.torque, "", felt)
+        setpoint, self._state = self._virtual.next(self._state, self._q, target, contact)
+        self.counts.saturated += setpoint.command.limited.saturated
+        self.counts.leashed += setpoint.leashed
+        is_velocity = self._settings.interface == "velocity"
+        return Order(setpoint.velocity if is_velocity else setpoint.position, "", felt)
+
+    def _target(self, now: float) -> Target:
+        """Return the target now: its last sample, carried on by its twist."""
+        clutch = self._clutch
+        if clutch is None:
+            return Target(self._pose)
+        later = max(now - self._target_at, 0.0)
+        turn = pin.exp3(later * self._twist[3:])
+        place = self._pose.translation + later * self._twist[:3]
+        return Target(clutch.mapped(pin.SE3(turn @ self._pose.rotation, place)), self._twist)
+
+    def _observe(self, state: RobotState, contact: Array) -> None:
+        if self._before is None:
+            self._observed = self._observer.begin(state)
+        else:
+            self._observed = self._observer.next(
+                self._observed, self._before, self._torques[0], contact, state
+            )
+        self._before = state
+
+    def _estimated(self, state: RobotState) -> Array:
+        """Return the contact wrench (6,) that explains what was observed: Λ⁺ J D⁻¹ r."""
+        moving = dtrsv(state.factor, self._observed.disturbance, lower=1)
+        moving = dtrsv(state.factor, moving, lower=1, trans=1)
+        return np.asarray(state.shaped.inverse @ (state.point.jacobian @ moving))

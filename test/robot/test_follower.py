@@ -1,0 +1,178 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot that follows samples: through a clutch, and closed where samples are missing."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.robot.follower import Follower, FollowerSettings
+from hapticmech_ros.robot.gains import Gains
+from oracles.driven_robots import accelerated, law_of, pose_of
+
+Q = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])
+STILL = np.zeros(7)
+PERIOD = 1e-3
+POSE = pin.SE3(pin.exp3(np.array([0.2, -0.4, 0.1])), np.array([0.1, 0.2, 0.3]))
+TORQUE_LIMITS = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
+
+
+def follower(**options):
+    law = law_of("iiwa14", gains=Gains(posture_rate=0.0), torque_limits=TORQUE_LIMITS)
+    return law, Follower(law, FollowerSettings(period=PERIOD, **options))
+
+
+def test_nothing_is_ordered_before_joints_were_heard():
+    _, made = follower()
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    assert made.order(0.0) is None
+
+
+@pytest.mark.parametrize("interface", ["effort", "velocity", "position"])
+def test_it_begins_without_a_jump_wherever_the_target_is(interface):
+    law, made = follower(interface=interface)
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    order = made.order(0.0)
+    assert order.trouble == ""
+    assert made.follows
+    expected = {"effort": law.resting(Q), "velocity": STILL, "position": Q}[interface]
+    # Two poses' rounding, 1e-15, times ω² = 900 and masses of 25 kg.
+    np.testing.assert_allclose(order.values, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("interface", ["velocity", "position"])
+def test_it_moves_by_as_much_as_the_target(interface):
+    """A target that has moved by 5 cm and turned: after a second the robot has, too."""
+    law, made = follower(interface=interface)
+    q, start = Q.copy(), pose_of(law, Q)
+    way, turn = np.array([0.02, -0.03, 0.035]), pin.exp3(np.array([0.0, 0.1, 0.2]))
+    moved = pin.SE3(turn @ POSE.rotation, POSE.translation + way)
+    made.hear_joints(q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.order(0.0)
+    for tick in range(1, 1500):
+        time = PERIOD * tick
+        made.hear_joints(q, STILL, time)
+        made.hear_target(moved, np.zeros(6), time)
+        order = made.order(time)
+        q = order.values if interface == "position" else q + PERIOD * order.values
+    end = pose_of(law, q)
+    # Critically damped at 30 1/s: exp(-45) of the way is left.
+    np.testing.assert_allclose(end.translation - start.translation, way, atol=1e-9)
+    np.testing.assert_allclose(end.rotation @ start.rotation.T, turn, atol=1e-9)
+
+
+def test_a_target_is_carried_on_between_its_samples():
+    _, made = follower()
+    twist = np.array([0.1, 0.0, -0.2, 0.0, 0.3, 0.0])
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, twist, 0.0)
+    made.order(0.0)
+    made.hear_joints(Q, STILL, 0.02)
+    later = made.order(0.02).values
+    made.hear_target(
+        pin.SE3(pin.exp3(0.02 * twist[3:]) @ POSE.rotation, POSE.translation + 0.02 * twist[:3]),
+        twist,
+        0.02,
+    )
+    # Of rounding, times ω² = 900 and masses of 25 kg.
+    np.testing.assert_allclose(made.order(0.02).values, later, atol=1e-9)
+
+
+def test_stale_joints_leave_what_carries_the_weight_alone():
+    law, made = follower()
+    made.hear_joints(Q, np.full(7, 0.5), 0.0)
+    made.hear_target(POSE, np.ones(6), 0.0)
+    made.order(0.0)
+    made.hear_target(POSE, np.ones(6), 0.03)
+    order = made.order(0.03)
+    assert "joint states" in order.trouble
+    assert not made.follows
+    np.testing.assert_array_equal(order.values, law.resting(Q))
+    assert made.counts.joints_stale == 1
+    assert not order.contact.any()
+
+
+def test_a_stale_target_brakes_the_robot():
+    law, made = follower()
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    v = np.linspace(-0.5, 0.5, 7)
+    made.hear_joints(Q, v, 0.06)
+    order = made.order(0.06)
+    assert "target" in order.trouble
+    vdot, _ = accelerated(law, Q, v, order.values)
+    np.testing.assert_allclose(vdot, -law.gains.rest_rate * v, atol=1e-9)
+    assert made.counts.target_stale == 1
+
+
+def test_a_stale_sensor_is_no_sensor_that_feels_nothing():
+    _, made = follower(has_sensor=True)
+    made.hear_joints(Q, STILL, 0.1)
+    made.hear_target(POSE, np.zeros(6), 0.1)
+    assert "wrench" in made.order(0.1).trouble
+    made.hear_wrench(np.zeros(6), 0.1)
+    assert made.order(0.1).trouble == ""
+    assert made.counts.wrench_stale == 1
+
+
+@pytest.mark.parametrize("interface", ["velocity", "position"])
+def test_without_samples_a_robot_with_a_servo_holds(interface):
+    _, made = follower(interface=interface)
+    made.hear_joints(Q, np.full(7, 0.3), 0.0)
+    for tick in range(60, 100):
+        made.hear_joints(Q + 1e-3 * tick, np.full(7, 0.3), PERIOD * tick)
+        order = made.order(PERIOD * tick)
+        expected = STILL if interface == "velocity" else Q + 0.06
+        np.testing.assert_array_equal(order.values, expected)
+
+
+def test_it_comes_together_anew_where_both_are_then():
+    law, made = follower()
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.order(0.0)
+    made.hear_joints(Q + 0.1, STILL, 1.0)
+    assert made.order(1.0).trouble
+    far = pin.SE3(POSE.rotation, POSE.translation + 1.0)
+    made.hear_target(far, np.zeros(6), 1.0)
+    order = made.order(1.0)
+    assert order.trouble == ""
+    np.testing.assert_allclose(order.values, law.resting(Q + 0.1), atol=1e-9)
+    assert made.counts.engagements == 2
+
+
+def test_the_contact_is_told_in_the_axes_of_the_world():
+    law, made = follower(has_sensor=True)
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    own = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    made.hear_wrench(own, 0.0)
+    rotation = pose_of(law, Q).rotation
+    expected = np.r_[rotation @ own[:3], rotation @ own[3:]]
+    np.testing.assert_allclose(made.order(0.0).contact, expected, atol=1e-14)
+
+
+def test_without_a_sensor_a_steady_contact_is_estimated():
+    """A robot that stands still against a push: r is Jᵀ F_c, and Λ⁺ J D⁻¹ r is F_c."""
+    law, made = follower(observer_rate=50.0)
+    contact = np.array([5.0, -3.0, 8.0, 0.2, -0.1, 0.3])
+    torque = law.resting(Q) - law.state(Q, STILL).point.jacobian.T @ contact
+    for tick in range(1000):
+        made.hear_joints(Q, STILL, PERIOD * tick)
+        made.hear_target(POSE, np.zeros(6), PERIOD * tick)
+        # As if the law had ordered what balances the push.
+        made._torques = [torque, torque]
+        order = made.order(PERIOD * tick)
+    # exp(-50) of it is missing.
+    np.testing.assert_allclose(order.contact, contact, atol=1e-9)
+
+
+def test_settings_that_are_none_are_refused():
+    for changed in ({"period": 0.0}, {"joint_timeout": np.nan}, {"interface": "steam"}):
+        with pytest.raises(InvalidInputError, match=next(iter(changed))):
+            FollowerSettings(**changed)
+    _, made = follower()
+    with pytest.raises(InvalidInputError, match="7 finite numbers"):
+        made.hear_joints(np.full(7, np.nan), STILL, 0.0)

@@ -1,0 +1,200 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot in MuJoCo that follows the mechanism, over ROS: by torques, rates and positions."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from hapticmech_ros import Mechanism, load_scene
+from ros.harness import Peer, figures, running, six
+
+pytestmark = pytest.mark.ros
+ROBOT = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
+SCENE, POINT = "two_link", "handle"
+LIMITS = "320 320 176 176 110 40 40"
+QUICK = {"diagnostics_period": 0.1}
+
+
+class Watched:
+    """What a test sees of mechanism and robot."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.statuses = peer.statuses()
+        self._model = Mechanism(load_scene(ROBOT))
+        self._names = list(self._model.tree.joint_names)
+        self.poses = peer.listen(f"mechanism/{POINT}/measured_cp", PoseStamped)
+        self.joints = peer.listen("robot/joint_states", JointState)
+        self.felt = peer.listen(f"mechanism/{POINT}/external_cf/robot", WrenchStamped)
+
+    @property
+    def handle(self) -> np.ndarray:
+        place = self.poses[-1].pose.position
+        return np.array((place.x, place.y, place.z))
+
+    @property
+    def tool(self) -> np.ndarray:
+        at = [self.joints[-1].name.index(name) for name in self._names]
+        q = np.array(self.joints[-1].position)[at]
+        return self._model.frame_pose(q, "tool").translation.copy()
+
+    def counts(self, node: str = "robot_follower") -> dict[str, str]:
+        return figures(self.statuses[node]) if node in self.statuses else {}
+
+    def follows(self) -> bool:
+        return int(self.counts().get("followed", "0")) > 0
+
+
+@contextmanager
+def graph(domain: int, interface: str, **options: str) -> Iterator[dict[str, object]]:
+    """Run mechanism, robot and follower; yield their processes."""
+    kind = options.get("command_type", "array")
+    joints = {"interface": interface, "command_type": kind, **QUICK}
+    follower = {key: value for key, value in options.items() if key not in ("wall", "command_type")}
+    # A busy machine delays processes by some ten milliseconds.
+    patient = {"joint_timeout": 0.2, "target_timeout": 0.3, "wrench_timeout": 0.3}
+    with ExitStack() as stack:
+        enter = stack.enter_context
+        yield {
+            "mechanism": enter(running("mechanism_simulator", domain, SCENE, **QUICK)),
+            "robot": enter(
+                running(
+                    "simulated_robot",
+                    domain,
+                    ROBOT,
+                    command_timeout=0.5,
+                    **({"wall": options["wall"]} if "wall" in options else {}),
+                    **joints,
+                )
+            ),
+            "follower": enter(
+                running(
+                    "robot_follower",
+                    domain,
+                    SCENE,
+                    robot=ROBOT,
+                    torque_limits=LIMITS,
+                    **{**patient, **joints, **follower},
+                )
+            ),
+        }
+
+
+@pytest.mark.parametrize(
+    ("interface", "kind"),
+    [("effort", "array"), ("velocity", "array"), ("position", "trajectory")],
+)
+def test_the_robot_moves_by_as_much_as_the_mechanism(
+    domain: int, peer: Peer, interface: str, kind: str
+) -> None:
+    with graph(domain, interface, command_type=kind, wrench_topic="robot/wrench"):
+        seen = Watched(peer)
+        peer.until(seen.follows, "a robot that follows")
+        peer.run(0.3)
+        handle, tool = seen.handle, seen.tool
+        push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
+        end = time.monotonic() + 20.0
+        while np.linalg.norm(seen.handle - handle) < 0.02:
+            push.publish(peer.wrench(0.4, 0.4, 0.0, 0.0, 0.0, 0.0))
+            peer.run(0.02)
+            assert time.monotonic() < end, seen.counts()
+        peer.until(
+            lambda: np.linalg.norm(seen.handle - handle - (seen.tool - tool)) < 0.002,
+            "a robot that has caught up",
+        )
+        assert np.linalg.norm(seen.tool - tool) > 0.01
+        assert int(seen.counts()["saturated"]) == 0
+
+
+def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
+    model = Mechanism(load_scene(ROBOT))
+    start = np.array([0.0, 0.785398, 0.0, -1.570796, 0.0, 0.785398, 0.0])
+    tool = model.frame_pose(start, "tool").translation
+    # A wall 15 mm from the tool, in whose way the mechanism goes.
+    wall = f"{tool[0] + 0.025} 0 0 -1 0 0"
+    with graph(domain, "effort", wall=wall, wrench_topic="robot/wrench"):
+        seen = Watched(peer)
+        peer.until(seen.follows, "a robot that follows")
+        push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
+        end = time.monotonic() + 20.0
+        while not any(six(message)[0] < -0.2 for message in seen.felt):
+            push.publish(peer.wrench(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            peer.run(0.02)
+            assert time.monotonic() < end, (seen.handle, seen.tool, seen.counts())
+        assert all(math.isfinite(value) for message in seen.felt for value in six(message))
+        assert max(abs(six(message)[0]) for message in seen.felt) <= 20.0
+
+
+def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
+    with graph(domain, "effort") as processes:
+        seen = Watched(peer)
+        orders = peer.listen("robot/commands", Float64MultiArray)
+        peer.until(seen.follows, "a robot that follows")
+        processes["mechanism"].kill()
+        peer.until(lambda: int(seen.counts().get("target_stale", "0")) > 0, "a stale target")
+        peer.until(lambda: seen.statuses["robot_follower"].level != b"\x00", "a warning")
+        assert "target" in seen.statuses["robot_follower"].message
+        peer.run(0.3)
+        before = seen.tool
+        peer.run(0.5)
+        assert np.linalg.norm(seen.tool - before) < 1e-3
+        assert all(np.isfinite(order.data).all() for order in orders)
+        # Joint 2 carries the arm.
+        assert abs(orders[-1].data[1]) > 10.0
+
+
+def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Peer) -> None:
+    model = Mechanism(load_scene(ROBOT))
+    with graph(domain, "effort") as processes:
+        seen = Watched(peer)
+        orders = peer.listen("robot/commands", Float64MultiArray)
+        peer.until(seen.follows, "a robot that follows")
+        processes["robot"].kill()
+        peer.until(lambda: int(seen.counts().get("joints_stale", "0")) > 0, "stale joint states")
+        peer.run(0.2)
+        joints = seen.joints[-1]
+        at = [joints.name.index(name) for name in model.tree.joint_names]
+        import pinocchio as pin
+
+        q = np.array(joints.position)[at]
+        weight = pin.computeGeneralizedGravity(model.model, model.model.createData(), q)
+        np.testing.assert_allclose(orders[-1].data, weight, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "rule"),
+    [
+        ({}, "robot"),
+        ({"robot": ROBOT, "robot_point": "nose"}, "nose"),
+        ({"robot": ROBOT, "command_type": "trajectory"}, "position"),
+        ({"robot": ROBOT, "torque_limits": "1 2 x"}, "torque_limits"),
+        ({"robot": "five_bar"}, "no closures"),
+    ],
+)
+def test_what_it_cannot_drive_is_refused(domain: int, given: dict[str, str], rule: str) -> None:
+    with running("robot_follower", domain, SCENE, **given) as process:
+        assert process.wait(timeout=20.0) == 1
+        output = process.stdout.read() if process.stdout else ""
+        errors = process.stderr.read() if process.stderr else ""
+        assert rule in output + errors
+
+
+def test_trajectories_name_their_joints(domain: int, peer: Peer) -> None:
+    with graph(domain, "position", command_type="trajectory"):
+        orders = peer.listen("robot/commands", JointTrajectory)
+        peer.until(lambda: orders, "a trajectory")
+        names = Mechanism(load_scene(ROBOT)).tree.joint_names
+        assert tuple(orders[-1].joint_names) == names
+        assert len(orders[-1].points) == 1
