@@ -55,7 +55,8 @@ def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array
         factor: (nv, nv) lower Cholesky factor L of D there.
     """
     rows, found = analysis.rows, analysis.spectrum
-    free = 1.0 - analysis.weights
+    # The weights' polynomial may exceed 1 by rounding just above s_on.
+    free = np.maximum(1.0 - analysis.weights, 0.0)
     # Of directions with w = 1 s may be 0; they have no part in what is divided by it.
     safe = np.where(free > 0.0, found.s, 1.0)
     inverse = np.zeros((6, 6))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Through singular poses: torques are bounded and as smooth as the pose, and no energy is made."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.shaped_inertia import shaped_inertia
 from hapticmech_ros.robot.target import Target
 from oracles.driven_robots import accelerated, law_of, pose_of
 
@@ -64,6 +66,16 @@ def test_torques_are_continuous_through_the_singular_pose(name):
 
     # To first order in steps of 0.4 mrad, over which the weight changes by a hundredth.
     assert largest(1001) / largest(2001) == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_weight_that_rounding_puts_above_one_is_rigid():
+    law = law_of("iiwa14")
+    state = law.state(bent("iiwa14", 0.0), np.zeros(7))
+    above = replace(state.analysis, weights=np.nextafter(state.analysis.weights, 2.0))
+    found = shaped_inertia(above, state.point.jacobian, state.factor)
+    assert np.isfinite(found.null).all()
+    assert np.isfinite(found.inverse).all()
+    assert found.free.min() == 0.0
 
 
 @pytest.mark.parametrize("name", NAMES)
