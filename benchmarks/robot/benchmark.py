@@ -19,13 +19,15 @@ import typer
 
 from benchmarks.goals import Verdict, goal_sheet, verdict
 from benchmarks.machine import MachineResults, machine
+from benchmarks.robot.bilateral import Felt, felt
 from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
-from hapticmech_ros.analysis.study import Sheet, Show, number, silent
+from hapticmech_ros.analysis.study import Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.robot.interfaces import Interface
 from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot, Unmodelled
 
@@ -37,6 +39,9 @@ POSES = 100
 UNKNOWN = Unmodelled(payload=0.5, damping=0.5, friction=0.5)
 CONDITIONS: dict[str, Unmodelled] = {"as modelled": Unmodelled(), "disturbed": UNKNOWN}
 TUNED_IN = "disturbed"
+# Of the felt wall.
+INTERFACES: tuple[Interface, ...] = ("effort", "velocity", "position")
+FEEDBACKS = (0.0, 0.3, 1.0)
 # rad: a joint that is farther from where it began has gone to the other side of a singular pose.
 FLIPPED = 0.5
 
@@ -87,6 +92,7 @@ class RobotResults(MachineResults):
         difference: largest relative difference of D, h and J between MuJoCo and us, by robot.
         chosen: settings of the laws.
         rows: what was measured of them.
+        felt: of a wall by a hand, through device, mechanism and robot.
     """
 
     NAME: ClassVar[str] = "bench_robot"
@@ -95,12 +101,13 @@ class RobotResults(MachineResults):
     difference: Mapping[str, float]
     chosen: tuple[Chosen, ...]
     rows: tuple[Row, ...]
+    felt: tuple[Felt, ...]
 
     @property
     def sound(self) -> bool:
         """Whether both have the same robots, and our law lost none."""
         kept = all(row.measured is not None for row in self.rows if row.law == OURS + OBSERVED)
-        return kept and max(self.difference.values()) <= EQUAL
+        return kept and max(self.difference.values(), default=0.0) <= EQUAL
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield settings, measurements and goals."""
@@ -114,7 +121,17 @@ class RobotResults(MachineResults):
             )
             for one in self.chosen
         ]
-        yield Sheet(
+        if settled:
+            yield self._settings(settled)
+        for task in dict.fromkeys(row.task for row in self.rows):
+            for condition in CONDITIONS:
+                yield self._sheet(task, condition)
+        if self.rows:
+            yield goal_sheet(self._goals())
+        yield self._felt()
+
+    def _settings(self, settled: Sequence[tuple[str, ...]]) -> Sheet:
+        return Sheet(
             "settings",
             ("robot", "law", "chosen", "tried", "failed"),
             tuple(settled),
@@ -122,10 +139,39 @@ class RobotResults(MachineResults):
             "largest relative difference of D, h and J between MuJoCo and us: "
             + ", ".join(f"{name} {value:.1e}" for name, value in self.difference.items()),
         )
-        for task in dict.fromkeys(row.task for row in self.rows):
-            for condition in CONDITIONS:
-                yield self._sheet(task, condition)
-        yield goal_sheet(self._goals())
+
+    def _felt(self) -> Sheet:
+        rows = [
+            (
+                one.interface,
+                f"{one.feedback:g}",
+                f"{one.wall_n:.3f}",
+                f"{one.hand_n:.3f}",
+                f"{one.swing_n:.3f}",
+                f"{one.peak_n:.0f}",
+                f"{one.lag_mm:.2f}",
+                f"{1e3 * one.hand_j:.1f}",
+                f"{1e3 * one.coupling_j:.1f}",
+                judged("yes" if one.passive else "no", one.passive),
+            )
+            for one in self.felt
+        ]
+        return Sheet(
+            "a wall felt through device, mechanism and robot",
+            (
+                "interface",
+                "feedback",
+                "on the wall, N",
+                "by the hand, N",
+                "swing, N",
+                "peak, N",
+                "lag, mm",
+                "least from the hand, mJ",
+                "given by the robot, mJ",
+                "passive",
+            ),
+            tuple(rows),
+        )
 
     def _sheet(self, task: str, condition: str) -> Sheet:
         found = [row for row in self.rows if (row.task, row.condition) == (task, condition)]
@@ -247,17 +293,20 @@ def choose(
     return Chosen(robot, law, values, observer, len(tried), failed), best
 
 
-def run_benchmark(quick: bool, show: Show = silent) -> RobotResults:
-    """Choose settings, and measure them.
+def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotResults:
+    """Choose settings, and measure them; then let a hand feel a wall.
 
     Args:
         quick: one setting of each law, and one task.
+        laws: whether laws are compared at all.
         show: called with what was done.
     """
     differences: dict[str, float] = {}
     chosen: list[Chosen] = []
     rows: list[Row] = []
     robots = {"iiwa14": ("reach",)} if quick else ROBOTS
+    if not laws:
+        robots = {}
     for robot, names in robots.items():
         tasks = [TASKS[name]() for name in names]
         stages = {
@@ -273,13 +322,15 @@ def run_benchmark(quick: bool, show: Show = silent) -> RobotResults:
                 continue
             for condition, of in stages.items():
                 rows += [Row(stage.task.name, condition, law, done(stage, best)) for stage in of]
-    return RobotResults(machine(), differences, tuple(chosen), tuple(rows))
+    walls = tuple(felt(interface, share) for interface in INTERFACES for share in FEEDBACKS)
+    return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls)
 
 
 def robot(
     quick: Annotated[bool, typer.Option(help="one task, one setting of each law")] = False,
+    laws: Annotated[bool, typer.Option(help="compare laws; else the felt wall alone")] = True,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
     """Lead robots through singular poses and press them on a wall, by three laws, in MuJoCo."""
-    carry_out(lambda show: run_benchmark(quick, show), out, json_only)
+    carry_out(lambda show: run_benchmark(quick, laws, show), out, json_only)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.robot.benchmark import EQUAL, choose, difference
+from benchmarks.robot.bilateral import felt
 from benchmarks.robot.laws import DAMPED, IMPEDANCE, OURS, settings
 from benchmarks.robot.tasks import PATH_S, TASKS
 from benchmarks.robot.trial import Measured
@@ -80,3 +81,17 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.robot.benchmark._values", str)
         assert choose("robot", "law", tried[:3], [Scripted()], shown.append)[1] is None
+
+
+@pytest.mark.parametrize("interface", ["effort", "velocity"])
+def test_at_rest_the_hand_carries_what_the_robot_pushes_on_the_wall(interface):
+    """The mechanism at rest is in balance: what acts on one end is what acts on the other."""
+    found = felt(interface, 1.0)
+    assert found.wall_n > 3.0
+    # Half of the force's range, 2.5 s after the hand has stopped, and the spring that turns the
+    # hand, 1 mN m/rad, up to π rad away on a lever of 45 mm.
+    left = found.swing_n + 1e-3 * np.pi / 0.045
+    assert found.hand_n == pytest.approx(found.wall_n, abs=left)
+    assert found.passive
+    assert found.coupling_j <= 0.0
+    assert felt(interface, 0.0).hand_n < 0.05 * found.hand_n
