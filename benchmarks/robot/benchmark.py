@@ -40,7 +40,12 @@ UNKNOWN = Unmodelled(payload=0.5, damping=0.5, friction=0.5)
 CONDITIONS: dict[str, Unmodelled] = {"as modelled": Unmodelled(), "disturbed": UNKNOWN}
 TUNED_IN = "disturbed"
 # Of the felt wall.
-INTERFACES: tuple[Interface, ...] = ("effort", "velocity", "position")
+INTERFACES: tuple[tuple[Interface, bool], ...] = (
+    ("effort", False),
+    ("velocity", False),
+    ("position", False),
+    ("position", True),
+)
 FEEDBACKS = (0.0, 0.3, 1.0)
 # rad: a joint that is farther from where it began has gone to the other side of a singular pose.
 FLIPPED = 0.5
@@ -322,7 +327,11 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
                 continue
             for condition, of in stages.items():
                 rows += [Row(stage.task.name, condition, law, done(stage, best)) for stage in of]
-    walls = tuple(felt(interface, share) for interface in INTERFACES for share in FEEDBACKS)
+    walls = tuple(
+        felt(interface, share, with_rates)
+        for interface, with_rates in INTERFACES
+        for share in FEEDBACKS
+    )
     return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls)
 
 

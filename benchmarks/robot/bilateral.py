@@ -17,7 +17,7 @@ from benchmarks.robot.trial import PERIOD, STEPS
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.quaternions import turned
-from hapticmech_ros.robot.follower import Follower, FollowerSettings
+from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.interfaces import Interface
 from hapticmech_ros.robot.joint_servo import servo_torque
@@ -77,7 +77,8 @@ class Felt:
 class _Robot:
     """A robot in MuJoCo and what drives it."""
 
-    def __init__(self, interface: Interface, rate: float) -> None:
+    def __init__(self, interface: Interface, rate: float, with_rates: bool) -> None:
+        self._with_rates = with_rates
         scene = load_scene(IIWA)
         gains = Gains(linear_rate=rate, angular_rate=rate)
         self._law = OperationalLaw(
@@ -90,7 +91,7 @@ class _Robot:
         self.robot.put(self.q, 0.0 * self.q)
         settings = FollowerSettings(interface, PERIOD, has_sensor=True)
         self.follower, self._interface = Follower(self._law, settings), interface
-        self._values: Array | None = None
+        self._order: Order | None = None
 
     def go_on(self, time: float) -> Array:
         """Move for a period under the last order, take a new one, and return the contact (6,)."""
@@ -102,29 +103,33 @@ class _Robot:
         robot.advance(self._torque(), STEPS)
         if order is None:
             return np.zeros(6)
-        self._values = order.values
+        self._order = order
         return order.contact
 
     def _torque(self) -> Array:
-        if self._values is None:
+        order = self._order
+        if order is None:
             return self._law.resting(self.q)
         if self._interface == "effort":
-            return self._values
+            return order.values
         if self._interface == "velocity":
-            return servo_torque(self.robot, None, self._values)
-        return servo_torque(self.robot, self._values, None)
+            return servo_torque(self.robot, None, order.values)
+        return servo_torque(self.robot, order.values, order.rates if self._with_rates else None)
 
 
-def felt(interface: Interface, feedback: float, rate: float = 40.0) -> Felt:
+def felt(
+    interface: Interface, feedback: float, with_rates: bool = False, rate: float = 40.0
+) -> Felt:
     """Return what a hand feels of a wall that the robot touches.
 
     Args:
         interface: of the robot.
         feedback: share of the contact that acts on the mechanism.
+        with_rates: whether positions come with their rates, as in a trajectory.
         rate: of the law's errors, 1/s.
     """
     session = Session(load_scene(SCENE, changes=[HAND]))
-    robot = _Robot(interface, rate)
+    robot = _Robot(interface, rate, with_rates)
     given = np.zeros(6)
     handle: Array | None = None
     forces, hands, lag = [], [], 0.0
@@ -148,7 +153,7 @@ def felt(interface: Interface, feedback: float, rate: float = 40.0) -> Felt:
     resting = slice(-round(RESTING / PERIOD), None)
     at_rest = np.array(forces[resting])
     return Felt(
-        interface,
+        f"{interface}, rates" if with_rates else interface,
         feedback,
         float(at_rest.mean()),
         float(np.mean(hands[resting])),

@@ -14,7 +14,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
@@ -167,7 +166,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         )
 
     def _send(self, order: Order, now_ns: int) -> None:
-        self._commands.publish(self._message(order.values))
+        self._commands.publish(self._message(order))
         share = self.parameters.feedback
         felt = limited(
             share * order.contact, self.parameters.feedback_force, self.parameters.feedback_torque
@@ -177,11 +176,12 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             self._told_contact = bool(felt.any())
             self._contact.publish(encode_wrench(felt, now_ns))
 
-    def _message(self, values: Array) -> Float64MultiArray | JointTrajectory:
+    def _message(self, order: Order) -> Float64MultiArray | JointTrajectory:
+        positions, rates = order.values.tolist(), order.rates.tolist()
         if self.parameters.command_type == "array":
-            return Float64MultiArray(data=values.tolist())
+            return Float64MultiArray(data=positions)
         # Without a stamp: from now on, to be reached a period later.
-        point = JointTrajectoryPoint(positions=values.tolist())
+        point = JointTrajectoryPoint(positions=positions, velocities=rates)
         set_stamp(point.time_from_start, round(self.period_s * NANOSECONDS))
         return JointTrajectory(joint_names=self._names, points=[point])
 

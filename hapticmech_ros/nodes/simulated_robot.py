@@ -59,6 +59,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         self._robot.put(start, rest)
         self._held: Array | None = None
         self._command: Latest[Array] = Latest()
+        self._rates: Array | None = None
         self._states = node.keep(
             node.create_publisher(JointState, parameters.joint_state_topic, STREAM_PUBLISHER)
         )
@@ -111,7 +112,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
             return value
         if self.parameters.interface == "velocity":
             return servo_torque(robot, None, value)
-        return servo_torque(robot, value, None)
+        return servo_torque(robot, value, self._rates)
 
     def _contact(self, time_ns: int) -> WrenchStamped:
         """Return what a sensor at the tool measures: in the axes of the tool."""
@@ -132,11 +133,17 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         if not message.points or list(message.joint_names) != self._names:
             rule = f"must be a trajectory of {self._names}"
             raise InvalidInputError("joint_names", list(message.joint_names), rule)
-        self._take(message.points[-1].positions, now_ns)
+        end = message.points[-1]
+        rates = self._checked(end.velocities) if len(end.velocities) else None
+        self._take(end.positions, now_ns)
+        self._rates = rates
 
     def _take(self, values: object, now_ns: int) -> None:
+        self._command.put(self._checked(values), now_ns)
+
+    def _checked(self, values: object) -> Array:
         found = np.array(values, dtype=float)
         if found.shape != (self._robot.nv,) or not (np.abs(found) <= LARGEST).all():
             rule = f"must be {self._robot.nv} numbers within ±{LARGEST:g}"
             raise InvalidInputError("command", found.tolist()[:20], rule)
-        self._command.put(found, now_ns)
+        return found

@@ -79,11 +79,13 @@ class Order(NamedTuple):
         trouble: why the robot does not follow; empty if it does.
         contact: (6,) F_c, by the environment on the robot, N and N m, world axes at the point:
             measured, or estimated by the observer; zero if it does not follow.
+        rates: (nv,) v_c that go with positions, rad/s or m/s; zero with torques.
     """
 
     values: Array
     trouble: str
     contact: Array
+    rates: Array
 
 
 @dataclass(slots=True)
@@ -223,7 +225,7 @@ class Follower:
             self.let_go()
             self._held = self._q.copy()
         values = {"effort": torque, "velocity": np.zeros_like(self._q), "position": self._held}
-        return Order(values[self._settings.interface], trouble, _NOTHING)
+        return Order(values[self._settings.interface], trouble, _NOTHING, np.zeros_like(self._q))
 
     def _engage(self, state: RobotState) -> None:
         """Come together with the target where both are."""
@@ -250,12 +252,13 @@ class Follower:
             command = self._law.command(state, target, contact)
             self._torques = [self._torques[1], command.torque]
             self.counts.saturated += command.limited.saturated
-            return Order(command.torque, "", felt)
+            return Order(command.torque, "", felt, np.zeros_like(self._q))
         setpoint, self._state = self._virtual.next(self._state, self._q, target, contact)
         self.counts.saturated += setpoint.command.limited.saturated
         self.counts.leashed += setpoint.leashed
         is_velocity = self._settings.interface == "velocity"
-        return Order(setpoint.velocity if is_velocity else setpoint.position, "", felt)
+        values = setpoint.velocity if is_velocity else setpoint.position
+        return Order(values, "", felt, self._state.v)
 
     def _target(self, now: float) -> Target:
         """Return the target now: its last sample, carried on by its twist."""

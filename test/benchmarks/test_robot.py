@@ -83,10 +83,12 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
         assert choose("robot", "law", tried[:3], [Scripted()], shown.append)[1] is None
 
 
-@pytest.mark.parametrize("interface", ["effort", "velocity"])
-def test_at_rest_the_hand_carries_what_the_robot_pushes_on_the_wall(interface):
+@pytest.mark.parametrize(
+    ("interface", "with_rates"), [("effort", False), ("velocity", False), ("position", True)]
+)
+def test_at_rest_the_hand_carries_what_the_robot_pushes_on_the_wall(interface, with_rates):
     """The mechanism at rest is in balance: what acts on one end is what acts on the other."""
-    found = felt(interface, 1.0)
+    found = felt(interface, 1.0, with_rates)
     assert found.wall_n > 3.0
     # Half of the force's range, 2.5 s after the hand has stopped, and the spring that turns the
     # hand, 1 mN m/rad, up to π rad away on a lever of 45 mm.
@@ -94,4 +96,4 @@ def test_at_rest_the_hand_carries_what_the_robot_pushes_on_the_wall(interface):
     assert found.hand_n == pytest.approx(found.wall_n, abs=left)
     assert found.passive
     assert found.coupling_j <= 0.0
-    assert felt(interface, 0.0).hand_n < 0.05 * found.hand_n
+    assert felt(interface, 0.0, with_rates).hand_n < 0.05 * found.hand_n

@@ -196,4 +196,5 @@ def test_trajectories_name_their_joints(domain: int, peer: Peer) -> None:
         peer.until(lambda: orders, "a trajectory")
         names = Mechanism(load_scene(ROBOT)).tree.joint_names
         assert tuple(orders[-1].joint_names) == names
-        assert len(orders[-1].points) == 1
+        (point,) = orders[-1].points
+        assert len(point.positions) == len(point.velocities) == len(names)
