@@ -15,7 +15,6 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
@@ -29,6 +28,7 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import FollowerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.robot.arm_scene import load_arm
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw
@@ -61,7 +61,9 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             rule = "must be position with command_type trajectory"
             raise InvalidInputError("interface", parameters.interface, rule)
         super().__init__(node, parameters)
-        self._mechanism = Mechanism(load_scene(parameters.robot))
+        self._mechanism = Mechanism(
+            load_arm(parameters.robot, numbers_in("gravity", parameters.gravity))
+        )
         self._names = list(self._mechanism.tree.joint_names)
         self._law = self._new_law(parameters)
         self._follower = Follower(self._law, self._settings(parameters))
