@@ -329,7 +329,7 @@ class FollowerParameters(JointParameters):
     robot_point: str = text("", "operational point of the robot; empty: its first")
     gravity: str = text(
         "",
-        "that the law compensates for, m/s^2; empty: as in the robot's file, and 0 0 -9.81 for URDF",
+        "that the law compensates for, m/s^2; empty: the robot's file's, and 0 0 -9.81 for URDF",
     )
     wrench_topic: str = text(
         "", "WrenchStamped of a sensor at robot_point, in its axes; empty: none"
