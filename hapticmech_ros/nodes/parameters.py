@@ -349,6 +349,14 @@ class FollowerParameters(JointParameters):
     wrench_timeout: float = number(
         0.05, "a wrench older than this is stale: the robot brakes", "s", 0.001, 1.0, "unconfigured"
     )
+    largest_error: float = number(
+        0.1,
+        "a target farther away is followed from where it is then",
+        "m",
+        0.001,
+        10.0,
+        "unconfigured",
+    )
     linear_rate: float = number(
         30.0, "rate with which errors of position decay", "1/s", 0.0, 1000.0, "unconfigured"
     )

@@ -165,6 +165,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             wrench_timeout=parameters.wrench_timeout,
             has_sensor=bool(parameters.wrench_topic),
             observer_rate=parameters.observer_rate,
+            largest_error=parameters.largest_error,
         )
 
     def _send(self, order: Order, now_ns: int) -> None:

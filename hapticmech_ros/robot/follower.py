@@ -46,6 +46,8 @@ class FollowerSettings:
         joint_timeout, target_timeout, wrench_timeout: s, after which samples count as lost.
         has_sensor: whether its contact wrench is measured.
         observer_rate: rate of the observer of disturbances, 1/s; 0: none.
+        largest_error: m, between target and robot, beyond which the clutch slips: a target that
+            jumps, or a robot that is blocked, is no reason to pull harder.
         leash: of the virtual robot, rad or m; see :class:`.interfaces.VirtualRobot`.
 
     Raises:
@@ -59,16 +61,18 @@ class FollowerSettings:
     wrench_timeout: float = 0.05
     has_sensor: bool = False
     observer_rate: float = 0.0
+    largest_error: float = 0.1
     leash: float = 0.1
 
     def __post_init__(self) -> None:
         if self.interface not in ("effort", "velocity", "position"):
             rule = "must be effort, velocity or position"
             raise InvalidInputError("interface", self.interface, rule)
-        for name in ("period", "joint_timeout", "target_timeout", "wrench_timeout"):
+        times = ("period", "joint_timeout", "target_timeout", "wrench_timeout")
+        for name in (*times, "largest_error"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInputError(name, value, "must be a positive number of s")
+                raise InvalidInputError(name, value, "must be a positive number")
 
 
 class Order(NamedTuple):
@@ -97,6 +101,7 @@ class Counts:
         followed: of these, in which the robot followed.
         engagements: times that robot and target came together.
         joints_stale, target_stale, wrench_stale: orders without fresh samples.
+        slipped: times that the target was too far away.
         saturated: orders in which torque limits took something away.
         leashed: orders in which the virtual robot was held back.
     """
@@ -107,6 +112,7 @@ class Counts:
     joints_stale: int = 0
     target_stale: int = 0
     wrench_stale: int = 0
+    slipped: int = 0
     saturated: int = 0
     leashed: int = 0
 
@@ -216,8 +222,13 @@ class Follower:
             return self._stop("the wrench sensor is stale", self._law.braking(state))
         if self._clutch is None:
             self._engage(state)
+        target = self._target(now)
+        away = target.pose.translation - state.point.pose.translation
+        if float(np.linalg.norm(away)) > settings.largest_error:
+            self.counts.slipped += 1
+            return self._stop("the target is too far away", self._law.braking(state))
         self.counts.followed += 1
-        return self._follow(state, now)
+        return self._follow(state, target)
 
     def _stop(self, trouble: str, torque: Array) -> Order:
         """Return the order of a robot that does not follow."""
@@ -237,8 +248,7 @@ class Follower:
         # Of the last two orders: one acts over a period that begins when it has been sent.
         self._torques = [state.bias_force, state.bias_force]
 
-    def _follow(self, state: RobotState, now: float) -> Order:
-        target = self._target(now)
+    def _follow(self, state: RobotState, target: Target) -> Order:
         measured = turned(self._wrench, state.point.pose.rotation)
         contact = measured if self._settings.has_sensor else _NOTHING
         felt = contact

@@ -169,6 +169,26 @@ def test_without_a_sensor_a_steady_contact_is_estimated():
     np.testing.assert_allclose(order.contact, contact, atol=1e-9)
 
 
+def test_a_target_that_jumps_does_not_pull_the_robot_along():
+    law, made = follower(largest_error=0.1)
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.order(0.0)
+    far = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 0.11, 0.0]))
+    made.hear_target(far, np.zeros(6), PERIOD)
+    order = made.order(PERIOD)
+    assert "too far" in order.trouble
+    np.testing.assert_allclose(order.values, law.resting(Q), atol=1e-12)
+    # From then on it follows from where both are.
+    after = made.order(2.0 * PERIOD)
+    assert after.trouble == ""
+    np.testing.assert_allclose(after.values, law.resting(Q), atol=1e-9)
+    assert made.counts.slipped == 1
+    near = pin.SE3(POSE.rotation, far.translation + np.array([0.0, 0.09, 0.0]))
+    made.hear_target(near, np.zeros(6), 3.0 * PERIOD)
+    assert made.order(3.0 * PERIOD).trouble == ""
+
+
 def test_settings_that_are_none_are_refused():
     for changed in ({"period": 0.0}, {"joint_timeout": np.nan}, {"interface": "steam"}):
         with pytest.raises(InvalidInputError, match=next(iter(changed))):
