@@ -13,18 +13,15 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 
 
-def joints_read(
-    message: JointState, names: Sequence[str], largest: float
-) -> tuple[Array, Array] | None:
+def joints_read(message: JointState, names: Sequence[str]) -> tuple[Array, Array] | None:
     """Return positions and rates (n,) of some joints; None if a message has none of them.
 
     Args:
         message: with joints in any order, others included.
         names: of the joints, in the order that is wanted.
-        largest: bound of positions and rates.
 
     Raises:
-        InvalidInputError: a joint, a position or a rate is missing, or beyond its bound.
+        InvalidInputError: a joint, a position or a rate is missing.
     """
     places = {name: index for index, name in enumerate(message.name)}
     if not places.keys() & set(names):
@@ -38,9 +35,6 @@ def joints_read(
         raise InvalidInputError("joint state", len(message.position), rule)
     position = np.array([message.position[index] for index in at])
     velocity = np.array([message.velocity[index] for index in at])
-    for what, values in (("position", position), ("velocity", velocity)):
-        if not (np.abs(values) <= largest).all():
-            raise InvalidInputError(what, values.tolist(), f"must be within ±{largest:g}")
     return position, velocity
 
 

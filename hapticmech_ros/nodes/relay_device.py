@@ -20,6 +20,7 @@ from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.joint_input import joints_read
 from hapticmech_ros.nodes.parameters import RelayParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
@@ -123,24 +124,16 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
     def _on_state(self, message: JointState, now_ns: int) -> None:
         """Take a state of all axes; one of others is none of ours."""
         del now_ns
-        places = {name: index for index, name in enumerate(message.name)}
-        if not places.keys() & set(self._names):
+        found = joints_read(message, self._names)
+        if found is None:
             return
-        missing = [name for name in self._names if name not in places]
-        if missing:
-            raise InvalidInputError("name", list(places), f"must have {missing}")
-        at = [places[name] for name in self._names]
-        if len(message.position) <= max(at) or len(message.velocity) <= max(at):
-            rule = "must have position and velocity of every joint"
-            raise InvalidInputError("joint state", len(message.position), rule)
-        position = np.array([message.position[index] for index in at])
-        velocity = np.array([message.velocity[index] for index in at])
+        position, velocity = found
         if not (np.abs(position[:3]) <= FARTHEST).all():
             raise InvalidInputError("position", position[:3], f"must be within ±{FARTHEST:g} m")
         if not (np.abs(velocity[:3]) <= FASTEST).all():
             raise InvalidInputError("velocity", velocity[:3], f"must be within ±{FASTEST:g} m/s")
         rotation = None
-        if len(at) == 6:
+        if position.size == 6:
             if not np.isfinite(position[3:]).all():
                 raise InvalidInputError("position", position[3:], "must be finite")
             # About axes that turn with the handle, as forcedimension_ros2 has them.

@@ -191,9 +191,12 @@ class RobotFollower(ClockedActor[FollowerParameters]):
     def _on_joints(self, message: JointState, now_ns: int) -> None:
         """Take a state of all joints, from one publisher; one of others is none of ours."""
         self._refuse_two(self.parameters.joint_state_topic, now_ns)
-        found = joints_read(message, self._names, LARGEST)
+        found = joints_read(message, self._names)
         if found is None or self._follower is None:
             return
+        for what, values in zip(("position", "velocity"), found, strict=True):
+            if not (np.abs(values) <= LARGEST).all():
+                raise InvalidInputError(what, values.tolist(), f"must be within ±{LARGEST:g}")
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         self.ages.add(now_ns - stamp)
         self._follower.hear_joints(*found, stamp / NANOSECONDS)
