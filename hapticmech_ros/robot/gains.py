@@ -42,8 +42,8 @@ class Gains:
     damping_ratio: float = 1.0
     posture_rate: float = 5.0
     posture_acceleration: float = 5.0
-    rigid_acceleration: float = 2.0
-    rest_rate: float = 10.0
+    rigid_acceleration: float = 10.0
+    rest_rate: float = 30.0
     force_rate: float = 5.0
     contact_rate: float = 60.0
     contact_share: float = 0.0
