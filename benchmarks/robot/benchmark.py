@@ -38,7 +38,6 @@ POSES = 100
 # kg, N m s/rad and N m.
 UNKNOWN = Unmodelled(payload=0.5, damping=0.5, friction=0.5)
 CONDITIONS: dict[str, Unmodelled] = {"as modelled": Unmodelled(), "disturbed": UNKNOWN}
-TUNED_IN = "disturbed"
 # Of the felt wall.
 INTERFACES: tuple[tuple[Interface, bool], ...] = (
     ("effort", False),
@@ -57,6 +56,7 @@ class Chosen:
 
     Attributes:
         robot: its name.
+        condition: that it is to do its tasks in.
         law: its name.
         values: chosen, by name; None: no setting did all tasks.
         observer: rate of the observer of disturbances, 1/s.
@@ -65,6 +65,7 @@ class Chosen:
     """
 
     robot: str
+    condition: str
     law: str
     values: Mapping[str, float] | None
     observer: float
@@ -119,6 +120,7 @@ class RobotResults(MachineResults):
         settled = [
             (
                 one.robot,
+                one.condition,
                 one.law,
                 "none" if one.values is None else _values(one.values),
                 str(one.tried),
@@ -138,9 +140,9 @@ class RobotResults(MachineResults):
     def _settings(self, settled: Sequence[tuple[str, ...]]) -> Sheet:
         return Sheet(
             "settings",
-            ("robot", "law", "chosen", "tried", "failed"),
+            ("robot", "condition", "law", "chosen", "tried", "failed"),
             tuple(settled),
-            ("law", "chosen"),
+            ("condition", "law", "chosen"),
             "largest relative difference of D, h and J between MuJoCo and us: "
             + ", ".join(f"{name} {value:.1e}" for name, value in self.difference.items()),
         )
@@ -199,7 +201,7 @@ class RobotResults(MachineResults):
         )
 
     def _goals(self) -> list[Verdict]:
-        """Return in which tasks our law is ahead of all others along the path."""
+        """Return in which tasks our law, with the observer, is ahead of others along the path."""
         goals = []
         keys = dict.fromkeys((row.task, row.condition) for row in self.rows)
         for task, condition in keys:
@@ -209,6 +211,7 @@ class RobotResults(MachineResults):
                 if (row.task, row.condition) == (task, condition)
             }
             own = errors.pop(OURS + OBSERVED, np.inf)
+            errors.pop(OURS, None)
             if not errors:
                 continue
             other = min(errors, key=lambda name: errors[name])
@@ -271,12 +274,18 @@ def _score(found: Measured | None) -> float:
 
 
 def choose(
-    robot: str, law: str, tried: Sequence[Setting], stages: Sequence[Stage], show: Show
+    robot: str,
+    condition: str,
+    law: str,
+    tried: Sequence[Setting],
+    stages: Sequence[Stage],
+    show: Show,
 ) -> tuple[Chosen, Setting | None]:
     """Return the setting with the least sum of scores over a robot's tasks.
 
     Args:
         robot: its name.
+        condition: of the tasks.
         law: its name.
         tried: settings.
         stages: the robot's tasks.
@@ -290,12 +299,12 @@ def choose(
             if score == float("inf"):
                 break
         scores.append(score)
-        show(f"{robot}, {law}, {_values(setting.values)}: {score:.4g}")
+        show(f"{robot}, {condition}, {law}, {_values(setting.values)}: {score:.4g}")
     failed = sum(score == float("inf") for score in scores)
     best = tried[int(np.argmin(scores))] if failed < len(scores) else None
     values = None if best is None else best.values
     observer = 0.0 if best is None else best.observer
-    return Chosen(robot, law, values, observer, len(tried), failed), best
+    return Chosen(robot, condition, law, values, observer, len(tried), failed), best
 
 
 def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotResults:
@@ -318,15 +327,14 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
             condition: [Stage(task, unknown) for task in tasks]
             for condition, unknown in CONDITIONS.items()
         }
-        differences[robot] = difference(OperationalLaw(stages[TUNED_IN][0].mechanism))
+        differences[robot] = difference(OperationalLaw(stages[next(iter(stages))][0].mechanism))
         show(f"{robot}: D, h and J differ from MuJoCo's by {differences[robot]:.1e}")
-        for law, tried in settings(quick).items():
-            found, best = choose(robot, law, tried, stages[TUNED_IN], show)
-            chosen.append(found)
-            if best is None:
-                continue
-            for condition, of in stages.items():
-                rows += [Row(stage.task.name, condition, law, done(stage, best)) for stage in of]
+        for condition, of in stages.items():
+            for law, tried in settings(quick).items():
+                found, best = choose(robot, condition, law, tried, of, show)
+                chosen.append(found)
+                if best is not None:
+                    rows += [Row(one.task.name, condition, law, done(one, best)) for one in of]
     walls = tuple(
         felt(interface, share, with_rates)
         for interface, with_rates in INTERFACES

@@ -121,7 +121,7 @@ class DampedInverse:
 RATES = (60.0, 80.0, 120.0)
 # s_off of the robot's perception; s_on is two fifths of it, as in a scene without its own.
 THRESHOLDS = (0.2, 0.3)
-STIFFNESSES = (3000.0, 10000.0)
+STIFFNESSES = (1000.0, 3000.0, 10000.0)
 ANGULAR_STIFFNESSES = (30.0, 100.0)
 DAMPING_RATIOS = (0.7, 1.0)
 FACTORS = (0.1, 0.2, 0.3)

@@ -74,13 +74,17 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     shown = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.robot.benchmark._values", str)
-        found, best = choose("robot", "law", tried, [Scripted(), Scripted()], shown.append)
+        found, best = choose(
+            "robot", "as modelled", "law", tried, [Scripted(), Scripted()], shown.append
+        )
     assert best is tried[4]
     assert (found.tried, found.failed) == (5, 3)
     assert len(shown) == 5
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.robot.benchmark._values", str)
-        assert choose("robot", "law", tried[:3], [Scripted()], shown.append)[1] is None
+        assert (
+            choose("robot", "as modelled", "law", tried[:3], [Scripted()], shown.append)[1] is None
+        )
 
 
 @pytest.mark.parametrize(
