@@ -51,7 +51,7 @@ LARGE_MULTIPLES = {
 QUICK = {5: (50.0, 20.0, 10.0), 3: (10.0, 5.0, 2.0), 0: (2.0, 1.0, 0.5)}
 # Settings of closures that are tried at the next finer step: the best ones of a step that was not
 # lost (m or rad), unless they are this much worse.
-KEPT_SETTINGS, NOT_LOST, WORSE = 3, 1e-2, 10.0
+KEPT_SETTINGS, NOT_LOST, WORSE = 3, 1e-4, 10.0
 # A run is left out of the timing if another of its peer is more accurate in so much of its time.
 DOMINATED = 0.7
 # Of the limit of a comparing run, for large problems.
