@@ -106,7 +106,8 @@ class OperationalLaw:
         torque_limits: (nv,) N m or N; empty: none.
 
     Attributes:
-        mechanism, gains: as above.
+        mechanism: as above.
+        gains: as above.
         posture: (nv,) q_p.
         torque_limits: (nv,) N m or N, infinite for none.
 

@@ -238,11 +238,6 @@ class SessionLoop:
             back.state, back.rows = data.back_state, data.back
         return data
 
-    @property
-    def ticks(self) -> int:
-        """Number of the next tick."""
-        return int(self._clock[TICK])
-
     def put(self, state: MechanismState) -> None:
         """Go on from another state of the mechanism at the next tick."""
         self._begin(state)

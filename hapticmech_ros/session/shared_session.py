@@ -71,6 +71,7 @@ class SharedSession:
         mechanism = self.simulator.mechanism
         self._places = {point: mechanism.point_index(point) for point in self.points}
         self._state = self.simulator.initial_state()
+        self._ticks = 0
         self._contact_wrenches = ContactWrenches(mechanism)
 
     def __repr__(self) -> str:
@@ -79,7 +80,7 @@ class SharedSession:
     @property
     def time(self) -> float:
         """Time of the next tick, s."""
-        return self._users[self.points[0]].time
+        return self._ticks * self.period
 
     @property
     def mechanism(self) -> MechanismState:
@@ -154,7 +155,7 @@ class SharedSession:
         width, filled = {p: user.layout.size for p, user in self._users.items()}, 0
         rows = {point: np.empty((ticks // every + 1, width[point])) for point in self.points}
         for _ in range(ticks):
-            kept = self._users[self.points[0]].ticks % every == 0
+            kept = self._ticks % every == 0
             others = self._by_others()
             wrenches = np.zeros_like(others)
             for point, user in self._users.items():
@@ -180,6 +181,7 @@ class SharedSession:
 
     def _go_on(self, state: MechanismState) -> None:
         self._state = state
+        self._ticks += 1
         for user in self._users.values():
             user.go_on(state)
 
