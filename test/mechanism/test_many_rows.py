@@ -12,6 +12,7 @@ from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
+    cut,
     first_directions,
     pseudo_inverse_transposed,
     solve_lower_columns,
@@ -143,3 +144,29 @@ def test_zeros_of_a_factor_are_passed_over():
     solved = columns.copy()
     solve_lower_columns(factor, solved)
     assert apart(factor @ solved, columns) < 1e-14
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_cut_is_what_a_truncated_svd_cuts(seed):
+    """Rows that depend on each other but for 1e-9 to 1e-5, as off the closures."""
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(4, 9), rng.integers(4, 10)
+    rank = int(rng.integers(2, min(n, m)))
+    apart_by = 10.0 ** rng.uniform(-9.0, -5.0)
+    rows = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+    columns = (rows + apart_by * rng.normal(size=(m, n))).T
+    upper, order, most = columns.copy(), np.zeros(m, dtype=int), min(n, m)
+    reflectors, sums = np.zeros((most, n)), np.zeros((2, max(n, m)))
+    resolved = triangularise(upper, most, 1e-11, order, reflectors, sums)
+    assert resolved == most
+    sigmas, directions, found = np.zeros(most), np.zeros((n, most)), np.zeros((most, m))
+    workspace = np.zeros((3, most * m))
+    assert cut(upper, resolved, rank, reflectors, workspace, sums, sigmas, directions, found)
+    left, sigma, right = np.linalg.svd(columns[:, order], full_matrices=False)
+    assert sigma[rank] < 1e-3 * sigma[rank - 1]
+    basis = directions[:, :rank]
+    # Singular vectors turn by rounding over the distance of the values cut from those kept.
+    magnified = ROUNDING * sigma[0] / sigma[rank - 1]
+    assert apart(basis @ basis.T, left[:, :rank] @ left[:, :rank].T, 1.0) < magnified
+    inverse = (right[:rank].T / sigma[:rank]) @ left[:, :rank].T
+    assert apart(found[:rank].T @ basis.T, inverse) < magnified
