@@ -169,10 +169,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.awaited.has(deadline_ns) for port in self._ports
         ):
             return False
+        needed = [self.answered_ns(deadline_ns)] if self._ticks > 1 else []
         # Of several hands each feels what the others were told last.
-        first = self.answered_ns(deadline_ns) if self._ticks > 1 else deadline_ns
-        last = deadline_ns - self.period_ns if len(self._held) > 1 and self._ticks else first
-        needed = {time for time in (first, last) if time < deadline_ns}
+        if self._ticks and len(self._held) > 1:
+            needed.append(deadline_ns - self.period_ns)
         return all(self._ports[i].commands.has(time) for i in self._held for time in needed)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
@@ -192,14 +192,18 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish(deadline_ns)
 
     def _to_act(self, deadline_ns: int) -> Array:
-        """Return the wrenches (points, 6) by the controllers that are to act next."""
-        if len(self._ports) == 1:
+        """Return the wrenches (points, 6) by the controllers of several hands that act next."""
+        held, answered = self._held, deadline_ns - self.period_ns
+        if not self.lockstep:
+            held = [i for i, port in enumerate(self._ports) if port.command.stands(deadline_ns)]
+        if len(held) < 2:
             return self._calm
-        wrenches, answered = np.zeros_like(self._calm), deadline_ns - self.period_ns
-        for index, port in enumerate(self._ports):
+        wrenches = np.zeros_like(self._calm)
+        for index in held:
+            port = self._ports[index]
             if not self.lockstep:
                 wrenches[index] = port.command.at(deadline_ns)
-            elif index in self._held and port.commands.has(answered):
+            elif port.commands.has(answered):
                 wrenches[index] = port.commands.values[answered]
         return wrenches
 

@@ -126,16 +126,8 @@ class SharedSession:
         for link, wrench in on_links.items():
             self.simulator.mechanism.link_place(link)
             pushed[link] = checked_wrench(f"wrench on {link}", wrench)
-        begun, others = {}, self._by_others()
-        wrenches = np.zeros_like(others)
-        for point, user in self._users.items():
-            begun[point], at = user.begun(), self._places[point]
-            row = inputs[point].copy()
-            row[0, :6] += others[at]
-            wrenches[at] = user.answer(row, _NO_RECORDS)
-        for point, at in self._places.items():
-            wrenches[at] += inputs[point][0, :6]
-        self._go_on(self.simulator.step(self._state, wrenches, pushed))
+        begun = {point: user.begun() for point, user in self._users.items()}
+        self._advance(inputs, {}, pushed)
         return {point: user.sample(begun[point]) for point, user in self._users.items()}
 
     def run(self, ticks: int, every: int = 1) -> dict[str, Run]:
@@ -152,19 +144,13 @@ class SharedSession:
         for name, value, least in (("ticks", ticks, 0), ("every", every, 1)):
             if value < least:
                 raise InvalidInputError(name, value, f"must be {least} or more")
-        width, filled = {p: user.layout.size for p, user in self._users.items()}, 0
-        rows = {point: np.empty((ticks // every + 1, width[point])) for point in self.points}
+        most, filled, inputs = ticks // every + 1, 0, self._inputs(NOTHING, NOTHING)
+        rows = {p: np.empty((most, user.layout.size)) for p, user in self._users.items()}
         for _ in range(ticks):
             kept = self._ticks % every == 0
-            others = self._by_others()
-            wrenches = np.zeros_like(others)
-            for point, user in self._users.items():
-                at, row = self._places[point], np.zeros((1, 12))
-                row[0, :6] = others[at]
-                into = rows[point][filled : filled + 1] if kept else _NO_RECORDS
-                wrenches[at] = user.answer(row, into)
+            into = {p: of[filled : filled + 1] for p, of in rows.items()} if kept else {}
+            self._advance(inputs, into)
             filled += kept
-            self._go_on(self.simulator.step(self._state, wrenches))
         return {
             point: Run(rows[point][:filled], user.layout) for point, user in self._users.items()
         }
@@ -179,11 +165,30 @@ class SharedSession:
         for user in self._users.values():
             user.put(self._state)
 
-    def _go_on(self, state: MechanismState) -> None:
-        self._state = state
+    def _advance(
+        self,
+        inputs: Mapping[str, Array],
+        records: Mapping[str, Array],
+        on_links: Mapping[str, Array] = NOTHING,
+    ) -> None:
+        """Do a tick.
+
+        Args:
+            inputs: (1, 12) by point, see :meth:`_inputs`.
+            records: (1, width) by point to fill; of the others there is none.
+            on_links: as of :meth:`tick`.
+        """
+        others = self._by_others()
+        wrenches = np.zeros_like(others)
+        for point, user in self._users.items():
+            at, row = self._places[point], inputs[point].copy()
+            row[0, :6] += others[at]
+            wrenches[at] = user.answer(row, records.get(point, _NO_RECORDS))
+            wrenches[at] += inputs[point][0, :6]
+        self._state = self.simulator.step(self._state, wrenches, on_links)
         self._ticks += 1
         for user in self._users.values():
-            user.go_on(state)
+            user.go_on(self._state)
 
     def _by_others(self) -> Array:
         """Return (points, 6) what the other hands were told last to do, as part of F_c."""

@@ -221,8 +221,8 @@ POINT_FORCE = Topic(
     "mechanism/{point}/measured_cf",
     WRENCH,
     MECHANISM,
-    "F_c: by the environment (`external_cf` at the point), on the mechanism, at the operational "
-    "point, axes of `world`",
+    "F_c: by the environment (`external_cf` at the point, contacts, other hands), on the "
+    "mechanism, at the operational point, axes of `world`",
 )
 POINT_JOINTS = Topic(
     "mechanism/{point}/measured_js",
