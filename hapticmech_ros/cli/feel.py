@@ -69,6 +69,23 @@ def impedance(
 
 
 @app.command()
+def users(
+    scenes: Annotated[
+        list[str], typer.Argument(help="scenes with several hands, shipped ones or paths")
+    ],
+    changes: ChangesOption = None,
+    out: OutOption = OUT,
+    json_only: JsonOption = False,
+) -> None:
+    """Measure what each of several users feels while the others hold on by their arms."""
+    from hapticmech_ros.analysis.users import users as felt_by_users
+    from hapticmech_ros.loading import load_scene
+
+    loaded = [load_scene(name) for name in with_changes(scenes, changes, out)]
+    carry_out(lambda show: felt_by_users(loaded, show), out, json_only)
+
+
+@app.command()
 def limits(
     scenes: SampleScenes = None,
     delays: PeriodsOption = "",

@@ -20,6 +20,7 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
+    C2,
     C6,
     DAMPING,
     FEEDFORWARD,
@@ -176,6 +177,28 @@ def predict(account: Array, queue: Array, operational_model: Array, predicted: A
 
 
 @inner
+def respond(settings: Array, operational_model: Array, time: float, out: Array) -> None:
+    """Fill how a command answers a wrench that moves both sides: s Λ_d X + r (1 - β) Π (36,).
+
+    s = 1 at a start, else r; share r as :meth:`Clutch.ramp`. In rows and columns of the task space.
+
+    Args:
+        settings: (59,) of the controllers.
+        operational_model: (139,) operational model.
+        time: s.
+        out: to fill, row by row; SI, world axes.
+    """
+    task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
+    through = force_let_through(settings, time)
+    kept = let_through(settings, time) * (1.0 - settings[FEEDFORWARD])
+    for i in range(6):
+        for j in range(6):
+            at = 6 * i + j
+            moved = through * (inertia[i] * operational_model[X + at])
+            out[at] = task[i] * task[j] * (moved + kept * operational_model[SHARE + at])
+
+
+@inner
 def model_answer(
     settings: Array, operational_model: Array, time: float, locality: Array, answer: Array
 ) -> None:
@@ -196,16 +219,17 @@ def model_answer(
     spring = ramp * settings[JOINT_STIFFNESS]
     damper = settings[JOINT_DAMPING]
     damper *= brake(settings, time, inertia[0], damper)
-    moved, kept = through * (1.0 + settings[C6]), ramp * (1.0 - settings[FEEDFORWARD])
+    respond(settings, operational_model, time, answer[FORCE_GAIN:SPRING_GAIN])
+    again = through * settings[C6]
     for i in range(6):
         for j in range(6):
             at, within = 6 * i + j, task[i] * task[j]
-            felt = moved * (inertia[i] * operational_model[X + at])
-            gain = felt + kept * operational_model[SHARE + at]
+            gain = answer[FORCE_GAIN + at]
+            gain += within * (again * (inertia[i] * operational_model[X + at]))
             if i == j:
-                gain -= through
+                gain -= within * through
             projector = within * operational_model[P_C + at]
-            answer[FORCE_GAIN + at] = within * gain * locality[FORCE_LOCAL]
+            answer[FORCE_GAIN + at] = gain * locality[FORCE_LOCAL]
             answer[SPRING_GAIN + at] = spring * projector * locality[JOINT_LOCAL]
             answer[DAMPER_GAIN + at] = damper * projector * locality[JOINT_LOCAL]
     answer[MODELLED] = 1.0
@@ -382,6 +406,21 @@ def account_for_answer(
     """
     account_for_hand(account, device)
     conclude(account, settings, device, operational_model, time, locality, answer)
+
+
+@kernel("void(float64[::1], float64[::1], float64, float64[::1])")
+def command_response(settings: Array, operational_model: Array, time: float, out: Array) -> None:
+    """Fill how a command answers F_c: C2 (s Λ_d X + r (1 - β) Π), of the task space.
+
+    Args:
+        settings: (59,) of the controllers; see ``loop_layout``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        time: s.
+        out: (36,) to fill, row by row: 1, m and 1/m, world axes.
+    """
+    respond(settings, operational_model, time, out)
+    for i in range(36):
+        out[i] *= settings[C2]
 
 
 @kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")

@@ -48,6 +48,7 @@ def act(
     sample: Array,
     applied: Array,
     added: Array,
+    others: Array,
     wrenches: Array,
 ) -> None:
     """Fill what acts on both sides from now on.
@@ -63,6 +64,7 @@ def act(
         sample: (19,) of the device.
         applied: (6,) by the actuators until now.
         added: (6,) by the device's driver, to the next command.
+        others: (6,) what a command is corrected by for other hands; see ``other_hands``.
         wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
             the mechanism is told.
     """
@@ -81,4 +83,6 @@ def act(
         else:
             model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
             correct(command, model, answered, sample, wrenches[ON_HAND])
+            for i in range(6):
+                wrenches[ON_HAND, i] += others[i]
     allow(device, safety, wrenches[ON_HAND], sample, added)

@@ -31,7 +31,6 @@ from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds
@@ -56,7 +55,8 @@ class Actor(Generic[P]):
     Attributes:
         name: of the node, and of the executable.
         parameters: as they stand; replaced as a whole between two callbacks.
-        scene, point: what is modelled, and the operational point held.
+        scene, point: what is modelled, as one user has it, and the operational point held.
+        shared_scene: the scene with all its ``hands``.
         ages: of messages on arrival.
         failures: of its callbacks and ticks.
         limits, wrenches: how large numbers may be in messages, and those of wrenches.
@@ -74,7 +74,7 @@ class Actor(Generic[P]):
         self.point = scene.operational_point(
             parameters.operational_point or scene.held_points[0]
         ).name
-        self.scene: Scene = scene.held_at(self.point)
+        self.shared_scene, self.scene = scene, scene.held_at(self.point)
         check_limits(self.scene)
         self.lockstep = parameters.lockstep
         self.control_input: QoSProfile = LOCKSTEP if self.lockstep else CONTROL_SUBSCRIBER
@@ -84,6 +84,12 @@ class Actor(Generic[P]):
         self.ages = DurationHistogram()
         self._outlets: dict[str, Outlet] = {}
         self.apply_parameters(parameters)
+
+    @property
+    def other_points(self) -> list[str]:
+        """Operational points that other hands may hold."""
+        points = self.shared_scene.operational_points
+        return [point.name for point in points if point.name != self.point]
 
     def apply_parameters(self, parameters: P) -> None:
         """Take new parameters, all of them at once."""

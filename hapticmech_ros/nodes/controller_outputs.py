@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, gain_bounds, pack_gain
 from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
@@ -29,6 +30,7 @@ from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_BODY_COMMAND,
     DEVICE_COMMAND,
+    DEVICE_COUPLING,
     DEVICE_GAIN,
     IMPEDANCE_PART,
     POINT_COMMAND,
@@ -61,6 +63,12 @@ class ControllerOutputs:
         if actor.scene.device.servo_axes == "body":
             self._publish_own = actor.output(DEVICE_BODY_COMMAND, WrenchStamped)
         self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
+        # Of the hands whose wrenches the device gets at once; None if it gets none.
+        self._coupling = CouplingWire(actor.other_points, actor.limits)
+        self._coupling_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
+        self._publish_coupling: Outlet | None = None
+        if actor.other_points:
+            self._publish_coupling = actor.output(DEVICE_COUPLING, Float64MultiArray)
         self._publish_energy = actor.view(CONTROLLER_ENERGY, Float64MultiArray)
         self._publish_point = actor.output(POINT_COMMAND, WrenchStamped)
         self._publish_parts = [
@@ -82,6 +90,17 @@ class ControllerOutputs:
         self._gain_ns = stamp_ns
         told = LocalFeedbackGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
         self._publish_gain.publish(self._gain.encode(pack_gain(told)))
+
+    def coupling(self, gains: Mapping[str, Array], stamp_ns: int) -> None:
+        """Publish how an answer depends on the other hands.
+
+        Args:
+            gains: H_j (6, 6) by point; 1, m and 1/m, world axes.
+            stamp_ns: of the sample that is answered.
+        """
+        if self._publish_coupling is not None:
+            told = self._coupling.pack(CouplingMatrices(stamp_ns, stamp_ns, gains))
+            self._publish_coupling.publish(self._coupling_encoder.encode(told))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:
         """Publish what the device is commanded.

@@ -32,6 +32,7 @@ from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
+from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters
 from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
@@ -70,6 +71,7 @@ class DeviceDriver(ClockedActor[D]):
         self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
         self._side = DeviceSide(self.scene, self._limits)
+        self._users = OtherUsers(self) if self._is_local else None
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
         self._device: SimulatedDevice = self.new_device()
@@ -119,6 +121,8 @@ class DeviceDriver(ClockedActor[D]):
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
+        if self._users is not None:
+            self._users.listen(lambda: self._loop)
 
     def new_device(self) -> SimulatedDevice:
         """Return the device that is driven."""
@@ -141,7 +145,8 @@ class DeviceDriver(ClockedActor[D]):
 
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
-        return LocalLoop(gain_bounds(self.limits), paired)
+        others = None if self._users is None else self._users.begin()
+        return LocalLoop(gain_bounds(self.limits), paired, others)
 
     @property
     def _is_local(self) -> bool:
@@ -194,8 +199,15 @@ class DeviceDriver(ClockedActor[D]):
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on is there."""
         answered = self.answered_ns(deadline_ns)
+        if self._ticks < 2:
+            return True
         known = self._commands.has(answered)
-        return self._ticks < 2 or (known and (not self._is_local or self._loop.gains.has(answered)))
+        if not self._is_local:
+            return known
+        corrected = self._loop.gains.has(answered)
+        return (
+            known and corrected and self._loop.knows_others(answered, deadline_ns - self.period_ns)
+        )
 
     def tick(self, periods: int, deadline_ns: int) -> None:
         """Move the device on under the command that stands, and publish what it measures."""

@@ -7,7 +7,10 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import NamedTuple
 
+import numpy as np
+
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.other_hands import OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
@@ -15,6 +18,7 @@ from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices
 from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, gain_bounds, unpack_gain
 
 # A gain older than this says nothing of where the mechanism is now.
@@ -44,13 +48,24 @@ class LocalLoop:
         paired: whether a gain comes with every command, as it does over a declared network. There a
             command that has lost its gain would be corrected by one of another time for long:
             the last command that has its own is obeyed instead, for a while.
+        others: what is known of other users' hands; None where nothing is to be.
 
     Attributes:
-        gains: by stamp, in lockstep.
+        gains, couplings: by stamp, in lockstep.
+        others: as given.
         order: of gains; what was overtaken is dropped.
     """
 
-    def __init__(self, bounds: Bounds | None = None, paired: bool = False) -> None:
+    def __init__(
+        self,
+        bounds: Bounds | None = None,
+        paired: bool = False,
+        others: OtherHands | None = None,
+    ) -> None:
+        self.others = others
+        self._coupling: Latest[CouplingMatrices] = Latest()
+        self.couplings: Stamped[CouplingMatrices] = Stamped()
+        self._newest_ns = NEVER
         self._bounds = bounds or gain_bounds()
         self._paired = paired
         self._pair: Pair | None = None
@@ -71,6 +86,7 @@ class LocalLoop:
             stamp_ns: its stamp, ns.
         """
         self._samples[stamp_ns // _MICROSECOND] = sample.copy()
+        self._newest_ns = stamp_ns
         if len(self._samples) > REMEMBERED:
             self._samples.popitem(last=False)
 
@@ -119,6 +135,34 @@ class LocalLoop:
             if gain.answered_ns > self._from_ns:
                 self._gain.put(gain, now_ns)
 
+    def take_coupling(self, found: CouplingMatrices, now_ns: int, lockstep: bool) -> None:
+        """Take a ``coupling_gain`` message.
+
+        Args:
+            found: the message.
+            now_ns: present time, ns.
+            lockstep: whether the graph runs in lockstep.
+        """
+        if lockstep:
+            self.couplings.put(found, found.stamp_ns)
+        elif found.answered_ns > self._from_ns:
+            self._coupling.put(found, now_ns)
+
+    def knows_others(self, answered_ns: int, sampled_ns: int) -> bool:
+        """Return whether all is there, in lockstep, that corrects a command for other hands.
+
+        Args:
+            answered_ns: stamp of the sample that the command answers, ns.
+            sampled_ns: of the samples from which it acts, ns.
+        """
+        others = self.others
+        if others is None:
+            return True
+        if not self.couplings.has(answered_ns):
+            return False
+        gains = self.couplings.values[answered_ns].by_point
+        return all(others.known_at(name, sampled_ns) for name in gains)
+
     @property
     def to_mechanism(self) -> float | None:
         """E_m as it was told last, J, since the device began to obey; None before."""
@@ -134,7 +178,7 @@ class LocalLoop:
 
     def forget(self, now_ns: int) -> None:
         """Correct nothing until there is a gain that answers a sample later than now."""
-        self._gain, self._from_ns = Latest(), now_ns
+        self._gain, self._coupling, self._from_ns = Latest(), Latest(), now_ns
         self._told = self._before = self._pair = None
         self._unpaired.clear()
 
@@ -159,7 +203,9 @@ class LocalLoop:
         gain = self._gain.value
         if gain is None or not self._gain.fresh(now_ns, FRESH_NS):
             return command
-        return self._corrected(command, gain, answered_ns)
+        coupling = self._coupling
+        told = coupling.value if coupling.fresh(now_ns, FRESH_NS) else None
+        return self._for_others(self._corrected(command, gain, answered_ns), told, answered_ns)
 
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
         """Return a command (6,) corrected by the gain that goes with it.
@@ -170,7 +216,16 @@ class LocalLoop:
         """
         gain = self.gains.take(stamp_ns)
         self._told, self._before = gain.to_mechanism, 0.0
-        return self._corrected(command, gain, gain.answered_ns)
+        own = self._corrected(command, gain, gain.answered_ns)
+        told = None if self.others is None else self.couplings.take(stamp_ns)
+        return self._for_others(own, told, gain.answered_ns)
+
+    def _for_others(self, command: Array, told: CouplingMatrices | None, answered_ns: int) -> Array:
+        """Return a command (6,) corrected for what other hands do; see ``control.other_hands``."""
+        if self.others is None or told is None:
+            return command
+        correction = self.others.correction(told.by_point, answered_ns, self._newest_ns)
+        return np.asarray(command + correction)
 
     def _corrected(self, command: Array, gain: LocalFeedbackGain, answered_ns: int) -> Array:
         then = self._samples.get(answered_ns // _MICROSECOND)

@@ -210,8 +210,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _publish(self, deadline_ns: int) -> None:
         state, external = self._state, self._by_all()
         self._sampled_ns = deadline_ns
-        lockstep, late = self.lockstep, self._is_behind or bool(self._operating.withheld)
-        heard = tuple([lockstep or (not late and port.heard(deadline_ns)) for port in self._ports])
+        late = self._is_behind or bool(self._operating.withheld)
+        if self.lockstep:
+            heard = tuple([index in self._held for index in range(len(self._ports))])
+        else:
+            heard = tuple([not late and port.heard(deadline_ns) for port in self._ports])
         wire = WireState(
             deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
         )

@@ -13,21 +13,24 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.operational.coupling import coupling, transmission
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import (
     COMMANDED,
     OPERATIONAL_MODEL_FIELDS,
     operational_model_bounds,
 )
 from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
-from hapticmech_ros.wire.state import StateLayout
+from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,
     COUNT,
@@ -36,6 +39,7 @@ from hapticmech_ros.wire.topics import (
     PROJECTOR,
     SPECTRUM,
     STATE,
+    TRANSMISSION,
 )
 
 # A pause in states longer than this starts the count anew: the mechanism may be elsewhere.
@@ -64,6 +68,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
         self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, operational_model_bounds(self.limits))
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
+        self._coupling = CouplingWire(self.other_points, self.limits)
+        self._transmission_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
+        self._publish_transmission: Outlet | None = None
+        if self.other_points:
+            self._publish_transmission = self.output(TRANSMISSION, Float64MultiArray)
         self._publish_inertia = self.view(INVERSE_INERTIA, Float64MultiArray)
         self._publish_projector = self.view(PROJECTOR, Float64MultiArray)
         self._publish_wrenches = self.view(CONSTRAINT_WRENCHES, Float64MultiArray)
@@ -122,10 +131,37 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
         count = self._counted(model.s, state.stamp_ns)
         model.count(count)
+        if self.lockstep or self.analyses % self.view_every == 0:
+            # Before the model, which is answered when it comes.
+            self._transmit(state, found.analysis)
         self._publish_model.publish(self._encoder.encode(model.values))
         if self.analyses % self.view_every == 0:
             self._publish_view(found.analysis, count)
         self.analyses += 1
+
+    def _transmit(self, state: WireState, found: OperationalAnalysis) -> None:
+        """Publish what other hands do to the point."""
+        if self._publish_transmission is None:
+            return
+        mechanism, own = self._mechanism, self._analyser.index
+        places = {name: mechanism.point_index(name) for name in self.other_points}
+        holding = {name: at for name, at in places.items() if state.commanded[at]}
+        matrices: dict[str, Array] = {}
+        if holding:
+            for name, at in holding.items():
+                self._place(name, state.grasps[at])
+            row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
+            matrices = {name: transmission(found, row[at]) for name, at in holding.items()}
+        told = CouplingMatrices(state.stamp_ns, state.stamp_ns, matrices)
+        self._publish_transmission.publish(
+            self._transmission_encoder.encode(self._coupling.pack(told))
+        )
+
+    def _place(self, name: str, grasp: Array) -> None:
+        """Let another operational point be where the mechanism says that it is."""
+        point = grasp_of(self._mechanism.scene, name, grasp)
+        if self._mechanism.scene.operational_point(name) != point:
+            self._mechanism.set_operational_point(point)
 
     def _fall_silent(self, fault: str) -> None:
         """Tell the controller at once that no mechanism hears it, and then say nothing.

@@ -9,6 +9,7 @@ from functools import cached_property
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import Clutch, ControlArchitecture
+from hapticmech_ros.control.other_hands import coupling_gain, heard_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
     ControllerInput,
@@ -23,12 +24,14 @@ from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (
     OperationalModelReading,
@@ -36,7 +39,13 @@ from hapticmech_ros.wire.readings import (
     read_operational_model,
     reading_bounds,
 )
-from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
+from hapticmech_ros.wire.topics import (
+    DEVICE_POSE,
+    DEVICE_STATE,
+    POINT_COMMAND,
+    POINT_MODEL,
+    TRANSMISSION,
+)
 
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
@@ -107,6 +116,15 @@ class TeleoperationController(Actor[ControllerParameters]):
             OPERATIONAL_MODEL_FIELDS,
             self.watch(model),
         )
+        # C3 of the hands whose wrenches the device gets at once, and what these do to the point.
+        self._direct = heard_directly(self.shared_scene, self.point, self.other_points)
+        self._transmission: Latest[CouplingMatrices] = Latest()
+        self._transmissions: Stamped[CouplingMatrices] = Stamped()
+        self._coupling = CouplingWire(self.other_points, self.limits)
+        if self.other_points:
+            name = TRANSMISSION.of(self.point)
+            accept = self._on_transmission
+            self.input_array(name, self.control_input, accept, self._coupling.fields)
         self._crtk.listen()
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.tell)
@@ -160,7 +178,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
         self._last_ns = self._state_ns = NEVER
-        self._model = Latest()
+        self._model, self._transmission = Latest(), Latest()
         self._crtk.forget()
         self._epoch_ns = self.now_ns()
         for sources in self._single:
@@ -178,7 +196,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.__dict__.pop("_control", None)
         self.apply_parameters(self.parameters)
         self._side = self._new_side()
-        self._devices, self._models = Stamped(), Stamped()
+        self._devices, self._models, self._transmissions = Stamped(), Stamped(), Stamped()
         self.activate()
         now = self.now_ns()
         self._outputs.zero(now, now)
@@ -233,6 +251,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Answer once device and rendering of one time are there, in lockstep."""
         if not (self._devices.has(stamp) and self._models.has(stamp)):
             return
+        if self.other_points:
+            if not self._transmissions.has(stamp):
+                return
+            self._transmission.put(self._transmissions.take(stamp), stamp)
         device, model = self._devices.take(stamp), self._models.take(stamp)
         self._last_ns = stamp
         self._answer_to(device, model, stamp, stamp)
@@ -327,8 +349,24 @@ class TeleoperationController(Actor[ControllerParameters]):
         often = paced or not self._path.obeyed
         with_model = self._local and (often or self._outputs.wants_gain(stamp))
         answer = self._side.tick(inputs, self._clutch, self._local, with_model)
+        if with_model and self.other_points:
+            self._outputs.coupling(self._coupled(inputs, self._clutch), stamp)
         self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
+
+    def _coupled(self, inputs: ControllerInput, clutch: Clutch) -> dict[str, Array]:
+        """Return H_j (6, 6) by point; see :mod:`~hapticmech_ros.control.other_hands`."""
+        told = self._transmission
+        known = told.value is not None and told.fresh(inputs.stamp_ns, FRESH_NS)
+        if not known or told.value is None or self._control.answers_in_python:
+            return {}
+        settings = self._control.settings_at(inputs.time, clutch)
+        found, now = told.value.by_point, (settings, inputs.operational_model, inputs.time)
+        return {
+            name: coupling_gain(*now, found[name], share)
+            for name, share in self._direct.items()
+            if name in found
+        }
 
     @property
     def _carried(self) -> Array:
@@ -399,6 +437,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         device_ns, mechanism_ns = self._told_ns
         # Later than what was told, and an answer to none of the device's samples: uncorrected.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
+
+    def _on_transmission(self, values: Array, now_ns: int) -> None:
+        found = self._coupling.unpack(values)
+        check_age(found.stamp_ns, now_ns, self.age_limit_ns)
+        if self.lockstep:
+            self._transmissions.put(found, found.stamp_ns)
+            self._answer_pair(found.stamp_ns)
+        else:
+            self._transmission.put(found, found.stamp_ns)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
         found = read_operational_model(values, self.bounds.model)

@@ -169,6 +169,11 @@ class Connection(Part):
         return self.expected > 0.0
 
     @property
+    def direct(self) -> bool:
+        """Whether nothing lies between: no simulated connection, and no declared network."""
+        return self.ideal and not self.networked
+
+    @property
     def ideal(self) -> bool:
         """Whether messages arrive at once, all of them."""
         return self.delay == 0.0 and self.loss == 0.0

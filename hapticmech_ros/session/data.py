@@ -77,6 +77,7 @@ class SessionData(Structure):
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
         locality: (3,) see ``loop_layout.LOCALITY``.
         added: (6,) by the device's driver.
+        others: (6,) what a command is corrected by for other hands, N and N m, world axes.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
@@ -98,10 +99,10 @@ class SessionData(Structure):
     account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
     device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
     wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
-    locality, added, given = Part(22, 1), Part(23, 1), Part(24, 1)
-    q, v, totals = Part(25, 1), Part(26, 1), Part(27, 1)
-    began_state, began_q, began_v, began_totals = Part(28, 1), Part(29, 1), Part(30, 1), Part(31, 1)
-    forth, back = Part(32, 2), Part(33, 2)
+    locality, added, others, given = Part(22, 1), Part(23, 1), Part(24, 1), Part(25, 1)
+    q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
+    began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
+    forth, back = Part(33, 2), Part(34, 2)
 
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but the messages on the way."""

@@ -215,7 +215,7 @@ class SessionLoop:
             "later": state,
             "counter": self._counter.numbers,
             "wrenches": np.zeros((TOLD + 1, 6)),
-            **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
+            **dict.fromkeys(("external", "push", "contact", "added", "others"), np.zeros(6)),
             "locality": np.zeros(LOCALITY.size),
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
@@ -237,33 +237,6 @@ class SessionLoop:
             forth.state, forth.rows = data.forth_state, data.forth
             back.state, back.rows = data.back_state, data.back
         return data
-
-    def put(self, state: MechanismState) -> None:
-        """Go on from another state of the mechanism at the next tick."""
-        self._begin(state)
-
-    @property
-    def answered(self) -> Array:
-        """(6,) by the hand on the mechanism, of the last answer, which may not act yet."""
-        wrenches: Array = self._given[_WRENCHES].reshape(6, 6)[ON_MECHANISM]
-        return wrenches
-
-    def answer(self, inputs: Array, rows: Array) -> Array:
-        """Do a tick up to the mechanism's step, which is another's to do.
-
-        Args:
-            inputs: (1, 12) by others on the mechanism at the operational point, which counts as
-                F_c, and on the device at the point held; N and N m, world axes.
-            rows: (1, width) to fill with the tick's record, or (0, 0) for none.
-
-        Returns:
-            (6,) by the hand on the mechanism at the operational point, N and N m, world axes.
-        """
-        clock = self._clock
-        clock[EVERY], clock[RECORDED] = len(rows), 0
-        self._all_but_mechanism(inputs, rows)
-        wrench: Array = self._parts.wrenches[ON_MECHANISM].copy()
-        return wrench
 
     def go_on(self, state: MechanismState) -> None:
         """End a tick that :meth:`answer` began: the mechanism is at ``state`` at the next one."""
@@ -376,10 +349,14 @@ class SessionLoop:
 
     def _all_but_mechanism(self, inputs: Array, rows: Array) -> None:
         """Do the phases of a tick up to the mechanism's step."""
-        control, simulated = self._control, self._simulated
-        if not simulated:
+        if not self._simulated:
             self._sense_otherwise(inputs[0])
-        if self._call((SENSE if simulated else 0) | OBSERVE, inputs, rows):
+        self._answer_sample(inputs, rows, (SENSE if self._simulated else 0) | OBSERVE)
+
+    def _answer_sample(self, inputs: Array, rows: Array, first: int) -> None:
+        """Do the phases of a tick up to the mechanism's step, ``first`` those that come first."""
+        control, simulated = self._control, self._simulated
+        if self._call(first, inputs, rows):
             self._observe_otherwise()
         self._call(HEAR, inputs, rows)
         clutch = self._engaged_clutch(self.time)

@@ -26,10 +26,10 @@ from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.loop import SessionLoop
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
 from hapticmech_ros.session.tick_kernels import RECORDED, TICK
+from hapticmech_ros.session.user_loop import UserLoop
 
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _NO_RECORDS = np.zeros((0, 0))
@@ -38,7 +38,7 @@ _NOTHING = np.zeros((1, 12))
 _NOTHING.flags.writeable = False
 
 
-class Session(SessionLoop):
+class Session(UserLoop):
     """A scene, running.
 
     Args:

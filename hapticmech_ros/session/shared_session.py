@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -11,16 +12,18 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.control.other_hands import OtherHands, heard_directly
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
-from hapticmech_ros.operational.coupling import by_others
+from hapticmech_ros.operational.coupling import by_others, coupling, transmission
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
 from hapticmech_ros.session.session import Session, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
+from hapticmech_ros.times import nanoseconds
 
 _NO_RECORDS = np.zeros((0, 0))
 
@@ -73,6 +76,12 @@ class SharedSession:
         self._state = self.simulator.initial_state()
         self._ticks = 0
         self._contact_wrenches = ContactWrenches(mechanism)
+        # Of each user: C3 of those whose wrenches its device gets at once, what it knows of them,
+        # and H of the answers that do not act yet.
+        self._direct = {p: heard_directly(scene, p, self.points) for p in self.points}
+        self._period_ns, self._delay = nanoseconds(self.period), command_delay
+        self._others = {p: OtherHands(self._direct[p], self._period_ns) for p in self.points}
+        self._gains: dict[str, deque[dict[str, Array]]] = {p: deque() for p in self.points}
 
     def __repr__(self) -> str:
         return f"SharedSession of {self.scene.name} at {self.time:g} s, held at {self.points}"
@@ -178,17 +187,52 @@ class SharedSession:
             records: (1, width) by point to fill; of the others there is none.
             on_links: as of :meth:`tick`.
         """
-        others = self._by_others()
+        others, rows = self._by_others(), {}
         wrenches = np.zeros_like(others)
         for point, user in self._users.items():
-            at, row = self._places[point], inputs[point].copy()
-            row[0, :6] += others[at]
-            wrenches[at] = user.answer(row, records.get(point, _NO_RECORDS))
+            rows[point] = inputs[point].copy()
+            rows[point][0, :6] += others[self._places[point]]
+            self._tell(point, user.sense(rows[point]))
+        for point, user in self._users.items():
+            at = self._places[point]
+            record = records.get(point, _NO_RECORDS)
+            wrenches[at] = user.answer(rows[point], record, self._correction(point))
             wrenches[at] += inputs[point][0, :6]
+        self._couple()
         self._state = self.simulator.step(self._state, wrenches, on_links)
         self._ticks += 1
         for user in self._users.values():
             user.go_on(self._state)
+
+    def _tell(self, point: str, wrench: Array) -> None:
+        """Tell the other users' devices what a hand does (6,), N and N m, world axes."""
+        for known, names in zip(self._others.values(), self._direct.values(), strict=True):
+            if point in names:
+                known.measured(point, wrench, self._ticks * self._period_ns)
+
+    def _correction(self, point: str) -> Array:
+        """Return (6,) what the command that acts now is corrected by, N and N m, world axes."""
+        gains = self._gains[point]
+        if len(gains) < max(self._delay, 1):
+            return np.zeros(6)
+        now_ns = self._ticks * self._period_ns
+        answered_ns = now_ns - self._delay * self._period_ns
+        return self._others[point].correction(gains[0], answered_ns, now_ns)
+
+    def _couple(self) -> None:
+        """Find H of this tick's answers."""
+        if not any(self._direct.values()):
+            return
+        coupled = coupling(self.simulator.evaluate(self._state))
+        for point, user in self._users.items():
+            analysis, row = user.analysis, coupled[self._places[point]]
+            found = {
+                name: user.coupling_gain(transmission(analysis, row[self._places[name]]), share)
+                for name, share in self._direct[point].items()
+            }
+            self._gains[point].append(found)
+            if len(self._gains[point]) > self._delay:
+                self._gains[point].popleft()
 
     def _by_others(self) -> Array:
         """Return (points, 6) what the other hands were told last to do, as part of F_c."""

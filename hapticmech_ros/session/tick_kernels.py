@@ -206,6 +206,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         data.sample,
         data.state[APPLIED:BODY],
         data.added,
+        data.others,
         data.wrenches,
     )
 

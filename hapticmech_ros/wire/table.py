@@ -11,6 +11,7 @@ RATES = {
     "control": "control rate (1 kHz)",
     "body": "control rate (1 kHz), with `device.servo_axes: body`",
     "view": "`view_rate` (100 Hz)",
+    "shared": "`view_rate` (100 Hz), in scenes with several operational points",
     "contact": "`view_rate` (100 Hz), in scenes with contacts",
     "servo": "`view_rate` (100 Hz), while `servo_cp` or `hold` acts",
     "marker": "`marker_rate` (30 Hz)",

@@ -15,7 +15,7 @@ from typing import Literal
 # Stands for CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
 Rate = Literal[
-    "control", "body", "view", "contact", "servo", "marker", "change", "1 Hz", "caller's"
+    "control", "body", "view", "shared", "contact", "servo", "marker", "change", "1 Hz", "caller's"
 ]
 Qos = Literal["stream", "latched", "command"]
 
@@ -30,7 +30,8 @@ class Topic:
         publisher: node that publishes it, or ``any``.
         subscribers: nodes that subscribe.
         rate: ``control`` is the scene's control rate, ``view`` is for people and slower,
-            ``contact`` the same in scenes with contacts, ``servo`` the same while a device is
+            ``shared`` the same in scenes with several operational points, ``contact`` in those
+            with contacts, ``servo`` the same while a device is
             commanded to a pose, ``marker`` the scene viewer's; ``body`` is the control rate with
             ``device.servo_axes: body``.
         qos: name of the profile in nodes/qos.py.

@@ -36,8 +36,8 @@ DEVICE_STATE = Topic(
     ARRAY,
     DEVICE,
     "measured_cp, measured_cv and hand/measured_cf of one sample in one message; of a device "
-    "without it the controller uses those three",
-    (CONTROLLER, PAGE),
+    "without it the controller uses those three; F_h of other users' devices",
+    (CONTROLLER, DEVICE, PAGE),
     rate="control",
 )
 DEVICE_POSE = Topic(
@@ -177,6 +177,16 @@ DEVICE_GAIN = Topic(
     "times a second",
     (DEVICE,),
 )
+DEVICE_COUPLING = Topic(
+    "device/coupling_gain",
+    ARRAY,
+    CONTROLLER,
+    "gains H_j by which the device corrects `servo_cf` for what the other hands' wrenches have "
+    "changed by since those in the F_c of the command; 6 x 6 for each other operational point, "
+    "axes of `world`; zero where no hand holds",
+    (DEVICE,),
+    rate="shared",
+)
 HAND_WRENCH = Topic(
     "device/hand_cf",
     WRENCH,
@@ -307,6 +317,15 @@ INVERSE_INERTIA = Topic(
     ANALYSER,
     "Λ_h⁻¹, 6 x 6, force rows first; 1/kg, 1/(kg m), 1/(kg m²)",
 )
+TRANSMISSION = Topic(
+    "analysis/{point}/transmission",
+    ARRAY,
+    ANALYSER,
+    "Y_ij for each other operational point: a wrench F_j by the hand there is felt at this one as "
+    "F_c = Y_ij F_j; 6 x 6, axes of `world`; zero where no hand holds",
+    (CONTROLLER,),
+    rate="shared",
+)
 PROJECTOR = Topic(
     "analysis/{point}/constraint_projector",
     ARRAY,
@@ -375,6 +394,7 @@ TOPICS: tuple[Topic, ...] = (
     DEVICE_BODY_AXES,
     DEVICE_BODY_FORCE,
     DEVICE_GAIN,
+    DEVICE_COUPLING,
     DEVICE_POSE_COMMAND,
     DEVICE_POSE_SETPOINT,
     DEVICE_HOLD,
@@ -400,6 +420,7 @@ TOPICS: tuple[Topic, ...] = (
     CONTACTS,
     POINT_MODEL,
     INVERSE_INERTIA,
+    TRANSMISSION,
     PROJECTOR,
     CONSTRAINT_WRENCHES,
     SPECTRUM,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
@@ -127,8 +128,12 @@ def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path)
     scene = load_scene(path)
     run = LockstepRun(str(path), duration=0.4, hold=scene.held_points, composed=True, out=bag)
     assert run_lockstep(run, private_environment(next_domain()), lambda: False) == 400
-    session = SharedSession(scene)
+    session, late = SharedSession(scene), SharedSession(scene)
     rows, layout = session.run(400), StateLayout(session.simulator.mechanism)
+    # What devices get of each other at once is part of it.
+    late._direct = dict.fromkeys("ab", {})
+    other = late.run(400)
+    assert np.abs(other["a"]["q"] - rows["a"]["q"]).max() > 1e-6
     with BagReader(bag) as reader:
         states = [layout.unpack(decode(data)) for *_, data in reader.serialized("/mechanism/state")]
         commands = {
@@ -152,6 +157,7 @@ def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path)
 def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path: Path) -> None:
     statuses = peer.statuses()
     told = {point: peer.listen(f"mechanism/{point}/servo_cf", WrenchStamped) for point in "ab"}
+    gains = peer.listen("b/device/coupling_gain", Float64MultiArray)
     patient = {
         "teleoperation_controller.input_timeout": 0.2,
         "haptic_device.command_timeout": 0.2,
@@ -172,8 +178,10 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
 
         peer.until(lambda: engaged("a") and engaged("b"), "both controllers to engage", 40.0)
         peer.until(lambda: len(told["b"]) > 100, "commands of b")
+        peer.until(lambda: gains and np.any(gains[-1].data[4:]), "b to be corrected for a's hand")
         graph.kill("a/haptic_device")
         peer.until(lambda: not engaged("a"), "a to be let go")
+        peer.until(lambda: not np.any(gains[-1].data[4:]), "b to be corrected for nobody")
         heard = len(told["b"])
         peer.until(lambda: len(told["b"]) > heard + 300, "b to go on")
         assert engaged("b")
@@ -181,4 +189,5 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
         graph.restart("a/haptic_device")
         peer.until(lambda: engaged("a"), "a to engage again", 40.0)
         assert engaged("b")
+        peer.until(lambda: np.any(gains[-1].data[4:]), "b to be corrected for a's hand again")
         graph.check()

@@ -1,0 +1,206 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a user feels of a mechanism that others hold as well: felt over desired impedance.
+
+One user's device is pushed by a small multisine, the others hold the mechanism by their arms of
+impedance Z = s M + D + K / s, which stay where they took hold. With Y the admittance of the
+mechanism alone between points, and b all points that the others hold, desired is
+
+    v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
+
+Y is that of the simulator's own step, linearised (``analysis/linear_point.py``), of which the
+continuous system is taken: arms act on the mechanism all the time, the push is held over a period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, expm, logm
+
+from hapticmech_ros.analysis.impedance import (
+    PUSH_N_PER_HZ,
+    amplitudes,
+    free_directions,
+    multisine,
+)
+from hapticmech_ros.analysis.linear_point import linear_point
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.hand import (
+    ArmHand,
+    ConstantWrenchHand,
+    Hand,
+    SpringDamperHand,
+    TargetHand,
+    Waypoint,
+)
+from hapticmech_ros.session.shared_session import SharedSession
+from hapticmech_ros.simulation import Simulator
+
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
+# Until what the start has set in motion has died away, and how long is looked at, s.
+SETTLING_S, WINDOW_S = 4.0, 1.0
+_NOBODY = ConstantWrenchHand(kind="constant_wrench")
+
+
+@dataclass(frozen=True, slots=True)
+class FeltBesideOthers:
+    """What a user feels along one direction.
+
+    Attributes:
+        point: operational point that the user holds.
+        direction: (6,) of the push, largest part 1 N or 0.02 N m, world axes.
+        frequencies: (k,) Hz.
+        ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
+        desired: (k,) complex, desired impedance along the direction, N s/m or N m s/rad.
+        alone: (k,) the same of the mechanism that nobody else holds.
+    """
+
+    point: str
+    direction: Array
+    frequencies: Array
+    ratio: Array
+    desired: Array
+    alone: Array
+
+    def error(self, frequency: float) -> float:
+        """Return the largest |ratio - 1| up to a frequency, Hz."""
+        return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
+
+    @property
+    def share(self) -> Array:
+        """(k,) by how much the others change what is felt, relative to the mechanism alone."""
+        return np.asarray(np.abs(self.desired / self.alone - 1.0))
+
+
+def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
+    """Return what a user feels along every direction that the mechanism leaves free at its start.
+
+    Args:
+        scene: with several ``hands``; the one at the point pushes, those of the others hold still.
+        point: operational point of the user who pushes.
+
+    Raises:
+        InvalidInputError: a point that is not held, a scripted hand, or a period that does not
+            divide 1 s or is too long for 30 Hz.
+    """
+    period, frequencies = scene.simulation.period, np.array(FREQUENCIES_HZ, dtype=float)
+    samples = round(WINDOW_S / period)
+    if abs(samples * period - WINDOW_S) > 1e-9 or samples < 4 * frequencies[-1]:
+        rule = f"must divide {WINDOW_S:g} s and be below {0.25 / frequencies[-1]:.4f} s"
+        raise InvalidInputError("simulation.period", period, rule)
+    still = _holding_still(scene, point)
+    simulator = Simulator(still)
+    terms = simulator.evaluate(simulator.initial_state())
+    directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
+    desired, alone = _admittances(still, simulator, point, frequencies)
+    times = np.arange(round((SETTLING_S + WINDOW_S) / period)) * period
+    push = multisine(times, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
+    last = slice(times.size - samples, None)
+    given = amplitudes(times[last], push[last], frequencies)
+    calm, found = _twists(still, point, np.zeros((times.size, 6))), []
+    for direction in directions:
+        moved = (_twists(still, point, push[:, None] * direction) - calm) @ direction
+        felt = given / amplitudes(times[last], moved[last], frequencies)
+        wanted, free = (
+            1.0 / np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, alone)
+        )
+        found.append(FeltBesideOthers(point, direction, frequencies, felt / wanted, wanted, free))
+    return found
+
+
+def _holding_still(scene: Scene, point: str) -> Scene:
+    """Return the scene with nobody's hand at a point, and all others where they take hold."""
+    if point not in scene.held_points or len(scene.held_points) < 2:
+        rule = f"must be one of several points that are held, here {list(scene.held_points)}"
+        raise InvalidInputError("point", point, rule)
+    hands = []
+    for name in scene.held_points:
+        own = scene.held_at(name)
+        hand = _NOBODY if name == point else _still(own.hand)
+        entry = {"point": name, "hand": hand, "device": own.device}
+        hands.append(entry | {"controller": own.controller, "connection": own.connection})
+    return scene.with_(hands=hands)
+
+
+def _still(hand: Hand) -> Hand:
+    """Return a hand that takes hold at once and stays there.
+
+    Raises:
+        InvalidInputError: a hand whose impedance is not known.
+    """
+    if isinstance(hand, TargetHand):
+        calm = {"start_delay": 0.0, "release_at": (), "grab_at": (), "tremor": None}
+        return hand.model_copy(update={**calm, "waypoints": (Waypoint(time=0.0),)})
+    if isinstance(hand, ConstantWrenchHand):
+        return _NOBODY
+    rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be known"
+    raise InvalidInputError("hand", hand.kind, rule)
+
+
+def _impedance(hand: Hand) -> tuple[Array, Array, Array]:
+    """Return M, D and K (6, 6) of a hand, SI, world axes at the point held."""
+    mass = damping = stiffness = (0.0, 0.0)
+    if isinstance(hand, ArmHand):
+        mass = hand.mass, hand.angular_inertia
+    if isinstance(hand, ArmHand | SpringDamperHand):
+        damping = hand.damping, hand.angular_damping
+        stiffness = hand.stiffness, hand.angular_stiffness
+    line, turn = (np.diag(np.repeat(six, 3)) for six in ((1.0, 0.0), (0.0, 1.0)))
+    m, d, k = (line * a + turn * b for a, b in (mass, damping, stiffness))
+    return m, d, k
+
+
+def _twists(scene: Scene, point: str, pushes: Array) -> Array:
+    """Return twists (n, 6) of the device that is pushed."""
+    session = SharedSession(scene)
+    return np.array(
+        [session.tick(hand_wrenches={point: one})[point].device.twist for one in pushes]
+    )
+
+
+def _admittances(
+    scene: Scene, simulator: Simulator, point: str, frequencies: Array
+) -> tuple[Array, Array]:
+    """Return (k, 6, 6) of a point, of a push that is held: with the others' arms, and without."""
+    names = [point, *(name for name in scene.held_points if name != point)]
+    state, period = simulator.initial_state(), simulator.period
+    points = [linear_point(simulator, state, name) for name in names]
+    size, width = len(points[0].step), 6 * len(points)
+    whole = np.eye(size + width)
+    whole[:size, :size] = points[0].step
+    whole[:size, size:] = np.hstack([one.push for one in points])
+    rates = np.real(logm(whole)) / period
+    a, b = rates[:size, :size], rates[:size, size:]
+    shown = np.vstack([one.twist for one in points])
+    impedances = [_impedance(scene.held_at(name).hand) for name in names[1:]]
+    m, d, k = (block_diag(*parts) for parts in zip(*impedances, strict=True))
+    own, others, seen = b[:, :6], b[:, 6:], shown[6:]
+    # F_b = -(M v̇_b + D v_b + K p_b), v̇_b by F_b itself, p_b integrated.
+    free = np.linalg.inv(np.eye(len(m)) + m @ seen @ others)
+    by_state, by_push = -free @ (m @ seen @ a + d @ seen), -free @ m @ seen @ own
+    joined = np.block(
+        [[a + others @ by_state, -others @ free @ k], [seen, np.zeros((len(m), len(m)))]]
+    )
+    pushed = np.vstack([own + others @ by_push, np.zeros((len(m), 6))])
+    read = np.hstack([shown[:6], np.zeros((6, len(m)))])
+    return (
+        _sampled(joined, pushed, read, frequencies, period),
+        _sampled(a, own, shown[:6], frequencies, period),
+    )
+
+
+def _sampled(a: Array, b: Array, c: Array, frequencies: Array, period: float) -> Array:
+    """Return C (z - A_d)⁻¹ B_d (k, ...) at z = exp(i ω T) of ẋ = A x + B u with u held."""
+    size, width = b.shape
+    whole = np.zeros((size + width, size + width))
+    whole[:size, :size], whole[:size, size:] = a, b
+    step = expm(period * whole)
+    turns = np.exp(2j * np.pi * period * frequencies)
+    one = np.eye(size)
+    answers = [np.linalg.solve(z * one - step[:size, :size], step[:size, size:]) for z in turns]
+    return np.array([c @ answer for answer in answers])

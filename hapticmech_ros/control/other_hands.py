@@ -1,0 +1,139 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What other hands do to a mechanism, given by a device without the delay of the loop.
+
+F_c of a command holds what the other hands did when their last commands were computed: a period
+before the sample that the command answers, and so two periods before the command acts. A device
+that has their newest samples F_j corrects its command, as it does for its own hand's:
+
+    u = u' + Σ H_j (F_j(t + T/2) - F_j(t' - T)),    H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
+
+t' is the time of the sample answered, Y_ij F_j the wrench at the own point that accelerates it as
+F_j does (:mod:`~hapticmech_ros.operational.coupling`), and C3_j the other's gain to the mechanism.
+A command is held over a period T: F_j is carried on to its middle by the last two samples.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.account_kernels import command_response
+from hapticmech_ros.scene import Scene
+
+# Samples of another hand that are remembered.
+REMEMBERED = 64
+# Of a hand that has said nothing for so many periods nothing is known, and nothing corrected; and
+# for how many at most its wrench is carried on.
+SILENT, FARTHEST = 12, 1.5
+
+
+def heard_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[str, float]:
+    """Return C3_j of the hands whose wrenches a device gets without delay, by their points.
+
+    Those are of other points, with nothing between device and controller on either side: where
+    messages are late for everybody, correcting for two periods is worth nothing. The device closes
+    the force channel by itself.
+
+    Args:
+        scene: with all its ``hands``.
+        point: operational point that the device holds.
+        points: that are held, or may be.
+    """
+    own = scene.held_at(point)
+    if not (own.connection.direct and own.controller.force_channel.local):
+        return {}
+    others = {name: scene.held_at(name) for name in points if name != point}
+    return {
+        name: other.controller.force_channel.hand
+        for name, other in others.items()
+        if other.connection.direct
+    }
+
+
+def coupling_gain(
+    settings: Array, operational_model: Array, time: float, transmitted: Array, share: float
+) -> Array:
+    """Return H_j (6, 6), see the module: 1, m and 1/m, force before torque, world axes.
+
+    Args:
+        settings: (59,) of the controllers; see ``loop_layout``.
+        operational_model: (139,) of the own point; see ``layout.OPERATIONAL_MODEL``.
+        time: s, of the controllers.
+        transmitted: (6, 6) Y_ij, see :func:`~hapticmech_ros.operational.coupling.transmission`.
+        share: C3_j.
+    """
+    response = np.empty(36)
+    command_response(settings, operational_model, time, response)
+    return np.asarray(share * (response.reshape(6, 6) @ transmitted))
+
+
+class OtherHands:
+    """Remembers the other hands' wrenches, and corrects commands for their changes.
+
+    Args:
+        names: operational points that the others hold.
+        period_ns: T, ns.
+    """
+
+    def __init__(self, names: Iterable[str], period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._samples: dict[str, deque[tuple[int, Array]]] = {
+            name: deque(maxlen=REMEMBERED) for name in names
+        }
+
+    def forget(self) -> None:
+        """Forget all samples."""
+        for samples in self._samples.values():
+            samples.clear()
+
+    def measured(self, name: str, wrench: Array, stamp_ns: int) -> None:
+        """Remember a wrench.
+
+        One that is older than the newest is dropped.
+
+        Args:
+            name: operational point.
+            wrench: (6,) F_j, by the hand, N and N m, world axes at its point.
+            stamp_ns: of the sample, ns.
+        """
+        samples = self._samples[name]
+        if not samples or stamp_ns > samples[-1][0]:
+            samples.append((stamp_ns, wrench.copy()))
+
+    def known_at(self, name: str, stamp_ns: int) -> bool:
+        """Return whether a sample of this time, or a later one, has come."""
+        samples = self._samples[name]
+        return bool(samples) and samples[-1][0] >= stamp_ns
+
+    def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
+        """Return (6,) what is to be added to a command, N and N m, world axes at the own point.
+
+        Args:
+            gains: H_j (6, 6) by operational point; see the module.
+            answered_ns: t', stamp of the sample that the command answers, ns.
+            now_ns: t, from which it is held, ns.
+        """
+        added = np.zeros(6)
+        for name, gain in gains.items():
+            added += gain @ self._change(name, answered_ns, now_ns)
+        return added
+
+    def _change(self, name: str, answered_ns: int, now_ns: int) -> Array:
+        """Return (6,) F_j(t + T/2) - F_j(t' - T), as far as it is known."""
+        known = [one for one in self._samples[name] if one[0] <= now_ns]
+        period = self._period_ns
+        if not known or now_ns - known[-1][0] > SILENT * period:
+            return np.zeros(6)
+        stamp_ns, wrench = known[-1]
+        then_ns = answered_ns - period
+        then = min(known, key=lambda one: abs(one[0] - then_ns))[1]
+        change = wrench - then
+        if len(known) > 1:
+            before_ns, before = known[-2]
+            apart = (now_ns + period / 2 - stamp_ns) / (stamp_ns - before_ns)
+            change += min(apart, FARTHEST) * (wrench - before)
+        return np.asarray(change)

@@ -1,0 +1,131 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Commands corrected for other hands: by how much, for which hands, and from which samples."""
+
+import numpy as np
+import pytest
+
+from hapticmech_ros import Session, load_scene
+from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.control.kernels import control_wrenches
+from hapticmech_ros.control.loop_layout import ON_HAND
+from hapticmech_ros.control.other_hands import (
+    FARTHEST,
+    REMEMBERED,
+    SILENT,
+    OtherHands,
+    coupling_gain,
+    heard_directly,
+)
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.scene import scene_from_document
+from oracles.users import two_points
+
+PERIOD_NS = 1_000_000
+GAIN = {"b": np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])}
+
+
+def told(force, ticks, first=0):
+    """Return what is known after samples of a force over time (in periods)."""
+    others = OtherHands(["b"], PERIOD_NS)
+    for tick in range(first, ticks):
+        others.measured("b", np.full(6, force(tick)), tick * PERIOD_NS)
+    return others
+
+
+def correction(others, answered, now, gains=GAIN):
+    return others.correction(gains, round(answered * PERIOD_NS), round(now * PERIOD_NS))
+
+
+def test_a_steady_wrench_changes_nothing():
+    assert not correction(told(lambda tick: 4.0, 10), 8, 9).any()
+
+
+@pytest.mark.parametrize(("answered", "now"), [(8, 9), (7, 9), (9, 9)])
+def test_a_wrench_that_rises_evenly_is_corrected_to_the_middle_of_the_period(answered, now):
+    rate = 0.25
+    found = correction(told(lambda tick: 1.0 + rate * tick, 10), answered, now)
+    wanted = rate * (now + 0.5 - (answered - 1))
+    assert found == pytest.approx(wanted * np.array([2.0, 0.0, 0.0, 0.0, 0.0, 3.0]), rel=1e-12)
+
+
+def test_samples_that_come_later_are_not_used_and_old_ones_are_carried_on_so_far():
+    def rising(tick):
+        return float(tick)
+
+    # The device's own newest sample is of time 5: what came after it is the next period's.
+    assert correction(told(rising, 10), 4, 5)[0] == pytest.approx(2.0 * 2.5)
+    # A hand that is heard a period late, and one that is late by more.
+    assert correction(told(rising, 9), 8, 9)[0] == pytest.approx(2.0 * (8 + 1.5 - 7))
+    assert correction(told(rising, 7), 8, 9)[0] == pytest.approx(2.0 * (6 + FARTHEST - 6))
+    assert not correction(told(rising, 9), 8 + SILENT, 9 + SILENT).any()
+    assert not correction(OtherHands(["b"], PERIOD_NS), 8, 9).any()
+    assert not correction(told(rising, 10), 8, 9, gains={}).any()
+
+
+def test_what_was_overtaken_is_dropped_and_what_is_old_forgotten():
+    others = told(float, 10)
+    others.measured("b", np.full(6, 100.0), 4 * PERIOD_NS)
+    assert correction(others, 8, 9)[0] == pytest.approx(2.0 * 2.5)
+    assert others.known_at("b", 9 * PERIOD_NS)
+    assert not others.known_at("b", 9 * PERIOD_NS + 1)
+    many = told(float, 3 * REMEMBERED)
+    # The oldest that is remembered stands for all before it.
+    oldest, last = 2 * REMEMBERED, 3 * REMEMBERED - 1
+    assert correction(many, 5, last)[0] == pytest.approx(2.0 * (last + 0.5 - oldest))
+    others.forget()
+    assert not others.known_at("b", 0)
+
+
+def held(*connections, **changes):
+    """Return a body held at a, b and, it may be, c, behind these connections."""
+    document = two_points(**changes)
+    far = document["operational_points"][0] | {"name": "c", "origin": {"xyz": [0.0, 0.05, 0.0]}}
+    document["operational_points"].append(far)
+    entries = zip("abc", connections, strict=False)
+    hands = [{"point": point, "connection": one} for point, one in entries]
+    return scene_from_document(document | {"hands": hands})
+
+
+def test_heard_are_those_with_nothing_between():
+    scene = held({}, {}, {"expected": 0.01})
+    assert heard_directly(scene, "a", "abc") == {"b": 1.0}
+    assert heard_directly(scene, "c", "abc") == {}
+    assert heard_directly(held({}, {"delay": 0.01}), "a", "ab") == {}
+    assert heard_directly(held({}, {"loss": 0.1}), "a", "ab") == {}
+    half = {"force_channel": {"hand": 0.5}}
+    assert heard_directly(held({}, {}, controller=half), "a", "ab") == {"b": 0.5}
+    remote = {"force_channel": {"local": False}}
+    assert heard_directly(held({}, {}, controller=remote), "a", "ab") == {}
+
+
+@pytest.mark.parametrize("name", ["five_bar", "door", "spatial_arm", "ur5e"])
+def test_the_gain_is_how_a_command_changes_with_the_contact_wrench(name):
+    """By differences of the compiled control itself, along every axis of F_c."""
+    far = dict.fromkeys(("force_limit", "torque_limit"), 1e12)
+    scene = load_scene(name)
+    scene = scene.with_(
+        device=scene.device.model_dump() | far,
+        controller={"force_channel": {"contact": 0.7}, "engagement_ramp": 0.2},
+    )
+    session, control = Session(scene), ControlArchitecture(scene)
+    for _ in range(150):
+        sample = session.tick()
+    device, model = sample.device.published[:19].copy(), session._parts.observation.copy()
+    model = model[: OPERATIONAL_MODEL.size]
+    clutch, contact = session.clutch, OPERATIONAL_MODEL.start("contact")
+    # While the clutch is still closing, and later.
+    for time in (sample.time - 0.05, sample.time + 1.0):
+        settings = control.settings_at(time, clutch).copy()
+        wanted = np.empty((6, 6))
+        for axis in range(6):
+            found = np.zeros((2, 6, 6))
+            for out, change in zip(found, (-0.5, 0.5), strict=True):
+                moved = model.copy()
+                moved[contact + axis] += change
+                assert control_wrenches(settings, device, moved, time, 0.0, out)
+            wanted[:, axis] = found[1, ON_HAND] - found[0, ON_HAND]
+        assert np.abs(wanted).max() > 0.01
+        share = np.random.default_rng(3).normal(size=(6, 6))
+        gain = coupling_gain(settings, model, time, share, 0.5)
+        assert gain == pytest.approx(0.5 * wanted @ share, abs=1e-11 * np.abs(wanted).max())
