@@ -124,16 +124,23 @@ class OtherHands:
 
     def _change(self, name: str, answered_ns: int, now_ns: int) -> Array:
         """Return (6,) F_j(t + T/2) - F_j(t' - T), as far as it is known."""
-        known = [one for one in self._samples[name] if one[0] <= now_ns]
-        period = self._period_ns
-        if not known or now_ns - known[-1][0] > SILENT * period:
+        samples, period = self._samples[name], self._period_ns
+        at = len(samples) - 1
+        while at >= 0 and samples[at][0] > now_ns:
+            at -= 1
+        if at < 0 or now_ns - samples[at][0] > SILENT * period:
             return np.zeros(6)
-        stamp_ns, wrench = known[-1]
-        then_ns = answered_ns - period
-        then = min(known, key=lambda one: abs(one[0] - then_ns))[1]
-        change = wrench - then
-        if len(known) > 1:
-            before_ns, before = known[-2]
+        stamp_ns, wrench = samples[at]
+        change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
+        if at > 0:
+            before_ns, before = samples[at - 1]
             apart = (now_ns + period / 2 - stamp_ns) / (stamp_ns - before_ns)
             change += min(apart, FARTHEST) * (wrench - before)
         return np.asarray(change)
+
+    @staticmethod
+    def _nearest(samples: deque[tuple[int, Array]], at: int, time_ns: int) -> int:
+        """Return which sample, of those up to ``at``, is nearest to a time (ns)."""
+        while at > 0 and abs(samples[at - 1][0] - time_ns) <= abs(samples[at][0] - time_ns):
+            at -= 1
+        return at

@@ -131,7 +131,7 @@ def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path)
     session, late = SharedSession(scene), SharedSession(scene)
     rows, layout = session.run(400), StateLayout(session.simulator.mechanism)
     # What devices get of each other at once is part of it.
-    late._direct = dict.fromkeys("ab", {})
+    late._direct = {point: {} for point in "ab"}
     other = late.run(400)
     assert np.abs(other["a"]["q"] - rows["a"]["q"]).max() > 1e-6
     with BagReader(bag) as reader:
