@@ -9,6 +9,7 @@ arm holds the other; see ``analysis/beside_others.py``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -29,8 +30,12 @@ POINTS = {
 }
 
 
-def held_scene(name: str, period: float) -> Scene:
-    """Return a scene held at two points, by nobody and by an arm."""
+# Declared of a connection, s: nothing next to a period, and enough for devices not to exchange.
+BARELY = 1e-9
+
+
+def held_scene(name: str, period: float, late: bool = False) -> Scene:
+    """Return a scene held at two points, by nobody and by an arm; ``late``: without exchange."""
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
     if places is None:
@@ -44,6 +49,8 @@ def held_scene(name: str, period: float) -> Scene:
         {"point": PUSHER, "hand": {"kind": "constant_wrench"}},
         {"point": HOLDER, "hand": {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}},
     ]
+    if late:
+        hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
     return scene.with_(operational_points=points, hands=hands, simulation={"period": period})
 
 
@@ -68,13 +75,17 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
-def users() -> None:
+def users(
+    late: Annotated[
+        bool, typer.Option("--late", help="devices do not hear each other's hands; 1 kHz only")
+    ] = False,
+) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
-        for period in PERIODS_S
-        for one in felt_beside_others(held_scene(name, period), PUSHER)
+        for period in (PERIODS_S[:1] if late else PERIODS_S)
+        for one in felt_beside_others(held_scene(name, period, late), PUSHER)
     ]
     print(table(rows))
 

@@ -238,7 +238,7 @@ def test_what_the_hands_do_is_what_the_body_gets():
 
 
 def test_two_arms_on_a_light_body_come_to_rest():
-    """Firm arms of half a kilogram, on fifty grams: what a longer lead makes oscillate."""
+    """Firm arms of half a kilogram, on fifty grams."""
     firm = {"kind": "arm", "impedance": "firm", "start_delay": 0.0, "waypoints": [{"time": 0.0}]}
     document = two_points(hands=[{"point": "a", "hand": firm}, {"point": "b", "hand": firm}])
     inertia = {"ixx": 5e-5, "iyy": 5e-5, "izz": 5e-5}

@@ -1,0 +1,113 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a user feels beside others: desired impedance by closed forms, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from hapticmech_ros.analysis.beside_others import FREQUENCIES_HZ, felt_beside_others
+from hapticmech_ros.cli import app
+from hapticmech_ros.control import other_hands
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import scene_from_document
+from oracles.users import REACH, inverse_inertia, two_points
+
+PERIOD = 0.002
+ARM = {"mass": 0.5, "damping": 8.0, "stiffness": 200.0}
+TURNING = {"angular_inertia": 5e-4, "angular_damping": 4e-2, "angular_stiffness": 0.2}
+MOVES = [{"time": 0.0}, {"time": 0.5, "xyz": [0.1, 0.0, 0.0]}]
+HOLDS = {"kind": "arm", "release_at": [1.0], "waypoints": MOVES, **ARM, **TURNING}
+FREQUENCIES = np.array(FREQUENCIES_HZ, dtype=float)
+S = 2j * np.pi * FREQUENCIES
+
+
+def document(other, **changes):
+    hands = [{"point": "a"}, {"point": "b", "hand": other}]
+    return two_points(hands=hands, simulation={"period": PERIOD}, **changes)
+
+
+def sampled(continuous, at_last):
+    """Return V over F (k, 6, 6) at samples, of F held over a period: with the images of sampling.
+
+    Images are Y(s + j k ω_s) (1 - e^-sT) / (T (s + j k ω_s)), summed with Y as at_last / s, as it
+    is far above all that the arm's spring and damper do: Σ 1 / (s + j k ω_s)² over all k is
+    (T / 2 sinh(sT / 2))².
+    """
+    held = (1.0 - np.exp(-S * PERIOD)) / PERIOD
+    images = (0.5 * PERIOD / np.sinh(0.5 * S * PERIOD)) ** 2 - 1.0 / S**2
+    own = continuous * (held / S)[:, None, None]
+    return own + at_last * (held * images)[:, None, None]
+
+
+def held():
+    """Return the closed form's admittances (k, 6, 6): of the body, and with the arm at b on it."""
+    a, b = np.array([REACH, 0, 0]), np.array([-REACH, 0, 0])
+    own, to, back, there = (inverse_inertia(p, q) for p, q in ((a, a), (a, b), (b, a), (b, b)))
+    keys = zip(ARM, TURNING, strict=True)
+    mass, damping, stiffness = (
+        np.diag([ARM[line]] * 3 + [TURNING[turn]] * 3) for line, turn in keys
+    )
+    moved = []
+    for s in S:
+        arm = s * mass + damping + stiffness / s
+        moved.append((own - to @ arm @ np.linalg.solve(s * np.eye(6) + there @ arm, back)) / s)
+    with_mass = own - to @ mass @ np.linalg.solve(np.eye(6) + there @ mass, back)
+    return sampled(np.array([own / s for s in S]), own), sampled(np.array(moved), with_mass)
+
+
+def test_desired_is_the_body_with_the_others_arm():
+    """The arm holds on and stays where it is, whatever it does in the scene."""
+    found = felt_beside_others(scene_from_document(document(HOLDS)), "a")
+    assert len(found) == 6
+    alone, with_arm = held()
+    for one in found:
+        wanted = np.einsum("i,kij,j->k", one.direction, with_arm, one.direction)
+        free = np.einsum("i,kij,j->k", one.direction, alone, one.direction)
+        # Images of the arm's damper are smaller than those of its mass by D / (M ω_s), 0.5 %.
+        assert one.desired * wanted == pytest.approx(np.ones(len(S)), abs=2e-4)
+        # The simulator's own step and its differences.
+        assert one.alone * free == pytest.approx(np.ones(len(S)), abs=1e-6)
+        assert one.share == pytest.approx(np.abs(free / wanted - 1.0), rel=1e-3, abs=1e-3)
+        assert one.error(3.0) < 0.05
+
+
+@pytest.mark.parametrize(("lead", "most"), [(other_hands.FARTHEST, 0.025), (0.0, 0.005)])
+def test_a_device_that_nobody_holds_is_nothing_to_feel(lead, most, monkeypatch):
+    """It is led by half a period, as is right for hands; the push here is held over a period."""
+    monkeypatch.setattr(other_hands, "FARTHEST", lead)
+    scene = scene_from_document(document({"kind": "constant_wrench", "force": [1.0, 0.0, 0.0]}))
+    for one in felt_beside_others(scene.with_(simulation={"period": 0.001}), "a"):
+        assert one.share == pytest.approx(np.zeros(len(S)), abs=1e-12)
+        assert one.error(10.0) < most
+
+
+def test_what_cannot_be_measured_is_refused(tmp_path):
+    (tmp_path / "push.csv").write_text("time,fx,fy,fz,tx,ty,tz\n0,1,0,0,0,0,0\n", encoding="utf-8")
+    scripted = {"kind": "scripted", "file": str(tmp_path / "push.csv")}
+    scene = scene_from_document(document(scripted))
+    with pytest.raises(InvalidInputError, match="must be an arm.*'scripted'"):
+        felt_beside_others(scene, "a")
+    with pytest.raises(InvalidInputError, match="must be one of several.*'c'"):
+        felt_beside_others(scene, "c")
+    alone = scene.with_(hands=[{"point": "a"}])
+    with pytest.raises(InvalidInputError, match="must be one of several points"):
+        felt_beside_others(alone, "a")
+    slow = scene_from_document(document(HOLDS)).with_(simulation={"period": 0.01})
+    with pytest.raises(InvalidInputError, match=r"simulation\.period"):
+        felt_beside_others(slow, "a")
+
+
+def test_the_command_prints_writes_and_draws(tmp_path):
+    path, out = tmp_path / "scene.yaml", tmp_path / "out"
+    path.write_text(yaml.safe_dump(document(HOLDS)), encoding="utf-8")
+    done = CliRunner().invoke(app, ["feel", "users", str(path), "--out", str(out)])
+    assert done.exit_code == 0, done.stdout
+    assert "two_points" in done.stdout
+    rows = json.loads((out / "users.json").read_text(encoding="utf-8"))
+    assert [row["point"] for row in rows] == ["a"] * 6 + ["b"] * 6
+    assert rows[0]["frequencies_hz"] == list(FREQUENCIES)
+    assert (out / "users.png").stat().st_size > 10_000
