@@ -89,9 +89,9 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
     (tmp_path / "push.csv").write_text("time,fx,fy,fz,tx,ty,tz\n0,1,0,0,0,0,0\n", encoding="utf-8")
     scripted = {"kind": "scripted", "file": str(tmp_path / "push.csv")}
     scene = scene_from_document(document(scripted))
-    with pytest.raises(InvalidInputError, match="must be an arm.*'scripted'"):
+    with pytest.raises(InvalidInputError, match=r"must be an arm.*'scripted'"):
         felt_beside_others(scene, "a")
-    with pytest.raises(InvalidInputError, match="must be one of several.*'c'"):
+    with pytest.raises(InvalidInputError, match=r"must be one of several.*'c'"):
         felt_beside_others(scene, "c")
     alone = scene.with_(hands=[{"point": "a"}])
     with pytest.raises(InvalidInputError, match="must be one of several points"):
