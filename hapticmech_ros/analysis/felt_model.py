@@ -41,9 +41,11 @@ class FeltModel(LinearSystem):
 
     Attributes:
         mechanism: what should be felt.
+        sampled: (n, 6) part of B by the samples of F_h alone, that the commands answer.
     """
 
     mechanism: LinearPoint
+    sampled: Array
 
     def ratio(self, direction: Array, frequencies: Array) -> Array:
         """Return felt over desired impedance along a push, (k,) complex: 1 is right.
@@ -55,6 +57,27 @@ class FeltModel(LinearSystem):
         felt, desired = self.admittance(frequencies), self.mechanism.admittance(frequencies)
         along = [np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, felt)]
         return np.asarray(along[0] / along[1])
+
+    def varying_ratio(self, direction: Array, frequencies: Array) -> Array:
+        """Return the same, (k,) complex, of a hand whose wrench varies within a period.
+
+        On device and mechanism acts its mean over the period, F̄ = F (e^sT - 1) / (s T), while
+        commands answer the sample F at its start, half a period before. For a mass m on a device
+        m_d the error is ω T / 2 (m / m_d - 1).
+
+        Args:
+            direction: (6,) of the push, N and N m, world axes; velocities are seen along it.
+            frequencies: (k,) Hz, below half the sample rate.
+        """
+        turns = 2j * np.pi * self.period * np.asarray(frequencies, dtype=float)
+        mean = (np.exp(turns) - 1.0) / turns
+        desired, one = self.mechanism.admittance(frequencies), np.eye(len(self.step))
+        found = []
+        for turn, share, alone in zip(turns, mean, desired, strict=True):
+            push = self.push * share + self.sampled * (1.0 - share)
+            felt = self.twist @ np.linalg.solve(np.exp(turn) * one - self.step, push)
+            found.append(share * (direction @ alone @ direction) / (direction @ felt @ direction))
+        return np.array(found)
 
 
 def felt_model(scene: Scene, point: str = "", delay: int = 1) -> FeltModel:
@@ -89,10 +112,11 @@ def loop_model(
     size = loop.size
     columns = np.hstack((np.eye(size), np.zeros((size, 6))))
     pushes = np.hstack((np.zeros((6, size)), np.eye(6)))
-    after = loop.next(columns, pushes)
+    after = loop.next(columns, pushes, pushes)
+    sampled = loop.next(columns, pushes, np.zeros_like(pushes))[:, size:]
     twist = np.zeros((6, size))
     twist[:, 6:12] = np.eye(6)
-    return FeltModel(mechanism.period, after[:, :size], after[:, size:], twist, mechanism)
+    return FeltModel(mechanism.period, after[:, :size], after[:, size:], twist, mechanism, sampled)
 
 
 class _Loop:
@@ -129,8 +153,8 @@ class _Loop:
         self._splits = np.cumsum([6, 6, 6, n, *[6 * delay] * 4])
         self.size = 18 + n + 30 * delay
 
-    def next(self, state: Array, hand: Array) -> Array:
-        """Return states (size, k) a period after these, with F_h (6, k)."""
+    def next(self, state: Array, hand: Array, acting_hand: Array) -> Array:
+        """Return states (size, k) a period after these, with F_h (6, k) as sampled and as it acts."""
         pose, twist, seen, x, told, sent, answered, places, rates = np.split(state, self._splits)
         if self._filter is None:
             seen = twist
@@ -146,7 +170,7 @@ class _Loop:
             spring, damper = self._rigid
             command = command - spring @ (pose - place) - damper @ (seen - rate)
         kept, gained, moved, pushed = self._move
-        net = hand + command
+        net = acting_hand + command
         new_pose = pose + moved * twist + pushed * net
         new_twist = kept * twist + gained * net
         if self._filter is not None:

@@ -43,6 +43,8 @@ class Felt:
         ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
         predicted: (k,) the ratio by the model of analysis/felt_model.py for the same wrench.
         steady: (k,) the ratio by the model in steady state, without the initial transient.
+        varying: (k,) the same of a hand whose wrench varies within a period, as people's do; the
+            wrench of the others is held over each period.
     """
 
     direction: Array
@@ -51,6 +53,7 @@ class Felt:
     ratio: Array
     predicted: Array
     steady: Array
+    varying: Array
 
     def error(self, frequency: float) -> float:
         """Return the largest |ratio - 1| up to a frequency, Hz."""
@@ -59,6 +62,10 @@ class Felt:
     def steady_error(self, frequency: float) -> float:
         """Return the largest |steady - 1| up to a frequency, Hz."""
         return float(np.abs(self.steady - 1.0)[self.frequencies <= frequency].max())
+
+    def varying_error(self, frequency: float) -> float:
+        """Return the largest |varying - 1| up to a frequency, Hz."""
+        return float(np.abs(self.varying - 1.0)[self.frequencies <= frequency].max())
 
     def model_error(self, frequency: float) -> float:
         """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
@@ -99,7 +106,8 @@ def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
         predicted = np.divide(*(_answer(times, one, frequencies) for one in alike))
         steady = model.ratio(direction, frequencies)
         mass = 1.0 / float(direction @ analysis.inverse_inertia @ direction)
-        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady))
+        varying = model.varying_ratio(direction, frequencies)
+        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady, varying))
     return found
 
 

@@ -75,8 +75,9 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
         alone = mechanism_twists(Setup(scene, "", 1), pushes)
         wanted = _amplitudes(every, alone @ direction, frequencies)
         steady = model.ratio(direction, frequencies)
+        varying = model.varying_ratio(direction, frequencies)
         mass = 1.0 / float(direction @ sample.analysis.inverse_inertia @ direction)
-        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady))
+        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady, varying))
     return found
 
 

@@ -5,16 +5,26 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros import load_scene
+from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.felt_model import felt_model, loop_model
-from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, felt
+from hapticmech_ros.analysis.impedance import (
+    FREQUENCIES_HZ,
+    PUSH_N_PER_HZ,
+    amplitudes,
+    felt,
+    free_directions,
+    mechanism_twists,
+    multisine,
+)
 from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.scene.hand import ConstantWrenchHand, ScriptedHand
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES = np.array(FREQUENCIES_HZ, dtype=float)
@@ -65,6 +75,61 @@ def test_a_mass_without_dampers_and_delay_is_felt_as_it_is():
         errors.append(np.abs(ratio - 1.0).max())
     assert errors[-1] < 1e-4
     assert np.divide(errors[:-1], errors[1:]) == pytest.approx(10.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("name", "substeps"), [("five_bar", 20), ("two_link", 20)])
+def test_a_hand_that_varies_within_a_period_feels_what_the_model_says(name, substeps, tmp_path):
+    """By a session with a scripted hand whose wrench is interpolated between samples.
+
+    The desired impedance is that of the mechanism under the mean of the wrench over each period.
+    """
+    scene = with_device(load_scene(name), substeps=substeps)
+    at_once = scene.controller.model_copy(update={"engagement_ramp": 0.0})
+    scene = scene.model_copy(update={"controller": at_once})
+    hertz, period = np.array([1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0]), scene.simulation.period
+    times = period * np.arange(4001)
+    push = multisine(times, hertz, PUSH_N_PER_HZ * hertz)
+    model, last = felt_model(scene), slice(3000, 4000)
+    for direction in free_directions(model.mechanism.analysis):
+        rows = np.column_stack((times, push[:, None] * direction))
+        path = tmp_path / "push.csv"
+        heading = "time,fx,fy,fz,tx,ty,tz"
+        np.savetxt(path, rows, "%.17g", ",", header=heading, comments="")
+        twists = []
+        for hand in (
+            ScriptedHand(kind="scripted", file=str(path), start_delay=0.0),
+            ConstantWrenchHand(kind="constant_wrench"),
+        ):
+            run = Session(scene.model_copy(update={"hand": hand})).run(4000)
+            twists.append(run["device_twist"])
+        means = 0.5 * (push[:-1] + push[1:])[:, None] * direction
+        still = mechanism_twists(Setup(scene, "", 1), np.zeros_like(means))
+        desired = (mechanism_twists(Setup(scene, "", 1), means) - still) @ direction
+        felt_twist = (twists[0] - twists[1]) @ direction
+        answers = [amplitudes(times[last], one[last], hertz) for one in (desired, felt_twist)]
+        ratio = answers[0] / answers[1]
+        predicted = model.varying_ratio(direction, hertz)
+        # The mean of a substep is taken for its start: 1 / n of the error that is looked for.
+        error = np.abs(predicted - 1.0)
+        assert error.max() > 0.1
+        assert np.abs(ratio / predicted - 1.0).max() < 0.01 + 1.5 / substeps * error.max()
+
+
+def test_half_a_period_of_delay_is_felt_as_a_lighter_mass():
+    """ω T / 2 (m / m_d - 1), of a body that hangs on nothing, without a position channel."""
+    scene, direction = load_scene("peg_in_hole"), np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    nothing = ("stiffness", "damping", "angular_stiffness", "angular_damping")
+    channel = {"position_channel": dict.fromkeys(nothing, 0.0)}
+    scene = with_device(scene, substeps=100, mass=0.05).with_(controller=channel)
+    hertz = np.array([0.5, 1.0, 2.0])
+    for period in (1e-3, 5e-4):
+        timed = scene.with_(simulation={"period": period})
+        model = felt_model(timed)
+        mass = 1.0 / (direction @ model.mechanism.analysis.inverse_inertia @ direction)
+        wanted = np.pi * hertz * period * (mass / scene.device.mass - 1.0)
+        error = np.abs(model.varying_ratio(direction, hertz) - 1.0)
+        assert wanted[-1] > 0.01
+        assert error == pytest.approx(wanted, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["spatial_arm", "ur5e", "door"])

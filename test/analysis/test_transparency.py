@@ -72,12 +72,13 @@ def test_bandwidth_and_errors_of_a_ratio():
     one, right = np.eye(6)[0], np.ones(frequencies.size)
 
     def measured(values):
-        return Felt(one, 1.0, frequencies, values, predicted=right, steady=2.0 * right)
+        model = {"predicted": right, "steady": 2.0 * right, "varying": 4.0 * right}
+        return Felt(one, 1.0, frequencies, values, **model)
 
     found = measured(ratio)
     assert (found.bandwidth, found.error(10.0), found.error(14.0)) == (10.0, 0.0, 0.5)
     assert (found.model_error(10.0), found.model_error(14.0)) == (0.0, 1.0)
-    assert found.steady_error(1.0) == 1.0
+    assert (found.steady_error(1.0), found.varying_error(1.0)) == (1.0, 3.0)
     assert measured(2.0 * ratio).bandwidth == 0.0
     assert measured(right).bandwidth == 85.0
 
