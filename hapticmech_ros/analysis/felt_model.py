@@ -154,7 +154,7 @@ class _Loop:
         self.size = 18 + n + 30 * delay
 
     def next(self, state: Array, hand: Array, acting_hand: Array) -> Array:
-        """Return states (size, k) a period after these, with F_h (6, k) as sampled and as it acts."""
+        """Return states (size, k) a period on, with F_h (6, k) as sampled and as it acts."""
         pose, twist, seen, x, told, sent, answered, places, rates = np.split(state, self._splits)
         if self._filter is None:
             seen = twist
