@@ -77,7 +77,8 @@ class Graph:
         parameters: further parameters, ``node.parameter`` or just ``parameter`` for all nodes.
         environment: of the processes; this one's if left out.
         nodes: which of :data:`NODES`, and who looks on; all of these if left out. A live page has a
-            process of its own, and its end is no failure of the graph.
+            process of its own, and its end is no failure of the graph. Of several points to hold
+            ``point/node`` is that of one of them, and ``node`` that of each.
         hold: operational points, each held by a device of its own; none: the scene's first one.
             Of several, each has its device, analyser and controller in a namespace of its name.
         arguments: further ROS arguments for all nodes.
@@ -240,22 +241,27 @@ def _plan(
     if MECHANISM in nodes:
         held = {**parameters, f"{MECHANISM}.held_points": ",".join(hold)}
         yield MECHANISM, MECHANISM, ros_arguments(held, namespace)
-    rest = [name for name in nodes if name != MECHANISM]
     root = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     for point in hold:
         shared = ("mechanism/state", f"mechanism/{point}/servo_cf")
         remaps = {name: f"{root}/{name}" for name in shared}
         chosen = {**parameters, "operational_point": point}
         arguments = ros_arguments(chosen, f"{root}/{point}", remaps)
-        for group in _groups(rest, composed):
+        for group in _groups(_nodes_at(point, nodes), composed):
             yield f"{point}/{group}", group, arguments
+
+
+def _nodes_at(point: str, nodes: Collection[str]) -> list[str]:
+    """Return the nodes of one of several points: those of its own, and those that each has."""
+    placed = [name.rpartition("/") for name in nodes if name != MECHANISM]
+    return [node for where, _, node in placed if where in ("", point)]
 
 
 def _groups(nodes: Collection[str], composed: bool) -> list[str]:
     """Return the nodes of each process, comma-separated."""
     together = [name for name in nodes if name != PAGE]
     apart = [name for name in nodes if name == PAGE]
-    return [*([",".join(together)] if composed else together), *apart]
+    return [*([",".join(together)] if composed and together else together), *apart]
 
 
 def start_process(

@@ -25,6 +25,7 @@ PARTS = {
     "clocks": "steps of the machine's clock, of one host's, and of /clock",
     "doubles": "a second node of each kind, a foreign driver, foreign commanders",
     "network": "delay, jitter, loss and reordering between two hosts",
+    "users": "two users on two hosts",
     "exposure": "who else on the network is heard",
     "messages": "bytes and values that no node sends",
     "files": "scenes, meshes and bags that are none",

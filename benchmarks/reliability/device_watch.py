@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Listens to a device where the device is: every sample's force, its energies, its diagnostics.
 
-    python -m benchmarks.reliability.device_watch FILE
+    python -m benchmarks.reliability.device_watch FILE [NAMESPACE]
 
 Prints a line once the device is heard and one once it renders, and writes FILE (NumPy, .npz) when
 it is told to end.
@@ -30,11 +30,17 @@ from hapticmech_ros.wire.port_energies import DEVICE_ENERGY_FIELDS
 QOS = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 
 
-def watch(file: Path) -> None:
-    """Listen until a signal."""
+def watch(file: Path, namespace: str = "") -> None:
+    """Listen until a signal.
+
+    Args:
+        file: to write.
+        namespace: of the device, as of one of several users; empty: none.
+    """
+    root = f"{namespace}/" if namespace else ""
     stop = StopRequest()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("device_watch")
+    node = rclpy.create_node(f"{namespace}_device_watch".strip("_"))
     states: list[bytes] = []
     arrivals: list[int] = []
     energies: list[bytes] = []
@@ -51,11 +57,11 @@ def watch(file: Path) -> None:
             said[status.name] = "; ".join(
                 [status.message, *(f"{pair.key} {pair.value}" for pair in status.values)]
             )
-            if status.name == "haptic_device" and status.message == "rendering":
+            if status.name == f"{root}haptic_device" and status.message == "rendering":
                 print("rendering", flush=True)
 
-    node.create_subscription(Float64MultiArray, "device/state", on_state, QOS, raw=True)
-    node.create_subscription(Float64MultiArray, "device/energy", energies.append, QOS, raw=True)
+    for topic, hear in (("state", on_state), ("energy", energies.append)):
+        node.create_subscription(Float64MultiArray, f"{root}device/{topic}", hear, QOS, raw=True)
     node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QOS)
     executor = EventsExecutor()
     executor.add_node(node)
@@ -73,4 +79,4 @@ def watch(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    watch(Path(sys.argv[1]))
+    watch(Path(sys.argv[1]), *sys.argv[2:])

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
 from benchmarks.reliability.figure import Figure, save, table, unmeasured
-from benchmarks.reliability.split_graph import SplitGraph, Watched, run_for
+from benchmarks.reliability.split_graph import SplitGraph, Watched, of_one_user, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of
@@ -120,9 +120,9 @@ def _watched(
         events: list[tuple[float, Callable[[], float]]] = []
         for at in outages:
             events += [(at, cut), (at + lasts, lambda: network.set(path))]
-        with SplitGraph(network, out / name, scene, given, device) as graph:
+        with SplitGraph(network, out / name, of_one_user(scene, given, device)) as graph:
             made = run_for(graph, seconds, events)
-            return graph.watched(), made
+            return graph.watched()[""], made
 
 
 def _path(

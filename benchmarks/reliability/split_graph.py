@@ -1,10 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A graph on both sides of an emulated network, and what its device went through."""
+"""A graph on both sides of an emulated network, and what its devices went through."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -12,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,9 @@ Array = NDArray[np.float64]
 START_TIMEOUT_S = 60.0
 # Starts a command with its standard error where its output goes.
 _JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
-_NOT_DEVICE = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
+_NODE = (sys.executable, "-m", "hapticmech_ros.nodes.entry")
+_RUN = (sys.executable, "-m", "hapticmech_ros", "run")
+_NOT_DEVICE = ("mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 _AT = {name: DEVICE_FIELDS.slice(name) for name in DEVICE_FIELDS}
 
 
@@ -35,6 +38,7 @@ class Watched:
 
     Attributes:
         time: (n,) of its samples, s of the machine's clock.
+        position: (n, 3) that it measured, m.
         force: (n,) size of what its actuators applied, N.
         obeys: (n,) whether the device obeyed servo_cf.
         round_trip: (n,) s, as the device told it.
@@ -46,6 +50,7 @@ class Watched:
     """
 
     time: Array
+    position: Array
     force: Array
     obeys: NDArray[np.bool_]
     round_trip: Array
@@ -83,47 +88,89 @@ class Watched:
         return float(self.time[renders].min() - start) if renders.any() else np.inf
 
 
+# Processes by name: on which side, and by which command.
+Processes = Mapping[str, tuple[str, Sequence[str]]]
+
+
+def of_one_user(
+    scene: str = "five_bar",
+    parameters: Mapping[str, object] | None = None,
+    device: Sequence[str] = _NODE,
+) -> Processes:
+    """Return the device on one side, and the rest of the graph, composed, on the other.
+
+    Args:
+        scene: name or path.
+        parameters: ``node.parameter`` or ``parameter``, of all nodes.
+        device: how the device's process is started, before its arguments.
+    """
+    given = ros_arguments({"scene": scene, **(parameters or {})})
+    return {
+        "rest": (REST, [*_NODE, ",".join(_NOT_DEVICE), *given]),
+        "device": (DEVICE, [*device, "haptic_device", *given]),
+    }
+
+
+def of_two_users(
+    scene: str, near: str, far: str, settings: Mapping[str, object] = MappingProxyType({})
+) -> Processes:
+    """Return one user's device on one side, and the other one's, with all else, on the other.
+
+    By the commands of docs/network.md; a node that ends is started again.
+
+    Args:
+        scene: path of a scene with ``hands``.
+        near: point of the user beside the mechanism.
+        far: point of the user on the other side.
+        settings: ``node.parameter`` or ``parameter``, of all nodes.
+    """
+    near_nodes = [word for name in (near, *_NOT_DEVICE) for word in ("--only", name)]
+    run = [*_RUN, scene, "--respawn"]
+    for name, value in settings.items():
+        run += ["--set", f"{name}={value}"]
+    return {
+        "rest": (REST, [*run, "--composed", *near_nodes]),
+        "device": (DEVICE, [*run, "--only", f"{far}/haptic_device"]),
+    }
+
+
 class SplitGraph:
-    """The device in one namespace, the rest of the graph, composed, in the other.
+    """A graph of which a part runs in one namespace, and the rest in the other.
 
     Args:
         network: between them.
         folder: for logs and what was watched.
-        scene: name or path.
-        parameters: ``node.parameter`` or ``parameter``, of all nodes.
-        device: how the device's process is started, before its arguments.
+        processes: of the graph.
         domain: ROS_DOMAIN_ID.
+        watched: namespaces of the devices, by the side where each is.
     """
 
     def __init__(
         self,
         network: EmulatedNetwork,
         folder: FilePath,
-        scene: str = "five_bar",
-        parameters: Mapping[str, object] | None = None,
-        device: Sequence[str] = (sys.executable, "-m", "hapticmech_ros.nodes.entry"),
+        processes: Processes,
         domain: int = 7,
+        watched: Mapping[str, str] = MappingProxyType({"": DEVICE}),
     ) -> None:
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        self._file = folder / "watched.npz"
+        self._files = {name: folder / f"{_watcher(name)}.npz" for name in watched}
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._logs: dict[str, FilePath] = {}
-        self._rendered = threading.Event()
+        self._rendered = {_watcher(name): threading.Event() for name in watched}
         environment = private_environment(domain)
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
         environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-        given = ros_arguments({"scene": scene, **(parameters or {})})
-        node = [sys.executable, "-m", "hapticmech_ros.nodes.entry"]
-        watch = [sys.executable, "-m", "benchmarks.reliability.device_watch", str(self._file)]
+        watch = [sys.executable, "-m", "benchmarks.reliability.device_watch"]
+        watchers = {
+            _watcher(name): (side, [*watch, str(self._files[name]), name])
+            for name, side in watched.items()
+        }
         try:
-            for name, side, command in (
-                ("watch", DEVICE, watch),
-                ("rest", REST, [*node, _NOT_DEVICE, *given]),
-                ("device", DEVICE, [*device, "haptic_device", *given]),
-            ):
+            for name, (side, command) in {**watchers, **processes}.items():
                 self._start(name, network.command(side, command), environment)
         except BaseException:
             self.stop()
@@ -131,7 +178,7 @@ class SplitGraph:
 
     def _start(self, name: str, command: list[str], environment: Mapping[str, str]) -> None:
         self._logs[name] = self._folder / f"{name}.log"
-        if name == "watch":
+        if name in self._rendered:
             # rclpy and transports as the nodes have them.
             environment = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         process = start_process([*_JOINED, *command], environment, pipe_output=True)
@@ -143,29 +190,41 @@ class SplitGraph:
             for line in process.stdout or ():
                 log.write(line)
                 log.flush()
-                if name == "watch" and line.startswith("rendering"):
-                    self._rendered.set()
+                if name in self._rendered and line.startswith("rendering"):
+                    self._rendered[name].set()
 
     def wait(self) -> float:
-        """Wait until the device renders; return the time.
+        """Wait until the devices render; return the time.
 
         Raises:
-            TimeoutError: it does not.
+            TimeoutError: one does not.
         """
-        if not self._rendered.wait(START_TIMEOUT_S):
-            raise TimeoutError(f"nothing is rendered within {START_TIMEOUT_S:g} s")
+        end = time.monotonic() + START_TIMEOUT_S
+        for name, rendered in self._rendered.items():
+            if not rendered.wait(end - time.monotonic()):
+                raise TimeoutError(f"{name}: nothing is rendered within {START_TIMEOUT_S:g} s")
         return time.time()
 
-    def pid(self, name: str) -> int:
-        """Return a process's id."""
-        return self._processes[name].pid
+    def kill_nodes(self, name: str) -> float:
+        """End what a process has started as crashes would; return when, s of the clock.
+
+        Raises:
+            RuntimeError: it has started nothing.
+        """
+        tasks = FilePath(f"/proc/{self._processes[name].pid}/task")
+        started = [pid for task in tasks.iterdir() for pid in _words(task / "children")]
+        if not started:
+            raise RuntimeError(f"{name} has started nothing")
+        for pid in started:
+            os.kill(int(pid), signal.SIGKILL)
+        return time.time()
 
     def stop(self) -> dict[str, int]:
         """End every process; return exit codes."""
         return stop_processes(self._processes)
 
-    def watched(self) -> Watched:
-        """End all, and return what the device went through.
+    def watched(self) -> dict[str, Watched]:
+        """End all, and return what the devices went through, by their namespaces.
 
         Raises:
             RuntimeError: a process had ended by itself.
@@ -174,11 +233,15 @@ class SplitGraph:
         self.stop()
         if ended:
             raise RuntimeError(f"{', '.join(ended)} ended by themselves: see {self._folder}")
-        with np.load(self._file) as found:
+        return {name: self._read(file) for name, file in self._files.items()}
+
+    def _read(self, file: FilePath) -> Watched:
+        with np.load(file) as found:
             states, energies, said = found["states"], found["energies"], found["said"]
         reports = {name: path.read_text(encoding="utf-8") for name, path in self._logs.items()}
         return Watched(
             states[:, 0] + 1e-9 * states[:, 1],
+            states[:, _AT["position"]],
             np.linalg.norm(states[:, _AT["applied"]][:, :3], axis=1),
             states[:, _AT["obeys"]][:, 0] != 0.0,
             states[:, _AT["round_trip"]][:, 0],
@@ -200,6 +263,15 @@ class SplitGraph:
         trace: TracebackType | None,
     ) -> None:
         self.stop()
+
+
+def _watcher(namespace: str) -> str:
+    """Return what the process is called that watches a device, and its file."""
+    return f"watch_{namespace}".rstrip("_")
+
+
+def _words(file: FilePath) -> list[str]:
+    return file.read_text(encoding="utf-8").split()
 
 
 def run_for(

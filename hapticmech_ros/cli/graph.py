@@ -24,6 +24,7 @@ from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.readiness import say_ready
+from hapticmech_ros.wire.topic import MECHANISM
 
 CHECK_PERIOD_S = 0.2
 Driver = Literal["simulated", "haply", "relay"]
@@ -61,7 +62,10 @@ def run(
     ] = "simulated",
     only: Annotated[
         list[str] | None,
-        typer.Option(help="node to run here, any number; others run elsewhere"),
+        typer.Option(
+            help="node to run here, any number; others run elsewhere. Of several hands also "
+            "POINT, all nodes of one, or POINT/NODE"
+        ),
     ] = None,
     record: Annotated[Path | None, typer.Option(help="bag to record everything into")] = None,
     storage: StorageOption = "mcap",
@@ -147,7 +151,7 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*nodes_of(only or (), device), *([VIEWER] if view else [])]
+    nodes = [*nodes_of(only or (), device, held), *([VIEWER] if view else [])]
     nodes += [PAGE] if live else []
     recorder = None
     if record is not None:
@@ -242,19 +246,43 @@ def stop_by_signals() -> threading.Event:
     return stop
 
 
-def nodes_of(only: Sequence[str], device: Driver = "simulated") -> list[str]:
+def nodes_of(
+    only: Sequence[str], device: Driver = "simulated", held: Sequence[str] = ()
+) -> list[str]:
     """Return the graph's nodes that are to run here, with a device's driver among them.
+
+    Args:
+        only: nodes; of several hands also points, or ``point/node``. All of them if there are none.
+        device: what drives the devices.
+        held: points of the hands. The nodes of one of several are called ``point/node``.
 
     Raises:
         InvalidInputError: a node that there is none of.
     """
     from hapticmech_ros.nodes.entry import DRIVERS, NODES
 
+    several = len(held) > 1
+    whole = dict.fromkeys(
+        f"{point}/{name}" if several and name != MECHANISM else name
+        for point in held or ("",)
+        for name in NODES
+    )
     for name in only:
-        if name not in NODES:
-            raise InvalidInputError("--only", name, f"must be one of {', '.join(NODES)}")
-    chosen = [name for name in NODES if not only or name in only]
-    return [DRIVERS[device] if name == DRIVERS["simulated"] else name for name in chosen]
+        if not any(_names(name, node) for node in whole):
+            known = ", ".join([*NODES, *(held if several else ())])
+            rule = f"must be one of {known}" + (", or POINT/NODE" if several else "")
+            raise InvalidInputError("--only", name, rule)
+    chosen = [node for node in whole if not only or any(_names(name, node) for name in only)]
+    simulated = DRIVERS["simulated"]
+    return [
+        node.removesuffix(simulated) + DRIVERS[device] if _names(simulated, node) else node
+        for node in chosen
+    ]
+
+
+def _names(name: str, node: str) -> bool:
+    """Return whether a word is a node's whole name, its point, or its name at every point."""
+    return name in (node, *node.split("/"))
 
 
 def arguments_of(params_file: Path | None) -> tuple[str, ...]:

@@ -33,6 +33,34 @@ def test_some_nodes_run_here_in_the_order_of_the_graph():
         nodes_of(["scene_viewer"])
 
 
+HELD = ("left", "right")
+OF_ONE = ("haptic_device", "nullspace_analyser", "teleoperation_controller")
+
+
+@pytest.mark.parametrize(
+    ("only", "chosen"),
+    [
+        (["left/haptic_device"], ["left/haptic_device"]),
+        (["haptic_device"], ["left/haptic_device", "right/haptic_device"]),
+        (
+            ["right", "mechanism_simulator"],
+            ["mechanism_simulator", *(f"right/{n}" for n in OF_ONE)],
+        ),
+        ([], ["mechanism_simulator", *(f"{point}/{n}" for point in HELD for n in OF_ONE)]),
+    ],
+)
+def test_nodes_of_one_of_several_hands_run_here(only, chosen):
+    assert sorted(nodes_of(only, held=HELD)) == sorted(chosen)
+
+
+@pytest.mark.parametrize("name", ["middle", "left/mechanism_simulator", "haply_device", "left/"])
+def test_what_no_hand_has_is_refused(name):
+    with pytest.raises(InvalidInputError, match=f"'{name}'.*left, right, or POINT/NODE|{name}"):
+        nodes_of([name], held=HELD)
+    with pytest.raises(InvalidInputError, match="--only"):
+        nodes_of(["left/haptic_device"], held=("left",))
+
+
 def test_a_driver_takes_the_place_of_the_simulated_device():
     assert nodes_of([], "haply")[0] == "haply_device"
     assert nodes_of([], "relay")[1:] == nodes_of([])[1:]

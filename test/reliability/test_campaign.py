@@ -16,7 +16,7 @@ import pytest
 
 from benchmarks.children import BenchError
 from benchmarks.reliability import __main__ as campaign
-from benchmarks.reliability import clocks, disk, exposure, network
+from benchmarks.reliability import clocks, disk, exposure, network, users
 from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_table
 from benchmarks.reliability.figure import Figure, load, save, table
 from benchmarks.reliability.full_disk import NoDiskError
@@ -103,14 +103,14 @@ def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
 
     monkeypatch.setattr(clocks, "compiler", refuse(NoCompilerError("no C compiler")))
     monkeypatch.setattr(disk, "FullDisk", refuse(NoDiskError("no mount")))
-    for module in (network, exposure):
+    for module in (network, users, exposure):
         monkeypatch.setattr(module, "not_permitted", lambda: "no namespaces")
-    for name in ("clocks", "disk", "network", "exposure"):
+    for name in ("clocks", "disk", "network", "users", "exposure"):
         assert campaign.main([name, "--quick", "--out", str(tmp_path)]) == 1
     found = load(tmp_path / campaign.JSON_NAME)
-    assert [one.part for one in found] == ["clocks", "network", "exposure", "disk"]
+    assert [one.part for one in found] == ["clocks", "network", "users", "exposure", "disk"]
     assert all(math.isnan(one.value) and one.note.startswith("no ") for one in found)
-    assert table(found).count("| **no** |") == 4
+    assert table(found).count("| **no** |") == 5
 
 
 def test_a_part_that_lacks_a_module_of_its_own_is_an_error(

@@ -1,18 +1,26 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A device on another host, as far as one machine can be two: over a path of packets."""
+"""Devices on another host, as far as one machine can be two: over a path of packets."""
 
 import sys
 from dataclasses import replace
 from pathlib import Path as FilePath
 
+import numpy as np
 import pytest
 
 # Development tools, beside the package.
 sys.path.insert(0, str(FilePath(__file__).parents[2]))
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
-from benchmarks.reliability.split_graph import SplitGraph, run_for
+from benchmarks.reliability.split_graph import SplitGraph, of_one_user, run_for
+from benchmarks.reliability.users import (
+    RESTS_AT,
+    RETURNS_S,
+    WAY,
+    simulated,
+    watched,
+)
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 REASON = not_permitted()
@@ -29,7 +37,8 @@ def test_a_declared_network_is_rendered_over_and_its_loss_ends_every_force(
     with EmulatedNetwork(path, path) as network:
         # Off by minutes: nothing may depend on what time it is at the other end.
         device = (sys.executable, "-m", "benchmarks.reliability.shifted_clock", "-200")
-        with SplitGraph(network, tmp_path, "five_bar", given, device, domain) as graph:
+        processes = of_one_user("five_bar", given, device)
+        with SplitGraph(network, tmp_path, processes, domain) as graph:
             # A packet that is held back comes later than the declared delay and jitter say.
             events = [
                 (1.3, lambda: network.set(replace(path, reordered=0.0))),
@@ -38,7 +47,7 @@ def test_a_declared_network_is_rendered_over_and_its_loss_ends_every_force(
             ]
             _, cut, mended = run_for(graph, 4.0, events)
             network.set()
-            seen = graph.watched()
+            seen = graph.watched()[""]
     assert all(way["lost"] and way["held_back"] for way in network.counts.values())
     # The device's clock is 200 s behind that by which the path was cut.
     cut, mended = cut - 200.0, mended - 200.0
@@ -46,3 +55,39 @@ def test_a_declared_network_is_rendered_over_and_its_loss_ends_every_force(
     assert seen.back_after(mended) < 1.0
     assert seen.from_hand.min() >= -1e-3
     assert seen.round_trip[-1] > 2 * DELAY_S
+
+
+# Less of two cores is taken so, and pauses of a machine with other work end nothing.
+PERIOD_S, PATIENCE_S = 0.002, 0.1
+PATIENT = {
+    "haptic_device.command_timeout": PATIENCE_S,
+    "teleoperation_controller.input_timeout": PATIENCE_S,
+}
+
+
+@pytest.mark.skipif(bool(REASON), reason=f"no network can be emulated here: {REASON}")
+@pytest.mark.parametrize(
+    "path", [Path(0.01, jitter=0.2, loss=0.05), Path(0.05)], ids=["10 ms", "50 ms"]
+)
+def test_two_users_on_two_hosts_feel_each_other_and_the_loss_of_one_frees_only_him(
+    domain: int, tmp_path: FilePath, path: Path
+) -> None:
+    seen = watched(path, tmp_path, PERIOD_S, settings=PATIENT, domain=domain)
+    # Springs of 100 and 300 N/m balance at three quarters of the way of the far arm's target.
+    assert pytest.approx(0.75 * WAY) == RESTS_AT
+    assert seen.rests_at(seen.cut) == pytest.approx(RESTS_AT, rel=0.01)
+    (time, moved), (known, expected, lost) = seen.moved(), simulated(path, PERIOD_S)
+    inside = time < known[-1]
+    # 80 mm/s at most: a period or two that a graph answers later are 0.3 mm, jitter as much again.
+    assert moved[inside] == pytest.approx(np.interp(time, known, expected)[inside], abs=0.05 * WAY)
+    near, far, total = seen.energies()
+    assert min(near, far) >= -1e-3
+    # What the connections lack in sum is the delay's, as in a session over the same path.
+    assert total == pytest.approx(lost, abs=2e-3)
+    for start, end in ((seen.cut, seen.mended), (seen.killed, seen.killed + RETURNS_S)):
+        assert seen.held(start, end) > 0.95
+        # The near arm alone holds the body then: e-fold in 0.25 s.
+        assert seen.rests_at(start + RETURNS_S) == pytest.approx(0.0, abs=0.02 * WAY)
+    assert seen.far.zero_after(seen.cut, seen.mended) <= path.delay + PATIENCE_S + MARGIN_S
+    assert seen.far.back_after(seen.mended) < 1.0
+    assert np.isfinite(seen.far.back_after(seen.killed))
