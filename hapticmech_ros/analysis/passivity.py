@@ -1,9 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Passivity trials: energy at the hand's port over connections with delay, jitter and loss.
+"""Passivity trials: energy at each hand's port over connections with delay, jitter and loss.
 
-A trial is a run of a scene with a device, a hand and a connection. The hands are those of the
-library, moving during the whole trial.
+A trial is a run of a scene with a device, a hand and a connection for each user. The hands are
+those of the library, moving during the whole trial, each in its own way. Of several users the
+energies of all are added as well; see docs/passivity.md.
 """
 
 from __future__ import annotations
@@ -14,19 +15,26 @@ from itertools import groupby, product
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from hapticmech_ros.analysis.ports import (
+    Port,
+    energy_of,
+    least_energy,
+    may_lack,
+    port_of,
+    run_of,
+    users_of,
+)
 from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, silent
-from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import damping_for
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
-from hapticmech_ros.session import Run, Session
+from hapticmech_ros.session import Session, SharedSession
 from hapticmech_ros.workers import Lost, Workers, in_order
 
 # Joint-constraint stiffness of every trial, N/m, instead of that by the rule.
@@ -34,16 +42,12 @@ STIFFNESS = 2000.0
 JITTER, LOSS = 0.2, 0.05
 # J, least admissible E_h, beyond the energy that the mechanism supplied itself.
 ALLOWED_J = 1e-3
-# Speed beyond which a device counts as having escaped from the hand, m/s or rad/s.
-ESCAPED = 1e3
 # Time between waypoints, s, and their distance from the pose of grasp, m and rad.
 EVERY_S = 0.6
 REACH_M, TURN_RAD = 0.015, 0.1
 # Peak frequency of physiological tremor (docs/devices.md), and a clearly visible force.
 TREMOR = Tremor(frequency=10.0, force=(0.5, 0.3, 0.0))
 _SEED = 20
-# Ticks between checks for an escaped device.
-_AT_ONCE = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,31 +84,48 @@ class Found:
 
     Attributes:
         trial: its conditions.
-        lowest: J, least of W + ½ vᵀ Λ_d v - min(0, least E_m): energy supplied by the hand, less
-            friction losses, plus that supplied by the mechanism itself.
-        mechanism_gave: J, -min(0, least E_m).
-        most_force: N, largest force of the actuators.
-        motion: m/s, rms speed of the device in the last quarter.
-        chatter: N, rms of the change of the force from sample to sample in the last quarter.
-        changed: share of the samples whose command was changed by passivity control.
-        drift: m, rms distance of device and operational point in the last quarter.
+        ports: of each user.
+        in_sum: J, least energy of all ports together: as ``lowest`` of one, of Σ E_h and Σ E_m.
+        margin: J, least of that energy above the bound that passivity control keeps in sum; see
+            :func:`~hapticmech_ros.analysis.ports.may_lack`.
         ended: reason for an early end; else empty.
     """
 
     trial: Trial
-    lowest: float
-    mechanism_gave: float
-    most_force: float
-    motion: float
-    chatter: float
-    changed: float
-    drift: float
+    ports: tuple[Port, ...]
+    in_sum: float
+    margin: float
     ended: str
 
     @property
+    def lowest(self) -> float:
+        """Least energy at a port, J."""
+        return min(port.lowest for port in self.ports)
+
+    @property
+    def most_force(self) -> float:
+        """Largest force of a device's actuators, N."""
+        return max(port.most_force for port in self.ports)
+
+    @property
+    def chatter(self) -> float:
+        """Largest change of a device's force from sample to sample, rms, N."""
+        return max(port.chatter for port in self.ports)
+
+    @property
+    def changed(self) -> float:
+        """Largest share of a user's samples whose command was changed by passivity control."""
+        return max(port.changed for port in self.ports)
+
+    @property
+    def drift(self) -> float:
+        """Largest distance of a device and its operational point, rms, m."""
+        return max(port.drift for port in self.ports)
+
+    @property
     def passive(self) -> bool:
-        """Whether the trial was passive to its end."""
-        return self.lowest >= -ALLOWED_J and not self.ended
+        """Whether each port was passive to the end, and all in sum kept their bound."""
+        return min(self.lowest, self.margin) >= -ALLOWED_J and not self.ended
 
 
 def scene_of(trial: Trial) -> Scene:
@@ -117,6 +138,17 @@ def scene_of(trial: Trial) -> Scene:
     if trial.hand not in HANDS:
         raise InvalidInputError("hand", trial.hand, f"must be one of {', '.join(HANDS)}")
     scene = load_scene(trial.scene)
+    if not scene.hands:
+        return scene.model_copy(update=_conditions(trial, scene, 0))
+    hands = [
+        entry.model_copy(update=_conditions(trial, scene.held_by(entry), index))
+        for index, entry in enumerate(scene.hands)
+    ]
+    return scene.model_copy(update={"hands": tuple(hands)})
+
+
+def _conditions(trial: Trial, scene: Scene, user: int) -> dict[str, object]:
+    """Return the device, hand, controller and connection of one user, of those of a scene."""
     device = scene.device
     if trial.device != "scene":
         device = Device.model_validate({"preset": trial.device})
@@ -128,15 +160,13 @@ def scene_of(trial: Trial) -> Scene:
         "force_channel": controller.force_channel.model_copy(update={"local": trial.local}),
         "passivity": controller.passivity.model_copy(update={"control": trial.control}),
     }
-    late = Connection(delay=trial.delay, jitter=JITTER, loss=LOSS, seed=1)
-    return scene.model_copy(
-        update={
-            "device": device,
-            "hand": _turning(HANDS[trial.hand](scene, trial.seconds), device),
-            "controller": controller.model_copy(update=updated),
-            "connection": late,
-        }
-    )
+    hand = HANDS[trial.hand](scene, trial.seconds, _SEED + user)
+    return {
+        "device": device,
+        "hand": _turning(hand, device),
+        "controller": controller.model_copy(update=updated),
+        "connection": Connection(delay=trial.delay, jitter=JITTER, loss=LOSS, seed=1 + user),
+    }
 
 
 def _turning(hand: Hand, device: Device) -> Hand:
@@ -157,64 +187,22 @@ def tried(trial: Trial) -> Found:
         InvalidInputError: as :func:`scene_of`.
     """
     scene = scene_of(trial)
-    session = Session(scene)
-    inertia = np.array([scene.device.mass] * 3 + [scene.device.inertia] * 3)
-    run, ended = _ran(session, round(trial.seconds / session.period))
-    seen, gave = np.zeros((len(run), 5)), float(max(0.0, np.max(-run["to_mechanism"])))
-    twist, force = run["device_true_twist"], run["device_applied"][:, :3]
-    # The driver's compensation acts on the device only.
-    acting = run["device_applied"][1:] - run["device_added"][:-1]
-    given = np.cumsum(np.sum(acting * _ways(run), axis=1))
-    work = np.concatenate(([0.0], -given))
-    seen[:, 0] = work + 0.5 * np.sum(inertia * twist**2, axis=1)
-    seen[:, 0] += np.maximum.accumulate(np.maximum(-run["to_mechanism"], 0.0))
-    seen[:, 1] = np.linalg.norm(force, axis=1)
-    seen[:, 2] = np.linalg.norm(twist[:, :3], axis=1)
-    seen[:, 3] = np.linalg.norm(np.diff(force, axis=0, prepend=np.zeros((1, 3))), axis=1)
-    seen[:, 4] = np.linalg.norm(run["device_true_position"] - run["position"], axis=1)
-    rest = np.sqrt(np.mean(seen[3 * len(seen) // 4 :] ** 2, axis=0))
-    return Found(
-        trial,
-        lowest=float(seen[:, 0].min()),
-        mechanism_gave=gave,
-        most_force=float(seen[:, 1].max()),
-        motion=float(rest[2]),
-        chatter=float(rest[3]),
-        changed=session.passivity.changed / len(seen),
-        drift=float(rest[4]),
-        ended=ended,
-    )
+    session = SharedSession(scene) if scene.hands else Session(scene)
+    runs, ended = run_of(session, round(trial.seconds / session.period))
+    users, ports = users_of(session), list[Port]()
+    hands, mechanism, lack = np.zeros((3, len(next(iter(runs.values())))))
+    for point, run in runs.items():
+        own = users[point].scene
+        ports.append(port_of(point, run, own.device, users[point].passivity.changed))
+        hands += energy_of(run, own.device)
+        mechanism += run["to_mechanism"]
+        lack += may_lack(run, own)
+    in_sum, margin = least_energy(hands, mechanism), least_energy(hands + lack, mechanism)
+    return Found(trial, tuple(ports), in_sum, margin, ended)
 
 
-def _ran(session: Session, ticks: int) -> tuple[Run, str]:
-    """Return a run of the given ticks, or until the device escapes, and the reason of its end."""
-    rows, done, ended = np.zeros((ticks, session.layout.size)), 0, ""
-    while done < ticks and not ended:
-        count = min(_AT_ONCE, ticks - done)
-        try:
-            session.run(count, into=rows[done:])
-        except HapticMechError as error:
-            ended = str(error)
-            count = round(session.time / session.period) - done
-        speeds = np.abs(Run(rows[done : done + count], session.layout)["device_true_twist"])
-        escaped = np.flatnonzero(speeds.max(axis=1) > ESCAPED)
-        if escaped.size:
-            count = int(escaped[0]) + 1
-            ended = f"the device escaped at {rows[done + count - 1, 0]:.3g} s"
-        done += count
-    # A run that fails at once has one row.
-    return Run(rows[: max(done, 1)], session.layout), ended
-
-
-def _ways(run: Run) -> Array:
-    """Return the device's displacements (k - 1, 6) between ticks, m and rad."""
-    turns = Rotation.from_matrix(run["device_true_rotation"].reshape(-1, 3, 3))
-    turned = (turns[1:] * turns[:-1].inv()).as_rotvec()
-    return np.hstack((np.diff(run["device_true_position"], axis=0), turned))
-
-
-def _arm(scene: Scene, seconds: float, impedance: str, **more: object) -> Hand:
-    rng = np.random.default_rng(_SEED)
+def _arm(scene: Scene, seconds: float, seed: int, impedance: str, **more: object) -> Hand:
+    rng = np.random.default_rng(seed)
     planar = scene.task_space == "planar"
     waypoints = [Waypoint(time=0.0)]
     for time in np.arange(EVERY_S, seconds, EVERY_S).tolist():
@@ -228,18 +216,18 @@ def _arm(scene: Scene, seconds: float, impedance: str, **more: object) -> Hand:
     return ArmHand.model_validate(document)
 
 
-def _grips(scene: Scene, seconds: float) -> Hand:
+def _grips(scene: Scene, seconds: float, seed: int) -> Hand:
     releases = np.arange(2.0, seconds, 4.0).tolist()
     grabs = np.arange(3.0, seconds, 4.0).tolist()[: len(releases)]
-    return _arm(scene, seconds, "firm", release_at=releases, grab_at=grabs)
+    return _arm(scene, seconds, seed, "firm", release_at=releases, grab_at=grabs)
 
 
-# Name -> function of a scene and a duration (s) that returns the hand.
-HANDS: dict[str, Callable[[Scene, float], Hand]] = {
-    "scene": lambda scene, seconds: scene.hand,
-    "relaxed": lambda scene, seconds: _arm(scene, seconds, "relaxed"),
-    "firm": lambda scene, seconds: _arm(scene, seconds, "firm"),
-    "tremor": lambda scene, seconds: _arm(scene, seconds, "relaxed", tremor=TREMOR),
+# Name -> function of a scene, a duration (s) and a seed of its motion that returns the hand.
+HANDS: dict[str, Callable[[Scene, float, int], Hand]] = {
+    "scene": lambda scene, seconds, seed: scene.hand,
+    "relaxed": lambda scene, seconds, seed: _arm(scene, seconds, seed, "relaxed"),
+    "firm": lambda scene, seconds, seed: _arm(scene, seconds, seed, "firm"),
+    "tremor": lambda scene, seconds, seed: _arm(scene, seconds, seed, "relaxed", tremor=TREMOR),
     "grips": _grips,
 }
 
@@ -278,6 +266,7 @@ class PassivityTrials(SharedResults):
                     f"{1e3 * delay:g}",
                     f"{sum(one.passive for one in rows)} of {len(rows)}",
                     f"{1e3 * min(one.lowest for one in rows):.2f}",
+                    f"{1e3 * min(one.in_sum for one in rows):.2f}",
                     f"{max(one.most_force for one in rows):.1f}",
                     f"{max(one.chatter for one in rows):.2f}",
                     f"{100.0 * max(one.changed for one in rows):.0f} %",
@@ -285,8 +274,9 @@ class PassivityTrials(SharedResults):
                 )
             )
         yield Sheet(
-            "worst device and hand: least energy, largest force, chatter, commands changed, drift",
-            ("scene", "loop in", "ms", "passive", "mJ", "N", "N/T", "changed", "mm"),
+            "worst device and hand: least energy at a port and in sum, largest force, chatter, "
+            "commands changed, drift",
+            ("scene", "loop in", "ms", "passive", "mJ", "sum, mJ", "N", "N/T", "changed", "mm"),
             tuple(lines),
             ("loop in",),
         )
@@ -352,4 +342,6 @@ def _key(found: Found) -> tuple[str, bool, float]:
 
 def _line(found: Found) -> str:
     verdict = "passive" if found.passive else f"NOT passive {found.ended}".rstrip()
-    return f"{found.trial}: {verdict}, {1e3 * found.lowest:.2f} mJ, {found.most_force:.1f} N"
+    total = f", in sum {1e3 * found.in_sum:.2f} mJ" if len(found.ports) > 1 else ""
+    lowest, force = f"{1e3 * found.lowest:.2f} mJ", f"{found.most_force:.1f} N"
+    return f"{found.trial}: {verdict}, {lowest}{total}, {force}"
