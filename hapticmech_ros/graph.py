@@ -13,6 +13,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
 
@@ -107,10 +109,16 @@ class Graph:
         self.processes: dict[str, subprocess.Popen[str]] = {}
         compile_ahead()
         given = {"scene": scene, **(parameters or {})}
+        of_all = {name: value for name, value in given.items() if "." not in name}
+        self._folder = TemporaryDirectory(prefix="hapticmech_ros_")
+        file = Path(self._folder.name) / "parameters.yaml"
+        of_nodes = {name: value for name, value in given.items() if "." in name}
+        file.write_text(parameter_file(of_nodes), encoding="utf-8")
+        settings = ["--params-file", str(file)] if of_nodes else []
         try:
-            for name, group, ros in _plan(given, namespace, composed, nodes, hold):
+            for name, group, ros in _plan(of_all, namespace, composed, nodes, hold):
                 command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", group, *ros]
-                self._commands[name] = [*command, *arguments]
+                self._commands[name] = [*command, *settings, *arguments]
                 self.processes[name] = start_process(self._commands[name], self._environment)
         except BaseException:
             self.stop()
@@ -183,6 +191,7 @@ class Graph:
         if self._readiness.is_open:
             self._readiness.pids()
             self._readiness.close()
+        self._folder.cleanup()
         return codes
 
     def __enter__(self) -> Graph:
@@ -195,6 +204,20 @@ class Graph:
         trace: TracebackType | None,
     ) -> None:
         self.stop()
+
+
+def parameter_file(parameters: Mapping[str, object]) -> str:
+    """Return a ROS parameter file with ``node.parameter``, of nodes in whatever namespace.
+
+    ``-p node:parameter:=value`` is only that of a node without a namespace. A node whose name
+    begins with a slash is the one with that whole name.
+    """
+    nodes: dict[str, dict[str, dict[str, object]]] = {}
+    for name, value in parameters.items():
+        node, _, parameter = name.rpartition(".")
+        whole = node if node.startswith("/") else f"/**/{node}"
+        nodes.setdefault(whole, {"ros__parameters": {}})["ros__parameters"][parameter] = value
+    return json.dumps(nodes)
 
 
 def ros_arguments(
@@ -239,7 +262,7 @@ def _plan(
             yield group, group, arguments
         return
     if MECHANISM in nodes:
-        held = {**parameters, f"{MECHANISM}.held_points": ",".join(hold)}
+        held = {**parameters, "held_points": ",".join(hold)}
         yield MECHANISM, MECHANISM, ros_arguments(held, namespace)
     root = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     for point in hold:

@@ -4,8 +4,8 @@
 
 ros2 launch hapticmech_ros hapticmech.launch.py scene:=five_bar composed:=true rviz:=true
 
-Several points to hold, lockstep, and another device in one process with the other nodes are what
-`hapticmech run` starts: launch starts that alone.
+Several points to hold, lockstep, a device named for a point, and another device in one process with
+the other nodes are what `hapticmech run` starts: launch starts that alone.
 """
 
 from launch import LaunchDescription
@@ -22,7 +22,12 @@ PACKAGE = "hapticmech_ros"
 NODES = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
 ARGUMENTS = (
     ("scene", "five_bar", "shipped scene, or path of a YAML, URDF, MJCF or SDF file"),
-    ("device", "simulated", "what drives the device: simulated, haply or relay (docs/drivers.md)"),
+    (
+        "device",
+        "simulated",
+        "what drives the device: simulated, haply or relay (docs/drivers.md); of several points to "
+        "hold also POINT=haply, any number, separated by commas",
+    ),
     ("control_rate", "0.0", "samples per second, Hz; 0.0: the scene's own"),
     ("network_delay", "0.0", "one way between device and controller, designed for, s"),
     ("operational_point", "", "where the user holds; empty: the scene's first point"),
@@ -64,11 +69,13 @@ def is_on(given, name):
     return word in YES
 
 
-def driver_of(given):
-    """Return the driver's executable; a device that there is none of is an error."""
-    if given["device"] not in DRIVERS:
-        raise ValueError(f"device:={given['device']}: must be one of {', '.join(DRIVERS)}")
-    return DRIVERS[given["device"]]
+def devices_of(given):
+    """Return what drives devices, and where; a device that there is none of is an error."""
+    devices = [word.strip() for word in given["device"].split(",")]
+    for word in devices:
+        if word.rpartition("=")[2] not in DRIVERS:
+            raise ValueError(f"device:={word}: must be one of {', '.join(DRIVERS)}")
+    return devices
 
 
 def own_nodes(given):
@@ -82,7 +89,8 @@ def own_nodes(given):
         "use_sim_time": is_on(given, "use_sim_time"),
     }
     files = [given["params_file"]] if given["params_file"] else []
-    executables = ["composed"] if is_on(given, "composed") else [driver_of(given), *NODES[1:]]
+    driver = DRIVERS[devices_of(given)[-1]]
+    executables = ["composed"] if is_on(given, "composed") else [driver, *NODES[1:]]
     if is_on(given, "view"):
         executables.append("scene_viewer")
     if is_on(given, "live"):
@@ -111,7 +119,7 @@ def own_nodes(given):
 def command_of(given):
     """Return the `hapticmech run` that does what is given."""
     command = ["hapticmech", "run", given["scene"], "--transport", given["transport"]]
-    command += ["--device", given["device"]]
+    command += [word for device in devices_of(given) for word in ("--device", device)]
     points = [name.strip() for name in given["hold"].split(",") if name.strip()]
     for point in points or [given["operational_point"]]:
         command += ["--hold", point] if point else []
@@ -151,9 +159,11 @@ def start(context):
         started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", layout]))
     if not (given["hold"] or given["operational_point"]):
         given["hold"] = ",".join(hands_of(given["scene"]))
+    devices = devices_of(given)
     # The executable `composed` has the simulated device in it.
-    another = driver_of(given) != NODES[0] and is_on(given, "composed")
-    if "," in given["hold"] or is_on(given, "lockstep") or another:
+    another = devices != ["simulated"] and is_on(given, "composed")
+    named = any("=" in device for device in devices)
+    if "," in given["hold"] or is_on(given, "lockstep") or another or named:
         return [*started, ExecuteProcess(cmd=command_of(given), output="screen")]
     if given["hold"] and not given["operational_point"]:
         given["operational_point"] = given["hold"].strip()

@@ -149,6 +149,8 @@ def test_the_hands_of_a_scene_are_held_unless_another_point_is(
     [
         {"hold": "left, right", "respawn": "true", "record": "out", "frame_prefix": "a/"},
         {"hold": "left,right", "composed": "true", "view": "false", "live": "true"},
+        {"hold": "left,right", "device": "relay, right=haply"},
+        {"device": "handle=haply"},
         {"lockstep": "true", "duration": "5.0", "record": "out", "control_rate": "500.0"},
         {"lockstep": "true", "network_delay": "0.05", "params_file": str(ROOT / "setup.cfg")},
     ],
@@ -163,6 +165,8 @@ def test_what_launch_has_no_nodes_for_is_a_command_that_exists(
     for name, word in arguments.items():
         if name == "hold":
             assert options["hold"] == ["left", "right"]
+        elif name == "device":
+            assert options["device"] == word.split(", ")
         elif name == "frame_prefix":
             assert options["settings"] == [f"scene_viewer.frame_prefix={word}"]
         elif name == "network_delay":
@@ -172,6 +176,13 @@ def test_what_launch_has_no_nodes_for_is_a_command_that_exists(
             expected = kind.get(word, word)
             found = options[name]
             assert type(found)(expected) == found
+
+
+def test_a_real_device_s_driver_is_a_node_in_the_simulated_one_s_place(launched: Launch) -> None:
+    made = launched(device="haply", view="false")
+    assert [one.named["executable"] for one in made] == ["haply_device", *FOUR[1:]]
+    with pytest.raises(ValueError, match="device:=handle=haplly: must be one of simulated, haply"):
+        launched(device="handle=haplly")
 
 
 @pytest.mark.parametrize("name", ["composed", "rviz", "lockstep", "respawn"])

@@ -45,7 +45,7 @@ from hapticmech_ros.wire.topics import DEVICE_STATE
 
 DRIVER, CONTROLLER, SERVICE = "haply_device", "teleoperation_controller", "service"
 VICTIMS = (DRIVER, CONTROLLER, SERVICE)
-NODES = nodes_of((), "haply")
+NODES = nodes_of((), {"": "haply"})
 # Limits: s until there is no force; s that a graph or a hand may take.
 MOST_S, PATIENCE_S = 0.020, 30.0
 # A force that counts as one, N; and one that is waited for before something dies.

@@ -26,21 +26,27 @@ from benchmarks.reliability.emulated_network import (
     not_permitted,
 )
 from benchmarks.reliability.figure import Figure, unmeasured
-from benchmarks.reliability.network import BACK_S, ENERGY_J, KINDS, MARGIN_S, NO_DELAY
+from benchmarks.reliability.network import BACK_S, ENERGY_J, KINDS, NO_DELAY
 from benchmarks.reliability.split_graph import Array, SplitGraph, Watched, of_two_users, run_for
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.session import SharedSession
 
 PART = "users"
 NEAR, FAR = "near", "far"
+# J, slack of passivity control at each port: the shipped one, and one so small that it acts.
+SLACK_J, TIGHT_J = 0.1, 1e-3
+# Delay, s, each way; kind of path; and slack, J.
 TRIALS = (
-    (0.0, "plain"),
-    (0.01, "plain"),
-    (0.05, "plain"),
-    (0.01, "all of it"),
-    (0.05, "all of it"),
+    (0.0, "plain", SLACK_J),
+    (0.01, "plain", SLACK_J),
+    (0.01, "all of it", SLACK_J),
+    (0.05, "plain", SLACK_J),
+    (0.05, "all of it", SLACK_J),
+    (0.05, "plain", TIGHT_J),
 )
-QUICK = ((0.01, "all of it"), (0.05, "plain"))
+QUICK = ((0.01, "all of it", SLACK_J), (0.05, "plain", SLACK_J))
+# J, by which a graph's energy in sum may be below a session's.
+SUM_J = 4e-3
 # m, of the ends from the centre of mass; N/m; and m, of the far arm's target along the body.
 REACH, STIFFNESS, WAY = 0.06, {NEAR: 100.0, FAR: 300.0}, 0.02
 RESTS_AT = WAY * STIFFNESS[FAR] / (STIFFNESS[NEAR] + STIFFNESS[FAR])
@@ -48,14 +54,19 @@ RESTS_AT = WAY * STIFFNESS[FAR] / (STIFFNESS[NEAR] + STIFFNESS[FAR])
 WAITS_S, MOVES_S, SETTLES_S = 2.5, 0.5, 3.0
 # s, from rendering on: when the network is cut and mended, when the far device is killed, the end.
 CUT_S, MENDED_S, KILLED_S, END_S = 8.0, 9.5, 12.0, 20.0
-# J, slack of passivity control at each port: the shipped one, one so small that it acts; allowance.
-SLACK_J, TIGHT_J, ALLOWANCE_J = 0.1, 1e-3, 5e-4
 # s, within which the body has come back to where the near arm alone holds it.
 RETURNS_S = 1.4
 # Shares of the way; less than a per cent of it is left of the near arm's oscillation by then.
 REST_ERROR, MOTION_ERROR = 0.01, 0.1
 HELD = 0.98
-TRIES = 3
+TRIES = 5
+# s, instead of 12 ms: seven processes at 1 kHz on two cores; and how much later a device lets go.
+TIMEOUT_S = 0.05
+PATIENT = {
+    "haptic_device.command_timeout": TIMEOUT_S,
+    "teleoperation_controller.input_timeout": TIMEOUT_S,
+}
+MARGIN_S = TIMEOUT_S + 0.008
 
 
 @dataclass(frozen=True)
@@ -167,14 +178,17 @@ def held_body(path: Path, declared: bool, period: float = 1e-3, slack: float = S
     return scene_from_document(document)
 
 
-def simulated(path: Path, period: float = 1e-3) -> tuple[Array, Array, float]:
+def simulated(
+    path: Path, period: float = 1e-3, slack: float = SLACK_J
+) -> tuple[Array, Array, float]:
     """Return what a session over the same path says of :meth:`Seen.moved`, and of E_h in sum, J.
 
     Args:
         path: between the far device and the rest.
         period: of control, s.
+        slack: of passivity control at each port, J.
     """
-    scene = held_body(path, False, period)
+    scene = held_body(path, False, period, slack)
     rows = SharedSession(scene).run(round((WAITS_S + MOVES_S + SETTLES_S) / period))
     device, total = scene.device, np.zeros(len(rows[NEAR]))
     inertia = np.array([device.mass] * 3 + [device.inertia] * 3)
@@ -189,7 +203,7 @@ def watched(
     out: FilePath,
     period: float = 1e-3,
     slack: float = SLACK_J,
-    settings: Mapping[str, object] = MappingProxyType({}),
+    settings: Mapping[str, object] = MappingProxyType(PATIENT),
     domain: int = 7,
 ) -> Seen:
     """Return what both go through over a path, with the loss of it, and of the far device.
@@ -240,41 +254,49 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
     """
     if reason := not_permitted():
         return [unmeasured(PART, "all of it", reason)]
-    figures = [one for trial in (QUICK if quick else TRIALS) for one in _trial(*trial, out)]
-    delay = TRIALS[-1][0]
-    seen = watched(Path(delay), out / "users_tight", slack=TIGHT_J)
-    name = f"{1e3 * delay:g} ms, plain, slack of {1e3 * TIGHT_J:g} mJ"
-    return [*figures, *_energies(name, seen, TIGHT_J)]
+    figures: list[Figure] = []
+    for delay, kind, slack in QUICK if quick else TRIALS:
+        name = f"{1e3 * delay:g} ms, {kind}"
+        name += f", slack of {1e3 * slack:g} mJ" if slack != SLACK_J else ""
+        folder, path = f"users_{name.replace(' ', '_')}", Path(delay, **KINDS[kind])
+        try:
+            seen = watched(path, out / folder, slack=slack)
+        except BenchError as error:
+            figures.append(unmeasured(PART, name, str(error)))
+            continue
+        if slack == SLACK_J:
+            figures += _of_motion(name, path, seen)
+        figures += _of_energies(name, path, slack, seen)
+    return figures
 
 
-def _trial(delay: float, kind: str, out: FilePath) -> Iterator[Figure]:
-    path = Path(delay, **KINDS[kind])
-    name = f"{1e3 * delay:g} ms, {kind}"
-    seen = watched(path, out / f"users_{name.replace(' ', '_')}")
-    (time, moved), (known, expected, total) = seen.moved(), simulated(path)
+def _of_motion(name: str, path: Path, seen: Seen) -> Iterator[Figure]:
+    (time, moved), (known, expected, _) = seen.moved(), simulated(path)
     common = time < known[-1]
     off = 1e3 * float(np.abs(moved - np.interp(time, known, expected))[common].max())
     way, error = 1e3 * RESTS_AT, 1e3 * REST_ERROR * RESTS_AT
     rests = 1e3 * seen.rests_at(seen.cut)
     yield Figure(PART, f"{name}: moves the other by", rests, "mm", way + error, way - error, 1)
     yield Figure(PART, f"{name}: off a session's motion by", off, "mm", MOTION_ERROR * way, None, 1)
-    yield from _energies(name, seen, SLACK_J, f"a session's: {total:.2g} J")
-    zero, within = 1e3 * seen.far.zero_after(seen.cut, seen.mended), 1e3 * (delay + MARGIN_S)
+    zero = 1e3 * seen.far.zero_after(seen.cut, seen.mended)
+    within = 1e3 * (path.delay * (1.0 + path.jitter) + MARGIN_S)
     yield Figure(PART, f"{name}: cut, zero force within", zero, "ms", within, None, 1)
-    for what, start, most in (("cut", seen.cut, BACK_S), ("killed", seen.killed, None)):
-        end = seen.mended if what == "cut" else start + RETURNS_S
+    for what, start, end, most in (
+        ("cut", seen.cut, seen.mended, BACK_S),
+        ("killed", seen.killed, seen.killed + RETURNS_S, None),
+    ):
         left = 1e3 * abs(seen.rests_at(start + RETURNS_S))
-        again = seen.far.back_after(end if what == "cut" else start)
+        again = seen.far.back_after(seen.mended if what == "cut" else start)
         after = f"{name}: {what}, "
         yield Figure(PART, f"{after}the other is held", seen.held(start, end), "", None, HELD, 1)
-        yield Figure(PART, f"{after}left of its way", left, "mm", error, None, 1)
+        yield Figure(PART, f"{after}left of its way", left, "mm", 2.0 * error, None, 1)
         yield Figure(PART, f"{after}renders again within", again, "s", most, None, 1)
 
 
-def _energies(name: str, seen: Seen, slack: float, note: str = "") -> Iterator[Figure]:
+def _of_energies(name: str, path: Path, slack: float, seen: Seen) -> Iterator[Figure]:
     near, far, total = seen.energies()
     yield Figure(PART, f"{name}: least E_h, near", near, "J", None, ENERGY_J, 1)
     yield Figure(PART, f"{name}: least E_h, far", far, "J", None, ENERGY_J, 1)
-    # The allowance is each port's own; in sum each connection may lack its slack as well.
-    bound = -2.0 * (slack + ALLOWANCE_J)
-    yield Figure(PART, f"{name}: least E_h, in sum", total, "J", None, bound, 1, note)
+    expected = simulated(path, slack=slack)[-1]
+    note = f"{expected:.2g} J in a session"
+    yield Figure(PART, f"{name}: E_h in sum", total, "J", None, expected - SUM_J, 1, note)

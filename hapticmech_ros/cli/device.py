@@ -58,6 +58,9 @@ def emulate(
     scene: Annotated[
         str, typer.Option(help="scene whose hand holds it, and whose device it is if that fits")
     ] = "five_bar",
+    point: Annotated[
+        str, typer.Option(help="of several hands of the scene, the one at this point")
+    ] = "",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any that is free")] = 10001,
     host: Annotated[str, typer.Option(help="address to listen at")] = "127.0.0.1",
     mounting: MountingOption = "0 0 0",
@@ -88,7 +91,7 @@ def emulate(
     from hapticmech_ros.loading import load_scene
 
     del model
-    loaded = load_scene(scene)
+    loaded = load_scene(scene).held_at(point)
     if loaded.device.actuated != "translation":
         loaded = loaded.with_(device={"preset": "inverse3"})
     faults = Faults(seconds_of("--delay", delay), seconds_of("--jitter", jitter), garbage, silent)

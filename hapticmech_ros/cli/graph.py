@@ -9,11 +9,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated
 
 import typer
 
@@ -24,10 +25,9 @@ from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.readiness import say_ready
-from hapticmech_ros.wire.topic import MECHANISM
+from hapticmech_ros.wire.topic import DEVICE, MECHANISM
 
 CHECK_PERIOD_S = 0.2
-Driver = Literal["simulated", "haply", "relay"]
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -58,8 +58,13 @@ def run(
         typer.Option(help="one-way delay to the device, such as 50ms"),
     ] = "",
     device: Annotated[
-        Driver, typer.Option(help="what drives the device (docs/drivers.md)")
-    ] = "simulated",
+        list[str] | None,
+        typer.Option(
+            help="what drives the device (docs/drivers.md): simulated, haply or relay. Of several "
+            "hands also POINT=haply, any number",
+            show_default="simulated",
+        ),
+    ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -112,11 +117,11 @@ def run(
     held = tuple(loaded.operational_point(name).name for name in named)
     if len(set(held)) < len(held):
         raise InvalidInputError("hold", held, "each point can be held once")
-    if len(held) > 1 and device != "simulated" and params_file is None:
-        rule = f"of several points each needs a device of its own with --device {device}: "
-        rule += "name them in --params-file"
-        raise InvalidInputError("--hold", held, rule)
+    drivers = drivers_of(device or (), held or loaded.held_points)
+    nodes = nodes_of(only or (), drivers, held)
     parameters = settings_of(settings or [])
+    if params_file is None:
+        refuse_one_device_twice(nodes, parameters)
     if delay:
         parameters["network_delay"] = delay
     if transport != "auto":
@@ -125,7 +130,7 @@ def run(
     stop = stop_by_signals()
     if lockstep and only:
         raise InvalidInputError("--only", only, "lockstep runs all nodes")
-    if lockstep and device != "simulated":
+    if lockstep and set(drivers.values()) != {"simulated"}:
         raise InvalidInputError("--device", device, "in lockstep the device is simulated")
     if lockstep and respawn:
         raise InvalidInputError("--respawn", respawn, "in lockstep a lost node ends the run")
@@ -151,8 +156,7 @@ def run(
         parameters["control_rate"] = control_rate
     if use_sim_time:
         parameters["use_sim_time"] = True
-    nodes = [*nodes_of(only or (), device, held), *([VIEWER] if view else [])]
-    nodes += [PAGE] if live else []
+    nodes += [*([VIEWER] if view else []), *([PAGE] if live else [])]
     recorder = None
     if record is not None:
         if record.exists():
@@ -246,15 +250,42 @@ def stop_by_signals() -> threading.Event:
     return stop
 
 
+def drivers_of(devices: Sequence[str], held: Sequence[str]) -> dict[str, str]:
+    """Return what drives the device at each point that is held.
+
+    Args:
+        devices: drivers, for all points, or ``point=driver``; of several for one the last counts.
+        held: points.
+
+    Raises:
+        InvalidInputError: a driver or a point that there is none of.
+    """
+    from hapticmech_ros.nodes.entry import DRIVERS
+
+    drivers = dict.fromkeys(held, "simulated")
+    for word in devices:
+        point, named, driver = word.rpartition("=")
+        if driver not in DRIVERS:
+            rule = f"must be one of {', '.join(DRIVERS)}, or POINT=DRIVER"
+            raise InvalidInputError("--device", word, rule)
+        if named and point not in drivers:
+            rule = f"{point} is not held: must be one of {', '.join(held)}"
+            raise InvalidInputError("--device", word, rule)
+        drivers |= dict.fromkeys([point] if named else held, driver)
+    return drivers
+
+
 def nodes_of(
-    only: Sequence[str], device: Driver = "simulated", held: Sequence[str] = ()
+    only: Sequence[str],
+    drivers: Mapping[str, str] = MappingProxyType({}),
+    held: Sequence[str] = (),
 ) -> list[str]:
-    """Return the graph's nodes that are to run here, with a device's driver among them.
+    """Return the graph's nodes that are to run here, with drivers of devices among them.
 
     Args:
         only: nodes; of several hands also points, or ``point/node``. All of them if there are none.
-        device: what drives the devices.
-        held: points of the hands. The nodes of one of several are called ``point/node``.
+        drivers: what drives the device at a point that is held, if it is not simulated.
+        held: points of the hands, if there are several. Their nodes are called ``point/node``.
 
     Raises:
         InvalidInputError: a node that there is none of.
@@ -262,22 +293,40 @@ def nodes_of(
     from hapticmech_ros.nodes.entry import DRIVERS, NODES
 
     several = len(held) > 1
-    whole = dict.fromkeys(
-        f"{point}/{name}" if several and name != MECHANISM else name
-        for point in held or ("",)
-        for name in NODES
-    )
-    for name in only:
-        if not any(_names(name, node) for node in whole):
+    chosen: dict[str, str] = {}
+    for point in held or tuple(drivers)[:1] or ("",):
+        for name in NODES:
+            space = f"{point}/" if several and name != MECHANISM else ""
+            if not only or any(_names(word, space + name) for word in only):
+                driver = DRIVERS[drivers.get(point, "simulated")]
+                chosen[space + name] = space + (driver if name == DEVICE else name)
+    for word in only:
+        if not any(_names(word, node) for node in chosen):
             known = ", ".join([*NODES, *(held if several else ())])
             rule = f"must be one of {known}" + (", or POINT/NODE" if several else "")
-            raise InvalidInputError("--only", name, rule)
-    chosen = [node for node in whole if not only or any(_names(name, node) for name in only)]
-    simulated = DRIVERS["simulated"]
-    return [
-        node.removesuffix(simulated) + DRIVERS[device] if _names(simulated, node) else node
-        for node in chosen
-    ]
+            raise InvalidInputError("--only", word, rule)
+    return list(chosen.values())
+
+
+def refuse_one_device_twice(nodes: Sequence[str], settings: Collection[str] = ()) -> None:
+    """Refuse drivers of one kind for several points, which would drive the same real device.
+
+    Args:
+        nodes: that run here.
+        settings: parameters that are set; ``/point/driver.parameter`` tells one from another.
+
+    Raises:
+        InvalidInputError: there are such.
+    """
+    from hapticmech_ros.nodes.entry import DRIVERS
+
+    for kind, driver in DRIVERS.items():
+        points = [node.rpartition("/")[0] for node in nodes if _names(driver, node)]
+        told = [p for p in points if any(f"/{p}/{driver}." in name for name in settings)]
+        if kind != "simulated" and len(points) > 1 and told != points:
+            rule = f"each of {', '.join(points)} needs a device of its own: name them in "
+            rule += f"--params-file, or by --set /POINT/{driver}.PARAMETER=VALUE"
+            raise InvalidInputError("--device", kind, rule)
 
 
 def _names(name: str, node: str) -> bool:

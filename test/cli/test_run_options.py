@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
 from hapticmech_ros.cli.durations import seconds_of
-from hapticmech_ros.cli.graph import nodes_of
+from hapticmech_ros.cli.graph import drivers_of, nodes_of, refuse_one_device_twice
 from hapticmech_ros.errors import InvalidInputError
 
 
@@ -62,8 +62,26 @@ def test_what_no_hand_has_is_refused(name):
 
 
 def test_a_driver_takes_the_place_of_the_simulated_device():
-    assert nodes_of([], "haply")[0] == "haply_device"
-    assert nodes_of([], "relay")[1:] == nodes_of([])[1:]
+    assert nodes_of([], drivers_of(["haply"], ["handle"]))[0] == "haply_device"
+    assert nodes_of([], drivers_of(["handle=relay"], ["handle"]))[0] == "relay_device"
+    assert nodes_of([], {"": "relay"})[1:] == nodes_of([])[1:]
+
+
+def test_a_driver_takes_the_place_of_one_of_several_devices():
+    drivers = drivers_of(["right=haply"], HELD)
+    assert drivers == {"left": "simulated", "right": "haply"}
+    assert drivers_of(["relay", "right=haply"], HELD) == {"left": "relay", "right": "haply"}
+    whole = nodes_of([], drivers, HELD)
+    assert {"left/haptic_device", "right/haply_device", "mechanism_simulator"} <= set(whole)
+    assert len(whole) == 7
+    # --only names the part that it has in the graph, whoever plays it.
+    assert nodes_of(["right/haptic_device"], drivers, HELD) == ["right/haply_device"]
+
+
+@pytest.mark.parametrize("word", ["haplly", "right=haplly", "middle=haply", "=haply"])
+def test_a_driver_or_a_place_that_is_none_is_refused(word):
+    with pytest.raises(InvalidInputError, match=r"--device: .*must be one of"):
+        drivers_of([word], HELD)
 
 
 def test_one_real_device_is_not_driven_from_two_points():
@@ -71,3 +89,11 @@ def test_one_real_device_is_not_driven_from_two_points():
     ran = CliRunner().invoke(app, [*command, "--device", "haply"])
     assert isinstance(ran.exception, InvalidInputError)
     assert "a device of its own" in str(ran.exception)
+    refuse_one_device_twice(nodes_of([], drivers_of(["haply", "left=relay"], HELD), HELD))
+    both = nodes_of([], drivers_of(["haply"], HELD), HELD)
+    told = [f"/{point}/haply_device.device_id" for point in HELD]
+    refuse_one_device_twice(both, told)
+    with pytest.raises(InvalidInputError, match="a device of its own"):
+        refuse_one_device_twice(both, told[:1])
+    # The other host has the other one.
+    refuse_one_device_twice(nodes_of(["left"], drivers_of(["haply"], HELD), HELD))

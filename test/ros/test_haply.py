@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from pathlib import Path
@@ -19,6 +20,8 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from oracles.users import two_points
 from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
@@ -73,6 +76,59 @@ def test_a_hand_feels_the_mechanism_through_it(
     moving = found[found[:, 1] < -0.003]
     assert np.abs(moving[:, 4]).max() > 0.1
     assert np.linalg.norm(found[:, 4:7], axis=1).max() <= 10.0 + 1e-6
+
+
+# N/m, of the arms at both ends of a body; m, of the second one's target.
+HOLDS, LEADS, WAY = 100.0, 300.0, 0.02
+# Patient with a machine that has other work.
+SETTINGS = (
+    "diagnostics_period=0.1",
+    "haptic_device.command_timeout=0.1",
+    "haply_device.command_timeout=0.1",
+    "teleoperation_controller.input_timeout=0.1",
+)
+
+
+def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    arm = {"kind": "arm", "mass": 0.3, "damping": 8.0, "waypoints": [{"time": 0.0}]}
+    way = [{"time": 0.0}, {"time": 0.5, "xyz": [WAY, 0.0, 0.0]}]
+    leads = arm | {"stiffness": LEADS, "start_delay": 4.0, "waypoints": way}
+    hands = [
+        {"point": "a", "hand": arm | {"stiffness": HOLDS}},
+        {"point": "b", "hand": leads, "device": {"preset": "inverse3"}},
+    ]
+    path, trace = tmp_path / "two.yaml", tmp_path / "trace.csv"
+    path.write_text(json.dumps(two_points(hands=hands, task="position")), encoding="utf-8")
+    statuses = peer.statuses()
+    told = peer.listen("a/device/state", Float64MultiArray)
+    place = DEVICE_FIELDS.slice("position")
+    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace)) as service:
+        command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
+        command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]
+        for setting in SETTINGS:
+            command += ["--set", setting]
+        process = start_process(command, private_environment(domain))
+        try:
+            rendering(peer, statuses, "a/haptic_device")
+            start = np.array(told[-1].data[place])
+            rendering(peer, statuses, "b/haply_device")
+            assert "b/haptic_device" not in statuses
+
+            def led() -> bool:
+                return Trace(trace).look()[-1, 1] > 0.5 * WAY
+
+            peer.until(led, "the hand to lead the device")
+            peer.until(
+                lambda: abs(told[-1].data[place][0] - told[-500].data[place][0]) < 1e-4, "rest"
+            )
+            moved = np.array(told[-1].data[place]) - start
+            led_by = Trace(trace).look()[-1, 1:4]
+        finally:
+            stop_process(process)
+    print(moved, led_by, statuses.keys())
+    assert moved[0] == pytest.approx(WAY * LEADS / (HOLDS + LEADS), rel=0.01)
 
 
 @pytest.mark.parametrize("victim", ["driver", "controller", "service"])

@@ -159,9 +159,10 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
     told = {point: peer.listen(f"mechanism/{point}/servo_cf", WrenchStamped) for point in "ab"}
     gains = peer.listen("b/device/coupling_gain", Float64MultiArray)
     patient = {
-        "teleoperation_controller.input_timeout": 0.2,
-        "haptic_device.command_timeout": 0.2,
+        "teleoperation_controller.input_timeout": 0.1,
+        "haptic_device.command_timeout": 0.1,
         "diagnostics_period": 0.1,
+        "/b/haptic_device.force_limit": 9.0,
     }
     path = two_hands(tmp_path)
     with Graph(
@@ -177,6 +178,10 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
             return name in statuses and statuses[name].message == "engaged"
 
         peer.until(lambda: engaged("a") and engaged("b"), "both controllers to engage", 40.0)
+        # Settings of a node are those of it in every namespace, or in the one that they name.
+        assert peer.parameters_of("a/teleoperation_controller", "input_timeout") == [0.1]
+        limits = [peer.parameters_of(f"{point}/haptic_device", "force_limit") for point in "ab"]
+        assert limits == [[0.0], [9.0]]
         peer.until(lambda: len(told["b"]) > 100, "commands of b")
         peer.until(lambda: gains and np.any(gains[-1].data[4:]), "b to be corrected for a's hand")
         graph.kill("a/haptic_device")
