@@ -261,7 +261,7 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
         folder, path = f"users_{name.replace(' ', '_')}", Path(delay, **KINDS[kind])
         try:
             seen = watched(path, out / folder, slack=slack)
-        except BenchError as error:
+        except (BenchError, TimeoutError) as error:
             figures.append(unmeasured(PART, name, str(error)))
             continue
         if slack == SLACK_J:

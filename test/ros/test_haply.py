@@ -20,6 +20,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from oracles.users import two_points
 from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
@@ -80,6 +81,7 @@ def test_a_hand_feels_the_mechanism_through_it(
 
 # N/m, of the arms at both ends of a body; m, of the second one's target.
 HOLDS, LEADS, WAY = 100.0, 300.0, 0.02
+RESTS_AT = WAY * LEADS / (HOLDS + LEADS)
 # Patient with a machine that has other work.
 SETTINGS = (
     "diagnostics_period=0.1",
@@ -94,7 +96,7 @@ def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
 ) -> None:
     arm = {"kind": "arm", "mass": 0.3, "damping": 8.0, "waypoints": [{"time": 0.0}]}
     way = [{"time": 0.0}, {"time": 0.5, "xyz": [WAY, 0.0, 0.0]}]
-    leads = arm | {"stiffness": LEADS, "start_delay": 4.0, "waypoints": way}
+    leads = arm | {"stiffness": LEADS, "start_delay": 10.0, "waypoints": way}
     hands = [
         {"point": "a", "hand": arm | {"stiffness": HOLDS}},
         {"point": "b", "hand": leads, "device": {"preset": "inverse3"}},
@@ -112,23 +114,23 @@ def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
         process = start_process(command, private_environment(domain))
         try:
             rendering(peer, statuses, "a/haptic_device")
-            start = np.array(told[-1].data[place])
             rendering(peer, statuses, "b/haply_device")
             assert "b/haptic_device" not in statuses
+            assert np.abs(Trace(trace).look()[-1, 1:4]).max() < 1e-3, "led before it was held"
+            start = np.array(told[-1].data[place])
 
-            def led() -> bool:
-                return Trace(trace).look()[-1, 1] > 0.5 * WAY
+            def ways() -> np.ndarray:
+                return np.array([message.data[place] for message in told[-500:]]) - start
 
-            peer.until(led, "the hand to lead the device")
-            peer.until(
-                lambda: abs(told[-1].data[place][0] - told[-500].data[place][0]) < 1e-4, "rest"
-            )
-            moved = np.array(told[-1].data[place]) - start
-            led_by = Trace(trace).look()[-1, 1:4]
+            peer.until(lambda: ways()[-1, 0] > 0.5 * RESTS_AT, "the other one to feel it")
+            peer.until(lambda: np.ptp(ways()[:, 0]) < 1e-5, "rest")
+            found, led = ways()[-1], Trace(trace).look()[-1, 1]
         finally:
             stop_process(process)
-    print(moved, led_by, statuses.keys())
-    assert moved[0] == pytest.approx(WAY * LEADS / (HOLDS + LEADS), rel=0.01)
+    # Where springs and the friction of the real one balance, and both at the same place.
+    friction = Device(preset="inverse3").coulomb_friction
+    assert found[0] == pytest.approx(RESTS_AT, abs=friction / (HOLDS + LEADS))
+    assert found[0] == pytest.approx(led, abs=1e-4)
 
 
 @pytest.mark.parametrize("victim", ["driver", "controller", "service"])
