@@ -23,7 +23,7 @@ from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
-from hapticmech_ros.wire.topic import PAGE
+from hapticmech_ros.wire.topic import PAGE, VIEWER
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0
@@ -82,7 +82,8 @@ class Graph:
             process of its own, and its end is no failure of the graph. Of several points to hold
             ``point/node`` is that of one of them, and ``node`` that of each.
         hold: operational points, each held by a device of its own; none: the scene's first one.
-            Of several, each has its device, analyser and controller in a namespace of its name.
+            Of several, each has its device, analyser and controller in a namespace of its name,
+            and who looks on sees all of them.
         arguments: further ROS arguments for all nodes.
         shown: whether the nodes' last reports are shown by whoever asks for :meth:`endings`, and so
             not printed by the nodes.
@@ -261,9 +262,11 @@ def _plan(
         for group in _groups(nodes, composed):
             yield group, group, arguments
         return
-    if MECHANISM in nodes:
-        held = {**parameters, "held_points": ",".join(hold)}
-        yield MECHANISM, MECHANISM, ros_arguments(held, namespace)
+    held = {**parameters, "held_points": ",".join(hold)}
+    # One for all.
+    for name in (MECHANISM, VIEWER, PAGE):
+        if name in nodes:
+            yield name, name, ros_arguments(held, namespace)
     root = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     for point in hold:
         shared = ("mechanism/state", f"mechanism/{point}/servo_cf")
@@ -276,7 +279,7 @@ def _plan(
 
 def _nodes_at(point: str, nodes: Collection[str]) -> list[str]:
     """Return the nodes of one of several points: those of its own, and those that each has."""
-    placed = [name.rpartition("/") for name in nodes if name != MECHANISM]
+    placed = [name.rpartition("/") for name in nodes if name not in (MECHANISM, VIEWER, PAGE)]
     return [node for where, _, node in placed if where in ("", point)]
 
 

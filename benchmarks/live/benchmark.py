@@ -22,7 +22,7 @@ from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.live.commands import Open, Reset
 from hapticmech_ros.live.settings import OWN_HAND, VISER, changes_of
-from hapticmech_ros.loading import shipped_scenes
+from hapticmech_ros.loading import load_scene, shipped_scenes
 
 if TYPE_CHECKING:
     from benchmarks.live.browser import Page
@@ -177,7 +177,7 @@ def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> 
     from benchmarks.live.browser import wait_until
 
     show(name)
-    served.process.send(Open(name, changes_of(OWN_HAND, 0.0)))
+    served.process.send(Open(name, changes_of(load_scene(name), [OWN_HAND])))
     wait_until(lambda: page.text("live-scene") == name, f"{name} on the page")
     time.sleep(1.0)
     frames = float(page.ask(_FRAMES % round(1000 * seconds)))
@@ -205,12 +205,11 @@ def _drag(page: Page, served: Served) -> tuple[Array, Array]:
         sent[move] = time.monotonic()
         page.mouse("mouseMoved", x - move, y, pressed=True)
     time.sleep(0.2)
-    start = states[0][1].device[0, 3]
-    goals = {
-        s.goal_at: (start - s.goal[0]) * seen.scale for at, s in states if at > begun and s.dragged
-    }
+    start = states[0][1].users[0].device[0, 3]
+    drags = [drag for at, state in states if at > begun for drag in state.drags]
+    goals = {drag.goal_at: (start - drag.goal[0]) * seen.scale for drag in drags}
     page.mouse("mouseReleased", x - MOVES, y)
-    wait_until(lambda: not states[-1][1].dragged, "the drag to end")
+    wait_until(lambda: not states[-1][1].drags, "the drag to end")
     times, pixels = np.array(list(goals)), np.array(list(goals.values()))
 
     def taken(moved: Array, at: Array) -> Array:

@@ -24,7 +24,6 @@ from benchmarks.live.browser import Page, wait_until
 from benchmarks.live.served import drag, sight
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.graph import private_environment, stop_process
-from hapticmech_ros.live.commands import HAND
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 
 PORT = 8790
@@ -108,7 +107,7 @@ def drag_in_steps(page: Page, forces: _Forces, scene: str, jumps: int) -> tuple[
     wait_until(lambda: "Hz" in page.text("live-rate"), "the graph's rate on the page")
     # A drag begins with the first moves.
     x, y = drag(page, sight(page, scene).hand, float(JUMP))
-    page.wait_for_text("live-dragged", HAND)
+    page.wait_for_text("live-dragged", "hand")
     page.ask("window.moves.length = 0")
     sent = np.zeros(jumps)
     for jump in range(jumps):

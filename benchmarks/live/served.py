@@ -17,14 +17,16 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import LiveState, Open, Opened, Report
 from hapticmech_ros.live.live_picture import LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession
-from hapticmech_ros.live.page import FIELD_OF_VIEW, HIDDEN, LivePage
+from hapticmech_ros.live.page import FIELD_OF_VIEW, LivePage
+from hapticmech_ros.live.page_controls import HIDDEN
 from hapticmech_ros.live.process import LiveProcess
-from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+from hapticmech_ros.live.settings import changes_of
+from hapticmech_ros.loading import load_scene
 
 
 def asked(scene: str) -> Open:
     """Return what the page begins a scene with."""
-    return Open(scene, changes_of(MOUSE_ALONE, 0.0))
+    return Open(scene, changes_of(load_scene(scene)))
 
 
 class WatchedProcess(LiveProcess):
@@ -119,8 +121,12 @@ class Sight:
 
     @property
     def hand(self) -> tuple[float, float]:
-        """Where (x, y) the hand is on the page."""
-        return self.pixel(self.state.device[:, 3])
+        """Where (x, y) the hand, of several the first one, is on the page."""
+        return self.hand_at(self.state.users[0].point)
+
+    def hand_at(self, point: str) -> tuple[float, float]:
+        """Return where (x, y) the hand that holds a point is on the page."""
+        return self.pixel(self.state.user(point).device[:, 3])
 
 
 def sight(page: Page, scene: str) -> Sight:

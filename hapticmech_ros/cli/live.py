@@ -26,15 +26,16 @@ def live(
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.commands import Open
     from hapticmech_ros.live.process import LiveProcess
-    from hapticmech_ros.live.settings import MOUSE_ALONE, VISER, changes_of, checked_address
-    from hapticmech_ros.loading import shipped_scenes
+    from hapticmech_ros.live.settings import VISER, changes_of, checked_address
+    from hapticmech_ros.loading import load_scene, shipped_scenes
 
     address = checked_address("--host", host)
     refuse_unmet([VISER])
     from hapticmech_ros.live.page import LivePage
 
     given, stop = tuple(changes or ()), stop_by_signals()
-    with LiveProcess(Open(scene, (*changes_of(MOUSE_ALONE, 0.0), *given))) as process:
+    asked = Open(scene, (*changes_of(load_scene(scene)), *given))
+    with LiveProcess(asked) as process:
         page = LivePage(process, scene, given, list(shipped_scenes()), host, port)
         console.print(f"{page.address}; Ctrl-C ends it", highlight=False, soft_wrap=True)
         if not address.is_loopback:

@@ -134,12 +134,16 @@ def show(
         Path | None, typer.Option("--out", "-o", help="PNG file", show_default="SCENE's name")
     ] = None,
     point: Annotated[
-        str, typer.Option(help="operational point held", show_default="the scene's first")
+        str,
+        typer.Option(
+            help="operational point held",
+            show_default="those of the scene's hands, or its first one",
+        ),
     ] = "",
     pixels: Annotated[int, typer.Option(min=100, max=5000, help="width and height")] = 1050,
     changes: ChangesOption = None,
 ) -> None:
-    """Draw SCENE at its start: the point held, and its rigid and free directions."""
+    """Draw SCENE at its start: the points held, and their rigid and free directions."""
     from hapticmech_ros.errors import ClosureError
     from hapticmech_ros.formats import drawn_shapes
     from hapticmech_ros.loading import find_scene, load_scene

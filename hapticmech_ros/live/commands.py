@@ -5,37 +5,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol, get_args
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol, get_args
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.scene import Scene
 
-# What is dragged where it is not a link.
-HAND = "hand"
+
+class Draggable(NamedTuple):
+    """What can be dragged: the device in a user's hand, or a link.
+
+    Attributes:
+        kind: which of them.
+        name: of the operational point that the hand holds, or of the link.
+    """
+
+    kind: Literal["hand", "link"]
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """A grip is pulled to a place by a spring, until told otherwise or nothing more is heard.
+    """A body is pulled to a place by a spring, until told otherwise or nothing more is heard.
+
+    Several bodies may be dragged at once, each to a place of its own.
 
     Attributes:
-        link: that is pulled; the device, at the point held, if empty.
-        grip: (3,) where, in the link's frame, m; of the device none is needed.
+        body: that is pulled.
+        grip: (3,) where, in the link's frame, m; of a hand none is needed.
         goal: (3,) to where, m, world axes.
     """
 
-    link: str
+    body: Draggable
     grip: Array
     goal: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Nothing is dragged any more."""
+    """A body is dragged no more.
+
+    Attributes:
+        body: which.
+    """
+
+    body: Draggable
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +82,16 @@ class Reset:
 
 @dataclass(frozen=True, slots=True)
 class Tune:
-    """Another value of a gain, or of the spring that drags.
+    """Another value of a user's gain.
 
     Attributes:
-        key: of the scene, such as ``controller.joint_constraint.stiffness``.
+        point: operational point that the user holds.
+        key: of the scene as it is for that user, such as
+            ``controller.joint_constraint.stiffness``.
         value: in the key's unit.
     """
 
+    point: str
     key: str
     value: float
 
@@ -83,7 +101,7 @@ class DragStiffness:
     """How stiff the spring that drags is.
 
     Attributes:
-        factor: times what is chosen for what is dragged.
+        factor: times what is chosen for each body that is dragged.
     """
 
     factor: float
@@ -104,12 +122,14 @@ class SwitchClosure:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold the mechanism elsewhere.
+    """A user holds the mechanism elsewhere.
 
     Attributes:
+        point: operational point that the user holds, and that goes there.
         frame: a link, or an operational point.
     """
 
+    point: str
     frame: str
 
 
@@ -161,13 +181,13 @@ class Opened:
         number: of openings; of states the same.
         asked: what was asked for.
         scene: as it is.
-        point: operational point that is held.
+        users: operational points that are held, one by each user.
     """
 
     number: int
     asked: Open
     scene: Scene
-    point: str
+    users: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +202,55 @@ class Failed:
 
 
 @dataclass(frozen=True, slots=True)
+class UserState:
+    """What is seen of a user at a time.
+
+    Attributes:
+        point: operational point that is held.
+        observation: of that point; see
+            :func:`~hapticmech_ros.operational.observation.observation_layout`.
+        count: joint constraints felt.
+        device: (3, 4) rotation and position (m) of the device in the world.
+        hand_wrench: (6,) on the device, by the hand and the mouse, N and N m, world axes.
+        on_hand: (6,) by the device, likewise.
+        on_mechanism: (6,) at the point held, by the hand through the controller, likewise.
+        contact: (6,) F_c at the point held, likewise.
+        holding: what holds the device beside the mouse, for people.
+        immovable: why the mouse cannot drag it; empty if it can.
+    """
+
+    point: str
+    observation: Array
+    count: int
+    device: Array
+    hand_wrench: Array
+    on_hand: Array
+    on_mechanism: Array
+    contact: Array
+    holding: str = ""
+    immovable: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DragState:
+    """A drag as it is at a time.
+
+    Attributes:
+        body: that is dragged.
+        force: (3,) of the spring that drags, N, world axes.
+        grip: (3,) where it acts, m, world axes.
+        goal: (3,) to where it is pulled, m, world axes.
+        goal_at: s of the process's clock, since when it is pulled there.
+    """
+
+    body: Draggable
+    force: Array
+    grip: Array
+    goal: Array
+    goal_at: float
+
+
+@dataclass(frozen=True, slots=True)
 class LiveState:
     """What is seen at a time.
 
@@ -192,19 +261,8 @@ class LiveState:
         factor: simulated over real time, over the last second; 0 while it stands still.
         q: (nq,) configuration.
         active: per closure, whether it is closed.
-        observation: of the point held; see
-            :func:`~hapticmech_ros.operational.observation.observation_layout`.
-        count: joint constraints felt.
-        device: (3, 4) rotation and position (m) of the device in the world.
-        hand_wrench: (6,) on the device, by the hand and the mouse, N and N m, world axes.
-        on_hand: (6,) by the device, likewise.
-        on_mechanism: (6,) at the point held, by the hand through the controller, likewise.
-        contact: (6,) F_c at the point held, likewise.
-        dragged: what is dragged: empty for nothing, ``hand``, or a link.
-        drag_force: (3,) of the spring that drags, N, world axes.
-        grip: (3,) where it acts, m, world axes.
-        goal: (3,) to where it is pulled, m, world axes.
-        goal_at: s of the process's clock, since when it is pulled there.
+        users: who hold the mechanism, in the order of ``Opened.users``.
+        drags: what is dragged, in the order in which it was taken hold of.
         changed: what was tuned, ``key=value`` each.
         recording: folder of the bag that is recorded; empty for none.
         error: what ended the session; empty while it lives.
@@ -217,22 +275,16 @@ class LiveState:
     factor: float
     q: Array
     active: Active
-    observation: Array
-    count: int
-    device: Array
-    hand_wrench: Array
-    on_hand: Array
-    on_mechanism: Array
-    contact: Array
-    dragged: str = ""
-    drag_force: Array = field(default_factory=lambda: np.zeros(3))
-    grip: Array = field(default_factory=lambda: np.zeros(3))
-    goal: Array = field(default_factory=lambda: np.zeros(3))
-    goal_at: float = 0.0
+    users: tuple[UserState, ...]
+    drags: tuple[DragState, ...] = ()
     changed: tuple[str, ...] = ()
     recording: str = ""
     error: str = ""
     told: str = ""
+
+    def user(self, point: str) -> UserState:
+        """Return the user who holds an operational point."""
+        return next(user for user in self.users if user.point == point)
 
 
 Report = Opened | Failed | LiveState

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.live.commands import LiveState
+from hapticmech_ros.live.commands import Draggable, LiveState
 from hapticmech_ros.live.instances import (
     Body,
     InstanceArrays,
@@ -44,12 +44,37 @@ class Drawn:
     lines: tuple[Array, Array]
 
     def link_at(self, body: Body, place: int | None) -> str | None:
-        """Return the link of an instance; no name for the hand, None for what is of no link."""
+        """Return the link of an instance; None for what is of no link, such as hands."""
         shapes = self.instances[body, True].shapes
         shape = shapes[place] if place is not None and place < len(shapes) else None
-        if shape is None:
-            return None
-        return "" if shape.namespace == "device" else self.picture.link_of(shape, self.frame)
+        return None if shape is None else self.picture.link_of(shape, self.frame)
+
+    def body_at(self, eye: Array, place: Array, link: str | None) -> Draggable | None:
+        """Return what somebody means to drag; None for nothing.
+
+        Args:
+            eye: (3,) from where it is seen, m, world axes.
+            place: (3,) that is pointed at, likewise.
+            link: that is there; None for what is of no link.
+        """
+        hand = self.picture.hand_at(self.state, eye, place)
+        if hand is not None:
+            return Draggable("hand", hand)
+        return None if link is None else Draggable("link", link)
+
+    def held(self, body: Draggable, place: Array) -> tuple[Array, Array]:
+        """Return where (3,), m, world axes, a body is held that is taken at a place.
+
+        Args:
+            body: that is taken.
+            place: (3,) m, world axes.
+
+        Returns:
+            That place, and the same (3,) in the frame of the link, m; of a hand it is the device's.
+        """
+        if body.kind == "hand":
+            return self.state.user(body.name).device[:, 3], np.zeros(3)
+        return place, self.frame.in_link(body.name, place)
 
 
 class Drawing:
@@ -70,9 +95,7 @@ class Drawing:
         """Return the picture of a state, without some layers."""
         frame, instances = self.picture.draw(state, hidden), {}
         for grabbed in (True, False):
-            shapes = [
-                s for s in frame.shapes if (s.namespace.partition("/")[0] in _GRABBED) == grabbed
-            ]
+            shapes = [s for s in frame.shapes if (s.meaning in _GRABBED) == grabbed]
             for body, parts in instance_parts(shapes).items():
                 arrays = self._instances.setdefault((body, grabbed), Instances()).arranged(parts)
                 if len(arrays.shapes):

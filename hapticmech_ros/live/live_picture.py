@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.live.commands import LiveState, Opened
+from hapticmech_ros.live.commands import LiveState, Opened, UserState
 from hapticmech_ros.live.shape_links import shape_links
 from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.mechanism import Mechanism
@@ -19,10 +19,19 @@ from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.felt_masses import felt_masses
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.scene.contacts import Mesh
-from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, palette
+from hapticmech_ros.view import (
+    Picture,
+    Placement,
+    Placer,
+    Shape,
+    Snapshot,
+    UserSnapshot,
+    palette,
+)
 from hapticmech_ros.view.mass_ellipsoid import MASS, mass_ellipsoid
 from hapticmech_ros.view.palette import Colour
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
+from hapticmech_ros.view.user_look import hues, looks
 
 # Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
 FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5
@@ -67,15 +76,15 @@ class LiveFrame:
         shapes: in it.
         hulls: number of a hull -> pose in the world.
         placement: where all is.
-        analysis: of the point held.
+        analyses: of each point that is held, by its name.
         masses: (k,) felt there, kg, lightest first, infinite where rigid.
     """
 
     shapes: list[Shape]
     hulls: dict[int, pin.SE3]
     placement: Placement
-    analysis: OperationalAnalysis
-    masses: Array
+    analyses: dict[str, OperationalAnalysis]
+    masses: dict[str, Array]
 
     def in_link(self, link: str, place: Array) -> Array:
         """Return a place (3,) of the world, m, in the frame of a link.
@@ -99,7 +108,9 @@ class LivePicture:
             numbers.
         unit: the mechanism's length, m.
         planar: whether all is in a plane.
-        directions: in which the device renders.
+        directions: in which the devices render.
+        users: operational points that are held.
+        hues: of the users, where there are several.
 
     Raises:
         SceneError: a mesh that cannot be read.
@@ -107,18 +118,19 @@ class LivePicture:
 
     def __init__(self, opened: Opened) -> None:
         scene = opened.scene
-        self._scene, self._point = scene, opened.point
+        self._scene, self.users = scene, opened.users
+        self.hues, self._looks = hues(opened.users), looks(opened.users)
         self._mechanism = mechanism = Mechanism(scene)
         self.closures = [closure.name for closure in mechanism.closures]
-        self._analyser = Analyser(mechanism, opened.point)
+        self._analysers = {point: Analyser(mechanism, point) for point in opened.users}
         self._placer = Placer(mechanism)
         self.unit, self.planar = mechanism.length, scene.task_space == "planar"
         self.directions = len(scene.task_rows)
-        device = scene.device
+        devices = [scene.held_at(point).device for point in opened.users]
         self._picture = Picture(
             mechanism,
-            FORCE_SHARE * self.unit / device.force_limit,
-            TORQUE_SHARE * self.unit / device.torque_limit,
+            FORCE_SHARE * self.unit / max(device.force_limit for device in devices),
+            TORQUE_SHARE * self.unit / max(device.torque_limit for device in devices),
         )
         self.hulls = _hulls_of(opened)
         self._visuals = {-1 - i: one for i, one in enumerate(visual_bodies(opened.asked.scene))}
@@ -129,26 +141,34 @@ class LivePicture:
 
     def draw(self, state: LiveState, hidden: frozenset[str] = frozenset()) -> LiveFrame:
         """Return the picture of a state of this scene, without some layers."""
-        placement, found = self._placer.at(state.q), self._analysis(state)
+        placement = self._placer.at(state.q)
+        analyses = {user.point: self._analysis(user) for user in state.users}
+        masses = {point: felt_masses(found)[0] for point, found in analyses.items()}
         snapshot = Snapshot(
             active=state.active,
-            device=pin.SE3(state.device[:, :3], state.device[:, 3]),
-            hand_wrench=state.hand_wrench,
-            device_command=state.on_hand,
-            contacts={self._point: state.contact},
-            point_commands={self._point: state.on_mechanism},
-            held=self._point,
-            analysis=found,
-            count=state.count,
+            users=tuple(
+                UserSnapshot(
+                    user.point,
+                    pin.SE3(user.device[:, :3], user.device[:, 3]),
+                    user.hand_wrench,
+                    user.on_hand,
+                    analyses[user.point],
+                    user.count,
+                )
+                for user in state.users
+            ),
+            contacts={user.point: user.contact for user in state.users},
+            point_commands={user.point: user.on_mechanism for user in state.users},
         )
-        masses = felt_masses(found)[0]
-        if self._metres_per_kg == 0.0 and np.isfinite(masses[0]):
-            self._metres_per_kg = LIGHTEST_SHARE * self.unit / float(masses[0])
-        place = placement.points[self._point].translation
+        lightest = min(float(found[0]) for found in masses.values())
+        if self._metres_per_kg == 0.0 and np.isfinite(lightest):
+            self._metres_per_kg = LIGHTEST_SHARE * self.unit / lightest
         longest = LONGEST_SHARE * self.unit
         shapes = self._picture.draw(snapshot, placement)
-        shapes += mass_ellipsoid(found, place, self._metres_per_kg, longest)
-        shapes = [_enlarged(one) if one.namespace == "device" else one for one in shapes]
+        for point, found in analyses.items():
+            place, look = placement.points[point].translation, self._looks[point]
+            shapes += mass_ellipsoid(found, place, self._metres_per_kg, longest, look)
+        shapes = [_enlarged(one) if one.meaning == "device" else one for one in shapes]
         without = tuple(start for layer in hidden for start in LAYERS[layer])
         shown = [s for s in shapes if s.kind != "text" and not s.namespace.startswith(without)]
         poses = {index: placement.solids[index] for index in self.hulls if index >= 0}
@@ -161,7 +181,7 @@ class LivePicture:
                 for s in shown
                 if s.namespace != "links" or found_links.get(s.key) not in self._covered
             ]
-        return LiveFrame(shown, poses, placement, found, masses)
+        return LiveFrame(shown, poses, placement, analyses, masses)
 
     def link_of(self, shape: Shape, frame: LiveFrame) -> str | None:
         """Return the link that a shape moves with; None for what is of no link, such as arrows."""
@@ -172,22 +192,31 @@ class LivePicture:
         link = self._scene.shapes[number].link if number >= 0 else self._visuals[number].link
         return link if any(one.name == link for one in self._scene.links) else None
 
-    def is_hand(self, device: Array, eye: Array, place: Array) -> bool:
-        """Return whether somebody who points at a place means the hand, which may be behind it.
+    def hand_at(self, state: LiveState, eye: Array, place: Array) -> str | None:
+        """Return whose hand somebody means who points at a place, which may be in front of it.
 
         Args:
-            device: (3,) place of the device, m, world axes.
-            eye: (3,) from where it is seen, likewise.
+            state: that is seen.
+            eye: (3,) from where it is seen, m, world axes.
             place: (3,) that is pointed at, likewise.
+
+        Returns:
+            The operational point that the hand holds: of several at that place the nearest one to
+            the ray; None if none is meant.
         """
         ray = (place - eye) / max(float(np.linalg.norm(place - eye)), 1e-12)
-        aside = device - eye - ((device - eye) @ ray) * ray
-        return float(np.linalg.norm(aside)) < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
+        aside = {}
+        for user in state.users:
+            there = user.device[:, 3] - eye
+            aside[user.point] = float(np.linalg.norm(there - (there @ ray) * ray))
+        nearest = min(aside, key=aside.__getitem__)
+        within = aside[nearest] < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
+        return nearest if within else None
 
-    def _analysis(self, state: LiveState) -> OperationalAnalysis:
-        analyser = self._analyser
+    def _analysis(self, user: UserState) -> OperationalAnalysis:
+        analyser = self._analysers[user.point]
         nv = self._mechanism.nv
-        return Observation(state.observation, analyser.layout, analyser.rows, nv).analysis
+        return Observation(user.observation, analyser.layout, analyser.rows, nv).analysis
 
 
 def _enlarged(shape: Shape) -> Shape:

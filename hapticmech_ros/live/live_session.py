@@ -13,10 +13,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.live.commands import (
     Command,
     Drag,
+    Draggable,
     DragStiffness,
     Failed,
     Hold,
@@ -31,11 +33,14 @@ from hapticmech_ros.live.commands import (
     Step,
     SwitchClosure,
     Tune,
+    UserState,
 )
 from hapticmech_ros.live.grip import Dragging
+from hapticmech_ros.live.holding import holding
 from hapticmech_ros.live.state_bag import StateBag
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.session import Sample, Session
+from hapticmech_ros.session import Sample, SharedSession
+from hapticmech_ros.wire.topic import user_prefixes
 
 # Ticks that are computed at once take this long in real time (s); then commands are heard again.
 AT_ONCE_S = 0.005
@@ -45,6 +50,8 @@ MOST_BEHIND_S = 0.1
 FACTOR_WINDOW_S = 1.0
 # What can be tuned while a session runs.
 _GAINS = "controller."
+# Gains that were changed: operational point of the user -> key -> value.
+Tuned = dict[str, dict[str, float]]
 
 
 class LiveSession:
@@ -73,7 +80,7 @@ class LiveSession:
     def opened(self) -> Opened:
         """What is told of the scene that runs."""
         scene = self.session.simulator.scene
-        return Opened(self._number, self._asked, scene, scene.operational_point().name)
+        return Opened(self._number, self._asked, scene, self.session.points)
 
     @property
     def is_behind(self) -> bool:
@@ -107,33 +114,42 @@ class LiveSession:
             try:
                 self._tick(ticks)
             except HapticMechError as error:
-                self._error, self._dragging.grip = str(error), None
+                self._error = str(error)
+                self._dragging.release()
                 self._pause(True, now)
         self._measure(now)
 
     def state(self) -> LiveState:
         """Return what is seen now."""
-        sample = self._sample
-        device, acting = sample.device.pose, sample.acting
-        state = LiveState(
+        sample = next(iter(self._samples.values()))
+        return LiveState(
             self._number,
             sample.time,
             self._paused,
             self._factor,
             np.array(sample.mechanism.q),
             sample.mechanism.active,
+            tuple(self._user_state(point, one) for point, one in self._samples.items()),
+            self._dragging.states(),
+            changed=self._changed(),
+            recording="" if self._bag is None else self._bag.folder,
+            error=self._error,
+        )
+
+    def _user_state(self, point: str, sample: Sample) -> UserState:
+        device, scene = sample.device.pose, self.session.user(point).scene
+        on_hand, on_mechanism = sample.acting
+        return UserState(
+            point,
             np.array(sample.seen.numbers),
             sample.count,
             np.column_stack((device.rotation, device.translation)),
             np.array(sample.hand_wrench),
-            np.array(acting[0]),
-            np.array(acting[1]),
+            np.array(on_hand),
+            np.array(on_mechanism),
             np.array(sample.contact_wrench + sample.external_wrench),
-            changed=tuple(_changes(self._tuned)),
-            recording="" if self._bag is None else self._bag.folder,
-            error=self._error,
+            holding(scene.hand, scene.device.force_limit),
         )
-        return self._dragging.on(state)
 
     def close(self) -> None:
         """End a recording."""
@@ -141,25 +157,35 @@ class LiveSession:
             self._bag.close()
         self._bag = None
 
-    def _begin(self, asked: Open, tuned: dict[str, float], now: float) -> None:
+    def _begin(self, asked: Open, tuned: Tuned, now: float) -> None:
         """Begin a scene with gains that were tuned; if it is refused, all is as it was."""
-        scene = load_scene(asked.scene, changes=(*asked.changes, *_changes(tuned)))
-        session = Session(scene)
-        sample = session.tick()
+        scene = load_scene(asked.scene, changes=asked.changes)
+        if tuned:
+            places = {one.point: f"hands[{i}]." for i, one in enumerate(scene.hands)}
+            changes = [(places.get(point, ""), _changes(own)) for point, own in tuned.items()]
+            scene = scene.with_(*(place + one for place, own in changes for one in own))
+        session = SharedSession(scene)
+        samples = session.tick()
         self.close()
-        self.session: Session = session
-        self._sample: Sample = sample
+        self.session: SharedSession = session
+        self._samples: dict[str, Sample] = samples
         self._asked, self._tuned = asked, tuned
-        self._dragging = Dragging(session.simulator.mechanism, session.period, now)
+        self._dragging = Dragging(
+            session.simulator.mechanism,
+            scene,
+            session.points,
+            session.period,
+            lambda point: self._samples[point].analysis,
+        )
         self._error, self._behind = "", False
         self._number += 1
         self._pause(False, now)
 
     def _take(self, command: Command, now: float) -> Report | None:
         if isinstance(command, Drag):
-            self._dragging.drag_to(command, self._sample.analysis, now)
+            self._dragging.drag_to(command, now)
         elif isinstance(command, Release):
-            self._dragging.grip = None
+            self._dragging.release(command.body)
         elif isinstance(command, Pause):
             self._pause(command.paused or bool(self._error), now)
         elif isinstance(command, Step):
@@ -167,13 +193,13 @@ class LiveSession:
         elif isinstance(command, Tune):
             self._tune(command)
         elif isinstance(command, DragStiffness):
-            self._dragging.stiffen(command.factor, self._sample.analysis)
+            self._dragging.stiffen(command.factor)
         elif isinstance(command, SwitchClosure):
             self.session.switch_closure(command.name, command.closed)
         elif isinstance(command, Record):
             self._record(command.folder)
         elif isinstance(command, Hold):
-            return self._hold(command.frame)
+            return self._hold(command)
         elif isinstance(command, Reset):
             self._begin(self._asked, self._tuned, now)
             return self.opened
@@ -185,13 +211,14 @@ class LiveSession:
     def _tune(self, command: Tune) -> None:
         if not command.key.startswith(_GAINS):
             raise InvalidInputError("key to tune", command.key, f"must begin with {_GAINS}")
-        tuned = {**self._tuned, command.key: float(command.value)}
-        self.session.tune(self.session.scene.with_(*_changes(tuned)).controller)
-        self._tuned = tuned
+        user = self.session.user(command.point)
+        own = {**self._tuned.get(command.point, {}), command.key: float(command.value)}
+        user.tune(user.scene.with_(*_changes(own)).controller)
+        self._tuned = {**self._tuned, command.point: own}
 
-    def _hold(self, frame: str) -> Opened:
-        self.session.set_operational_point(frame)
-        self._dragging.grip = None
+    def _hold(self, command: Hold) -> Opened:
+        self.session.set_operational_point(command.point, command.frame)
+        self._dragging.release(Draggable("hand", command.point))
         self._tick(1)
         self._number += 1
         return self.opened
@@ -210,31 +237,48 @@ class LiveSession:
     def _tick(self, ticks: int) -> None:
         """Do ticks, the last one with all that is seen."""
         dragging, session = self._dragging, self.session
-        if dragging.grip is None and self._bag is None:
+        if not dragging.grips and self._bag is None:
             if ticks > 1:
                 session.run(ticks - 1, every=ticks)
-            self._sample = session.tick()
+            self._samples = session.tick()
             self._done += ticks
             return
         for _ in range(ticks):
-            device, state = session.device, session.mechanism
-            place, velocity = device.pose.translation, device.twist[:3]
-            push, on_links = dragging.wrenches(place, velocity, state.q, state.v)
-            self._sample = session.tick(hand_wrench=push, on_links=on_links)
+            state = session.mechanism
+            hands: dict[str, Array] = {}
+            links: dict[str, Array] = {}
+            for body, wrench in dragging.wrenches(self._devices(), (state.q, state.v)).items():
+                (hands if body.kind == "hand" else links)[body.name] = wrench
+            self._samples = session.tick(hand_wrenches=hands, on_links=links)
             self._done += 1
             if self._bag is not None:
                 self._add_to_bag(self._bag)
 
+    def _devices(self) -> dict[str, tuple[Array, Array]]:
+        """Return place (3,), m, and velocity (3,), m/s, world axes, of each device."""
+        devices = {point: self.session.user(point).device for point in self.session.points}
+        return {p: (one.pose.translation, one.twist[:3]) for p, one in devices.items()}
+
     def _add_to_bag(self, bag: StateBag) -> None:
-        sample = self._sample
-        contacts = np.zeros((len(self.session.scene.operational_points), 6))
-        contacts[0] = sample.contact_wrench + sample.external_wrench
-        mechanism = sample.mechanism
+        mechanism = self.session.simulator.mechanism
+        contacts = np.zeros((len(mechanism.point_names), 6))
+        for point, sample in self._samples.items():
+            at = mechanism.point_index(point)
+            contacts[at] = sample.contact_wrench + sample.external_wrench
+        sample = self._samples[self.session.points[0]]
+        state = sample.mechanism
         try:
-            bag.add(sample.time, mechanism.q, mechanism.v, mechanism.active, contacts)
+            bag.add(sample.time, state.q, state.v, state.active, contacts)
         except HapticMechError:
             self.close()
             raise
+
+    def _changed(self) -> tuple[str, ...]:
+        """Return what was tuned, each with its user where there are several."""
+        prefixes = user_prefixes(self.session.points)
+        return tuple(
+            f"{prefixes[point]}{one}" for point, own in self._tuned.items() for one in _changes(own)
+        )
 
     def _measure(self, now: float) -> None:
         """Find the real-time factor of the last second."""

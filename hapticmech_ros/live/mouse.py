@@ -6,16 +6,32 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.live.commands import Command, Drag, Release
+from hapticmech_ros.live.commands import Command, Drag, Draggable, Release
 from hapticmech_ros.live.drag_spring import on_plane
 
 
-class Mouse:
-    """The one drag that a session has; may be used from several threads.
+@dataclass(slots=True)
+class _Held:
+    """What a mouse has got hold of: its last command, and how its goal follows from a ray."""
+
+    drag: Drag
+    height: float | None
+    offset: Array
+
+    def pointed_at(self, eye: Array, seen: Array) -> Array:
+        """Return where (3,) the ray from an eye (3,) through what is seen (3,) leads, m."""
+        return np.array(seen) if self.height is None else on_plane(eye, seen, self.height)
+
+
+class Mice:
+    """The drags of all clients; may be used from several threads.
+
+    A client drags one body at a time, and a body is dragged by one client at a time.
 
     Args:
         send: tells the session a command.
@@ -24,40 +40,43 @@ class Mouse:
     def __init__(self, send: Callable[[Command], None]) -> None:
         self._send = send
         self._lock = threading.Lock()
-        self._client: int | None = None
-        self._height: float | None = None
-        self._offset = np.zeros(3)
-        self._drag: Drag | None = None
+        self._held: dict[int, _Held] = {}
 
     def grab(
         self,
         client: int,
-        link: str,
+        body: Draggable,
         grip: Array,
         held: Array,
         eye: Array,
         seen: Array,
         planar: bool,
-    ) -> None:
-        """Take hold, unless somebody else has hold of something.
+    ) -> int:
+        """Take hold of a body, unless another client has it.
 
         Args:
             client: whose mouse it is.
-            link: that is grabbed; the hand if empty.
+            body: that is grabbed.
             grip: (3,) where in the link's frame, m.
             held: (3,) where that is now, m, world axes.
             eye: (3,) from where it is seen, likewise.
             seen: (3,) that the mouse points at, likewise.
             planar: whether it is pulled in the plane z = const. alone.
+
+        Returns:
+            Who has it now: this client, or the other one.
         """
         with self._lock:
-            if self._client not in (None, client):
-                return
-            self._client = client
-            self._height = float(held[2]) if planar else None
-            self._offset = held - self._pointed_at(eye, seen)
-            self._drag = Drag(link, grip, np.array(held))
-            self._send(self._drag)
+            holder = self._holders().get(body, client)
+            if holder != client:
+                return holder
+            self._let_go(client)
+            drag = Drag(body, grip, np.array(held))
+            found = _Held(drag, float(held[2]) if planar else None, np.zeros(3))
+            found.offset = held - found.pointed_at(eye, seen)
+            self._held[client] = found
+            self._send(drag)
+            return client
 
     def move(self, client: int, eye: Array, seen: Array) -> None:
         """Pull to where the mouse points now, if this client has hold of something.
@@ -68,19 +87,21 @@ class Mouse:
             seen: (3,) that the mouse points at, likewise.
         """
         with self._lock:
-            if self._client != client or self._drag is None:
-                return
-            goal = self._pointed_at(eye, seen) + self._offset
-            self._drag = Drag(self._drag.link, self._drag.grip, goal)
-            self._send(self._drag)
+            held = self._held.get(client)
+            if held is not None:
+                held.drag = replace(held.drag, goal=held.pointed_at(eye, seen) + held.offset)
+                self._send(held.drag)
 
     def let_go(self, client: int | None = None) -> None:
-        """End the drag of a client, or whoever's it is if None."""
+        """End the drag of a client, or all of them if None."""
         with self._lock:
-            if self._drag is None or client not in (None, self._client):
-                return
-            self._client = self._drag = None
-            self._send(Release())
+            for one in list(self._held) if client is None else [client]:
+                self._let_go(one)
+
+    def holders(self) -> dict[Draggable, int]:
+        """Return which client drags each body that is dragged."""
+        with self._lock:
+            return self._holders()
 
     def repeat(self) -> None:
         """Tell the session again what is dragged: without that it lets go by itself.
@@ -88,8 +109,13 @@ class Mouse:
         A mouse that is held still says nothing, and its page is known to be there otherwise.
         """
         with self._lock:
-            if self._drag is not None:
-                self._send(self._drag)
+            for held in self._held.values():
+                self._send(held.drag)
 
-    def _pointed_at(self, eye: Array, seen: Array) -> Array:
-        return np.array(seen) if self._height is None else on_plane(eye, seen, self._height)
+    def _holders(self) -> dict[Draggable, int]:
+        return {held.drag.body: client for client, held in self._held.items()}
+
+    def _let_go(self, client: int) -> None:
+        held = self._held.pop(client, None)
+        if held is not None:
+            self._send(Release(held.drag.body))

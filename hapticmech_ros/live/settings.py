@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from ipaddress import IPv4Address, IPv6Address, ip_address
@@ -63,7 +64,7 @@ class Slider:
 
 
 def gain_sliders(scene: Scene) -> list[Slider]:
-    """Return the gains of a scene that can be changed while it runs."""
+    """Return the gains of a user's scene that can be changed while it runs."""
     found = []
     for key, label in _GAINS:
         value = _value(scene, key)
@@ -88,10 +89,24 @@ def checked_address(what: str, host: str) -> IPv4Address | IPv6Address:
         raise InvalidInputError(what, host, "must be an address such as 127.0.0.1") from None
 
 
-def changes_of(hand: str, delay_ms: float) -> tuple[str, ...]:
-    """Return the changes of a scene that a hand and a one-way delay (ms) stand for."""
-    delay = f"connection.delay={1e-3 * delay_ms:.6f}" if delay_ms > 0.0 else ""
-    return tuple(change for change in (HANDS[hand], delay) if change)
+def changes_of(
+    scene: Scene, held_by: Sequence[str] = (MOUSE_ALONE,), delay_ms: float = 0.0
+) -> tuple[str, ...]:
+    """Return the changes of a scene that a choice of hands and of a delay stands for.
+
+    Args:
+        scene: as it is written.
+        held_by: for each of its hands what holds the device, of :data:`HANDS`; the last one for
+            those beyond it.
+        delay_ms: one-way, between every device and its controller, ms; 0: the scene's own.
+    """
+    choices = [HANDS[held_by[min(i, len(held_by) - 1)]] for i in range(max(len(scene.hands), 1))]
+    places = [f"hands[{i}]." for i in range(len(scene.hands))] or [""]
+    changes = [f"{place}{choice}" for place, choice in zip(places, choices, strict=True) if choice]
+    if delay_ms > 0.0:
+        own = [p for p, one in zip(places, scene.hands, strict=False) if one.connection is not None]
+        changes += [f"{place}connection.delay={1e-3 * delay_ms:.6f}" for place in ("", *own)]
+    return tuple(changes)
 
 
 def _value(scene: Scene, key: str) -> float:

@@ -71,8 +71,9 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         return heard and super().ready(deadline_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
-        """Return who pushes, for diagnostics."""
-        return {} if self._hand is None else self._hand.figures(now_ns)
+        """Return what holds the device, and who pushes, for diagnostics."""
+        pushes = {} if self._hand is None else self._hand.figures(now_ns)
+        return {"hand": self.parameters.hand, **pushes}
 
     def _on_start_hand(
         self, request: Trigger.Request, response: Trigger.Response

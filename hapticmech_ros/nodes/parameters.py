@@ -400,30 +400,38 @@ class SimulatedRobotParameters(JointParameters):
     wall: str = text("", "point and normal of a wall, world axes, m; empty: none")
 
 
-class ViewerParameters(NodeParameters):
-    """Parameters of the scene viewer, which has no deadlines to keep."""
+class OnlookerParameters(NodeParameters):
+    """Parameters of who looks on, and has no deadlines to keep."""
 
     realtime: RealtimeMode = text("off", "as for the other nodes", "never")
+    held_points: str = text(
+        "",
+        "points of several users, comma-separated, each with its nodes in a namespace of the "
+        "point's name; empty: operational_point, or else those of the scene's hands",
+    )
+    input_timeout: float = number(0.5, "inputs older than this are not shown", "s", 0.02, 60.0)
+
+
+class ViewerParameters(OnlookerParameters):
+    """Parameters of the scene viewer."""
+
     marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
     force_scale: float = number(0.05, "length of an arrow per force", "m/N", 1e-4, 10.0)
     torque_scale: float = number(4.0, "radius of a ring per torque", "m/(N m)", 1e-3, 1000.0)
-    input_timeout: float = number(0.5, "inputs older than this are not drawn", "s", 0.02, 60.0)
     tf: bool = flag(True, "publish /tf and /tf_static, where tf2_msgs is installed")
     frame_prefix: str = text(
         FROM_NAMESPACE, "prefix of all frames but world; auto: the node's namespace and a slash"
     )
 
 
-class LiveParameters(NodeParameters):
-    """Parameters of the live page, which has no deadlines to keep."""
+class LiveParameters(OnlookerParameters):
+    """Parameters of the live page."""
 
-    realtime: RealtimeMode = text("off", "as for the other nodes", "never")
     transport: Transport = text("middleware", "as for the other nodes", "never")
     host: str = text(
         "127.0.0.1", "address that is served; 0.0.0.0: to everybody in the network", "never"
     )
     port: int = count(8080, "of the page; the next free one if it is taken", 1, 65535, "never")
-    input_timeout: float = number(0.5, "inputs older than this are not shown", "s", 0.02, 60.0)
 
 
 def changes_of(model: type[NodeParameters], name: str) -> Changes:

@@ -19,6 +19,7 @@ from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.operational.coupling import by_others, coupling, transmission
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
 from hapticmech_ros.session.session import Session, checked_wrench
@@ -163,6 +164,21 @@ class SharedSession:
         return {
             point: Run(rows[point][:filled], user.layout) for point, user in self._users.items()
         }
+
+    def set_operational_point(self, point: str, frame: str, origin: Origin | None = None) -> None:
+        """Let a user hold the mechanism elsewhere from the next tick on, without a bump.
+
+        Args:
+            point: operational point that the user holds, and that goes there.
+            frame: a link, or an operational point of the scene.
+            origin: where in it; its own origin if left out.
+
+        Raises:
+            InvalidInputError: a point that is not held; and as
+                :func:`~hapticmech_ros.mechanism.grasp.grasped`.
+        """
+        self.user(point).set_operational_point(frame, origin)
+        self._contact_wrenches = ContactWrenches(self.simulator.mechanism)
 
     def switch_closure(self, name: str, closed: bool) -> None:
         """Open or close a loop between two ticks.

@@ -4,7 +4,7 @@
 
 from hapticmech_ros.view.frames import NamedTransform, fixed_frames, moving_frames
 from hapticmech_ros.view.joint_states import JointStates
-from hapticmech_ros.view.picture import Picture, Snapshot
+from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import Placement, Placer
 from hapticmech_ros.view.shapes import Shape, vanished
 from hapticmech_ros.view.urdf import urdf_of
@@ -17,6 +17,7 @@ __all__ = [
     "Placer",
     "Shape",
     "Snapshot",
+    "UserSnapshot",
     "fixed_frames",
     "moving_frames",
     "urdf_of",

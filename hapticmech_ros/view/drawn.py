@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from matplotlib.patches import Patch, Polygon
 from scipy.spatial import ConvexHull, QhullError
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.view.palette import AXES, LEGEND, MEANING, Colour
+from hapticmech_ros.view.palette import AXES, FELT, LEGEND, MEANING, Colour
 from hapticmech_ros.view.shapes import Shape, rotation_to
 
 SIDE_INCHES, SIDE_PIXELS = 7.0, 1050
@@ -54,6 +55,7 @@ def draw_shapes(
     planar: bool,
     title: str = "",
     side_pixels: int = SIDE_PIXELS,
+    users: Mapping[str, Colour] = MappingProxyType({}),
 ) -> None:
     """Write a picture of shapes as a PNG file, with a scale bar, the world's axes and a legend.
 
@@ -63,6 +65,8 @@ def draw_shapes(
         planar: whether it is seen from above, else from aside.
         title: above it.
         side_pixels: width and height.
+        users: hue of each, where there are several; the legend has these, and not what in their
+            shades means something.
     """
     view = view_from(ABOVE if planar else ASIDE)
     figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=side_pixels / SIDE_INCHES)
@@ -79,7 +83,7 @@ def draw_shapes(
         _fill(axes, outline[:, :2], colour)
     _bar(figure, _frame(axes, np.vstack([outline[:, :2] for outline, _ in parts])))
     _world(figure, view)
-    _legend(figure, {shape.namespace.partition("/")[0] for shape in seen})
+    _legend(figure, {shape.meaning for shape in seen}, users)
     words = [shape.text for shape in shapes if shape.kind == "text"]
     figure.text(0.02, 0.97, "  ·  ".join([title, *words]), fontsize=LETTERS_PT, va="top")
     figure.savefig(path)
@@ -179,11 +183,11 @@ def _line(
     figure.add_artist(line)
 
 
-def _legend(figure: Figure, namespaces: set[str]) -> None:
+def _legend(figure: Figure, meanings: set[str], users: Mapping[str, Colour]) -> None:
     """Name the colours of what is seen."""
-    found = [
-        Patch(color=MEANING[name], label=LEGEND[name]) for name in LEGEND if name in namespaces
-    ]
+    named = {LEGEND[m]: MEANING[m] for m in LEGEND if m in meanings and not (users and m in FELT)}
+    named |= {f"user {name}": hue for name, hue in users.items()}
+    found = [Patch(color=colour, label=label) for label, colour in named.items()]
     if found:
         figure.legend(
             handles=found,

@@ -7,7 +7,9 @@ Every link is placed in ``world``; what is fixed in a link is placed there once 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -32,14 +34,23 @@ class NamedTransform:
 
 
 def moving_frames(
-    scene: Scene, placement: Placement, device: pin.SE3 | None = None
+    scene: Scene,
+    placement: Placement,
+    devices: Mapping[str, pin.SE3] = MappingProxyType({}),
+    users: Sequence[str] = ("",),
 ) -> list[NamedTransform]:
     """Return all frames that move, in ``world``.
 
     A frame per link under the link's name, ``<point>_world`` at every operational point with the
-    axes of the world; ``device`` and ``device_world`` likewise, if the device's pose is known.
+    axes of the world; ``device`` and ``device_world`` likewise, of each device whose pose is known.
+
+    Args:
+        scene: whose links and points they are.
+        placement: where these are.
+        devices: pose of each device that is known, by what is before its name.
+        users: what is before the names of all devices.
     """
-    names = frame_names(scene)
+    names = frame_names(scene, users)
     found = [
         NamedTransform(WORLD, link.name, placement.links[link.name])
         for link in scene.links
@@ -49,9 +60,9 @@ def moving_frames(
         _upright(names[at_world(point.name)], placement.points[point.name])
         for point in scene.operational_points
     ]
-    if device is not None:
-        found.append(NamedTransform(WORLD, names[DEVICE], device))
-        found.append(_upright(names[at_world(DEVICE)], device))
+    for user, device in devices.items():
+        found.append(NamedTransform(WORLD, names[f"{user}{DEVICE}"], device))
+        found.append(_upright(names[at_world(f"{user}{DEVICE}")], device))
     return found
 
 
@@ -75,12 +86,18 @@ def at_world(name: str) -> str:
     return f"{name}_{WORLD}"
 
 
-def frame_names(scene: Scene) -> dict[str, str]:
-    """Return the frames of points and device -> their names, which no link nor other frame has."""
+def frame_names(scene: Scene, users: Sequence[str] = ("",)) -> dict[str, str]:
+    """Return the frames of points and devices -> their names, which no link nor other frame has.
+
+    Args:
+        scene: whose points they are.
+        users: what is before the names of devices, one for each: nothing, or ``left/``.
+    """
     taken = {WORLD, *(link.name for link in scene.links)}
     names: dict[str, str] = {}
     points = [point.name for point in scene.operational_points]
-    for wanted in (w for name in (*points, DEVICE) for w in (name, at_world(name))):
+    devices = [f"{user}{DEVICE}" for user in users]
+    for wanted in (w for name in (*points, *devices) for w in (name, at_world(name))):
         name = wanted
         while name in taken:
             name += SECOND

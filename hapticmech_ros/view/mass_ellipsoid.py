@@ -14,8 +14,8 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.felt_masses import felt_masses
-from hapticmech_ros.view import palette
 from hapticmech_ros.view.shapes import Shape
+from hapticmech_ros.view.user_look import PLAIN, Look
 
 MASS = "mass"
 # Of a planar scene the ellipsoid is a disc, this thick as a share of its longest half axis.
@@ -23,7 +23,11 @@ _THIN = 0.02
 
 
 def mass_ellipsoid(
-    analysis: OperationalAnalysis, place: Array, metres_per_kg: float, longest: float
+    analysis: OperationalAnalysis,
+    place: Array,
+    metres_per_kg: float,
+    longest: float,
+    look: Look = PLAIN,
 ) -> list[Shape]:
     """Return the ellipsoid of the mass felt, a disc in a planar scene.
 
@@ -32,6 +36,7 @@ def mass_ellipsoid(
         place: (3,) of the point, m, world axes.
         metres_per_kg: how long a half axis is drawn.
         longest: half axis that is drawn, m.
+        look: of the user who feels it.
     """
     masses, directions = felt_masses(analysis)
     halves = np.minimum(metres_per_kg * masses, longest)
@@ -43,4 +48,4 @@ def mass_ellipsoid(
         axes[:, 0] *= -1.0
     x, y, z = (2.0 * sizes).tolist()
     pose = pin.SE3(axes, np.asarray(place))
-    return [Shape(MASS, 0, "sphere", pose, (x, y, z), palette.MASS)]
+    return [Shape(look.namespace(MASS), 0, "sphere", pose, (x, y, z), look.colour(MASS))]

@@ -33,6 +33,22 @@ WORLD_AXES: tuple[Colour, Colour, Colour] = (
     (0.55, 0.85, 0.55, 0.7),
     (0.55, 0.60, 0.95, 0.7),
 )
+# Hues of several users, in their order; people who confuse red and green tell them apart.
+USERS: tuple[Colour, ...] = (
+    (0.00, 0.45, 0.75, 1.0),
+    (0.85, 0.37, 0.00, 1.0),
+    (0.00, 0.62, 0.45, 1.0),
+    (0.75, 0.40, 0.65, 1.0),
+    (0.85, 0.65, 0.05, 1.0),
+    (0.35, 0.70, 0.90, 1.0),
+)
+# What is of a user -> how far its colour is from the user's hue to white, or if negative to black.
+SHADES: dict[str, float] = {
+    "hand_force": 0.4,
+    "contact_force": -0.35,
+    "point_command": -0.6,
+    "count": 0.4,
+}
 # Namespace of a shape -> what it is called in the legend of a still picture.
 LEGEND: dict[str, str] = {
     "links": "link",
@@ -45,6 +61,8 @@ LEGEND: dict[str, str] = {
     "rigid_directions": "rigid direction",
     "free_directions": "free direction",
 }
+# What of these a user feels, and so has the user's hue where there are several.
+FELT = frozenset({"rigid_directions", "free_directions"})
 # Namespace of a shape -> its colour; namespaces of axes have three.
 MEANING: dict[str, Colour] = {
     "links": LINK,

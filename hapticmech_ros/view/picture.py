@@ -20,6 +20,7 @@ from hapticmech_ros.view.mechanism_shapes import closure_shapes, joint_shapes, l
 from hapticmech_ros.view.placement import Placement
 from hapticmech_ros.view.shapes import Shape, axes, numbered, sphere, text
 from hapticmech_ros.view.solid_shapes import solid_shapes, spring_shapes
+from hapticmech_ros.view.user_look import PLAIN, Look, looks
 from hapticmech_ros.view.wrench_shapes import Scales, direction_shapes, wrench_shapes
 
 # Sizes as shares of the mechanism's characteristic length, or of its longest rod.
@@ -31,30 +32,41 @@ LETTERS_ABOVE = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class Snapshot:
-    """What is known at one time; what is None, or missing, is not drawn.
+class UserSnapshot:
+    """What is known of one user at one time; what is None is not drawn.
 
     Attributes:
-        active: per closure, whether it is closed.
-        device: pose of the point held.
-        hand_wrench: (6,) F_h, by the hand, on the device.
-        device_command: (6,) by the device, on the hand.
-        contacts: operational point -> (6,) F_c, by the environment, on the mechanism.
-        point_commands: operational point -> (6,) by the hand through the controller.
-        held: operational point that ``analysis`` and ``count`` are of.
-        analysis: its spectrum.
+        point: operational point that is held.
+        device: its pose.
+        hand_wrench: (6,) F_h, by the hand, on the device, N and N m, world axes.
+        device_command: (6,) by the device, on the hand, likewise.
+        analysis: spectrum of the point held.
         count: joint constraints felt there.
     """
 
-    active: Active
+    point: str
     device: pin.SE3 | None = None
     hand_wrench: Array | None = None
     device_command: Array | None = None
-    contacts: Mapping[str, Array] = field(default_factory=dict)
-    point_commands: Mapping[str, Array] = field(default_factory=dict)
-    held: str = ""
     analysis: OperationalAnalysis | None = None
     count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What is known at one time; what is missing is not drawn.
+
+    Attributes:
+        active: per closure, whether it is closed.
+        users: who hold the mechanism, in their order.
+        contacts: operational point -> (6,) F_c, by the environment, on the mechanism.
+        point_commands: operational point -> (6,) by the hand through the controller.
+    """
+
+    active: Active
+    users: tuple[UserSnapshot, ...] = ()
+    contacts: Mapping[str, Array] = field(default_factory=dict)
+    point_commands: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Picture:
@@ -89,32 +101,42 @@ class Picture:
         ]
         for name, pose in placement.points.items():
             shapes += _point(name, pose, unit)
-        if snapshot.device is not None:
-            shapes += _device(snapshot.device, unit)
-        shapes += self._wrenches(snapshot, placement)
-        if snapshot.analysis is not None:
-            place = placement.points[snapshot.held].translation
-            shapes += _directions(snapshot.analysis, snapshot.count, place, unit)
+        look_of = looks([user.point for user in snapshot.users])
+        shapes += self._point_wrenches(snapshot, placement, look_of)
+        for user in snapshot.users:
+            shapes += self._user(user, placement, look_of[user.point])
         return shapes
 
-    def _wrenches(self, snapshot: Snapshot, placement: Placement) -> list[Shape]:
+    def _point_wrenches(
+        self, snapshot: Snapshot, placement: Placement, look_of: Mapping[str, Look]
+    ) -> list[Shape]:
         shapes: list[Shape] = []
         for number, (name, pose) in enumerate(placement.points.items()):
-            for namespace, wrenches in (
+            for meaning, wrenches in (
                 ("contact_force", snapshot.contacts),
                 ("point_command", snapshot.point_commands),
             ):
                 if name in wrenches:
-                    place, wrench = pose.translation, wrenches[name]
-                    shapes += wrench_shapes(namespace, number, place, wrench, self._scales)
-        if snapshot.device is not None:
-            place = snapshot.device.translation
-            for namespace, given in (
-                ("hand_force", snapshot.hand_wrench),
-                ("device_command", snapshot.device_command),
+                    place, look = pose.translation, look_of.get(name, PLAIN)
+                    shapes += wrench_shapes(
+                        meaning, number, place, wrenches[name], self._scales, look
+                    )
+        return shapes
+
+    def _user(self, user: UserSnapshot, placement: Placement, look: Look) -> list[Shape]:
+        unit, shapes = self._scales.unit, []
+        if user.device is not None:
+            shapes += _device(user.device, unit, look)
+            place = user.device.translation
+            for meaning, given in (
+                ("hand_force", user.hand_wrench),
+                ("device_command", user.device_command),
             ):
                 if given is not None:
-                    shapes += wrench_shapes(namespace, 0, place, given, self._scales)
+                    shapes += wrench_shapes(meaning, 0, place, given, self._scales, look)
+        if user.analysis is not None:
+            place = placement.points[user.point].translation
+            shapes += _directions(user.analysis, user.count, place, unit, look)
         return shapes
 
 
@@ -126,21 +148,21 @@ def _point(name: str, pose: pin.SE3, unit: float) -> list[Shape]:
     return [*numbered(f"point/{name}", body), *numbered(f"point/{name}_world", world)]
 
 
-def _device(pose: pin.SE3, unit: float) -> list[Shape]:
-    ball = sphere(pose.translation, DEVICE_DIAMETER * unit, palette.DEVICE)
+def _device(pose: pin.SE3, unit: float, look: Look) -> list[Shape]:
+    ball = sphere(pose.translation, DEVICE_DIAMETER * unit, look.colour("device"))
     cross = axes(pose, 0.8 * AXIS_LENGTH * unit, 1.5 * AXIS_SHAFT * unit, palette.AXES)
-    return numbered("device", [ball, *cross])
+    return numbered(look.namespace("device"), [ball, *cross])
 
 
 def _directions(
-    analysis: OperationalAnalysis, count: int, place: Array, unit: float
+    analysis: OperationalAnalysis, count: int, place: Array, unit: float, look: Look
 ) -> list[Shape]:
     rigid, free = directions(analysis, count)
     words = "1 joint constraint" if count == 1 else f"{count} joint constraints"
     above = place + np.array((0.0, 0.0, LETTERS_ABOVE * unit))
-    letters = text(above, words, LETTER_HEIGHT * unit, palette.LETTERS)
+    letters = text(above, look.words(words), LETTER_HEIGHT * unit, look.colour("count"))
     return [
-        *direction_shapes("rigid_directions", rigid, place, unit),
-        *direction_shapes("free_directions", free, place, unit),
-        *numbered("count", [letters]),
+        *direction_shapes("rigid_directions", rigid, place, unit, look),
+        *direction_shapes("free_directions", free, place, unit, look),
+        *numbered(look.namespace("count"), [letters]),
     ]

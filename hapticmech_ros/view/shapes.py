@@ -60,6 +60,11 @@ class Shape:
         """Return namespace and number."""
         return self.namespace, self.number
 
+    @property
+    def meaning(self) -> str:
+        """Return what it means: its namespace without what is behind the first slash."""
+        return self.namespace.partition("/")[0]
+
 
 def numbered(namespace: str, shapes: Iterable[Shape], first: int = 0) -> list[Shape]:
     """Return the shapes under a namespace, numbered from ``first``."""

@@ -20,8 +20,9 @@ from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.contact_shapes import Hulls
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
-from hapticmech_ros.view.picture import Picture, Snapshot
+from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import Placer
+from hapticmech_ros.view.user_look import hues
 
 # Behind the name of a scene that is drawn as it is written.
 OPEN = "open as written: its loops do not close"
@@ -36,13 +37,14 @@ def draw_scene(
 ) -> None:
     """Write a picture of a scene at its start as a PNG file.
 
-    The mechanism, its closures, and at the point held the directions that are rigid and free. Of a
+    The mechanism, its closures, and at each point held the directions that are rigid and free. Of a
     scene that cannot close, its loops as they are open in the configuration that is written.
 
     Args:
         scene: what is drawn.
         path: of the file; its folder is made.
-        point: operational point that is held; the scene's first one if empty.
+        point: operational point that is held; those of the scene's hands, or its first one, if
+            empty.
         side_pixels: width and height.
         besides: further shapes to draw, such as those of its model that no contact names.
 
@@ -58,10 +60,13 @@ def draw_scene(
     except ClosureError:
         draw_configuration(scene, authored_state(scene, mechanism.tree)[0], path, side_pixels, OPEN)
         raise
-    analyser = Analyser(mechanism, point)
-    analysis = analyser.analyse(simulator.evaluate(state))
-    count = rigid_count(analysis.spectrum.s, scene.perception)
-    snapshot = Snapshot(state.active, held=analyser.point.name, analysis=analysis, count=count)
+    terms, users = simulator.evaluate(state), []
+    for name in (point,) if point else scene.held_points:
+        analyser = Analyser(mechanism, name)
+        analysis = analyser.analyse(terms)
+        count = rigid_count(analysis.spectrum.s, scene.perception)
+        users.append(UserSnapshot(analyser.point.name, analysis=analysis, count=count))
+    snapshot = Snapshot(state.active, tuple(users))
     drawn = scene.model_copy(update={"shapes": (*scene.shapes, *besides)})
     shown = Mechanism(drawn) if besides else mechanism
     _draw(shown, snapshot, np.array(state.q), path, side_pixels, "")
@@ -107,4 +112,5 @@ def _draw(
     shapes += Hulls(scene).draw(placement)
     path.parent.mkdir(parents=True, exist_ok=True)
     title = "  ·  ".join(words for words in (scene.name, note) if words)
-    draw_shapes(shapes, path, scene.task_space == "planar", title, side_pixels)
+    users = hues([user.point for user in snapshot.users])
+    draw_shapes(shapes, path, scene.task_space == "planar", title, side_pixels, users)

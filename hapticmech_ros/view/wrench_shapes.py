@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.view import palette
 from hapticmech_ros.view.directions import Direction
 from hapticmech_ros.view.shapes import Shape, arrow, double_arrow, numbered, ring
+from hapticmech_ros.view.user_look import PLAIN, Look
 
 # Sizes as shares of the mechanism's characteristic length.
 FORCE_SHAFT = 0.045
@@ -41,20 +41,22 @@ class Scales:
 
 
 def wrench_shapes(
-    namespace: str, number: int, place: Array, wrench: Array, scales: Scales
+    meaning: str, number: int, place: Array, wrench: Array, scales: Scales, look: Look = PLAIN
 ) -> list[Shape]:
     """Return an arrow and a ring for a wrench (6,) at ``place`` (3,), tail and centre there.
 
-    The namespace's colour is taken; of several wrenches in a namespace each has its number.
+    Of several wrenches in a namespace each has its number.
 
     Args:
-        namespace: of the markers.
+        meaning: of the wrench, by which it is named and coloured.
         number: of this wrench in the namespace.
         place: (3,) m, world axes.
         wrench: (6,) N and N m, world axes.
         scales: characteristic length (m), m/N and m/(N m).
+        look: of the user whose it is.
     """
-    colour, width = palette.MEANING[namespace], FORCE_SHAFT * scales.unit
+    namespace, colour = look.namespace(meaning), look.colour(meaning)
+    width = FORCE_SHAFT * scales.unit
     force, radius = scales.force * wrench[:3], scales.torque * float(np.linalg.norm(wrench[3:]))
     shapes: list[Shape] = []
     if np.linalg.norm(force) > SMALLEST * scales.unit:
@@ -67,7 +69,7 @@ def wrench_shapes(
 
 
 def direction_shapes(
-    namespace: str, found: Sequence[Direction], place: Array, unit: float
+    meaning: str, found: Sequence[Direction], place: Array, unit: float, look: Look = PLAIN
 ) -> list[Shape]:
     """Return a double-headed arrow and a ring for every direction at ``place`` (3,).
 
@@ -75,13 +77,14 @@ def direction_shapes(
     either side, the largest ring ``RING_RADIUS``, as shares of ``unit`` (m).
 
     Args:
-        namespace: of the markers.
+        meaning: ``rigid_directions`` or ``free_directions``.
         found: the directions.
         place: (3,) m, world axes.
         unit: the mechanism's characteristic length, m.
+        look: of the user who feels them.
     """
-    colour = palette.MEANING[namespace]
-    shaft = (RIGID_SHAFT if namespace == "rigid_directions" else FREE_SHAFT) * unit
+    namespace, colour = look.namespace(meaning), look.colour(meaning)
+    shaft = (RIGID_SHAFT if meaning == "rigid_directions" else FREE_SHAFT) * unit
     shapes: list[Shape] = []
     for index, direction in enumerate(found):
         half = DIRECTION_LENGTH * unit * direction.force

@@ -9,6 +9,7 @@ operational point of the scene.
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,6 +72,15 @@ FOLLOWER, ROBOT = "robot_follower", "simulated_robot"
 # Drive devices that are not simulated, by the same topics as DEVICE.
 HAPLY, RELAY = "haply_device", "relay_device"
 REAL_DEVICES = (HAPLY, RELAY)
+
+
+def user_prefixes(points: Sequence[str]) -> dict[str, str]:
+    """Return what is before the names of a user's topics, nodes and frames, by the point held.
+
+    Of several users each has its point's name as a namespace, in that of the mechanism; one user
+    has that of the mechanism.
+    """
+    return {point: f"{point}/" if len(points) > 1 else "" for point in points}
 
 
 def crtk_type(name: str) -> str:

@@ -15,7 +15,7 @@ from hapticmech_ros.live.history import History
 from hapticmech_ros.live.live_picture import LAYERS, VISUALS, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.numbers import numbers_html
-from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, changes_of, gain_sliders
+from hapticmech_ros.live.settings import HANDS, changes_of, gain_sliders
 from hapticmech_ros.live.shape_links import shape_links
 from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.loading import load_scene, shipped_scenes
@@ -23,7 +23,7 @@ from oracles.touching import FLOOR, body, pair, scene, shape
 
 
 def begun(name):
-    session = LiveSession(Open(name, changes_of(MOUSE_ALONE, 0.0)), 0.0)
+    session = LiveSession(Open(name, changes_of(load_scene(name))), 0.0)
     return session, LivePicture(session.opened)
 
 
@@ -77,11 +77,12 @@ def test_all_layers_can_be_hidden():
 
 def test_the_hand_is_meant_where_its_ball_is_seen_whatever_is_in_front():
     session, picture = begun("five_bar")
-    device = session.state().device[:, 3]
+    state = session.state()
+    device = state.users[0].device[:, 3]
     eye = device + np.array((0.0, 0.0, 1.0))
     in_front = device + np.array((0.0, 0.0, 0.3 * picture.unit))
-    assert picture.is_hand(device, eye, in_front)
-    assert not picture.is_hand(device, eye, in_front + np.array((0.2 * picture.unit, 0.0, 0.0)))
+    assert picture.hand_at(state, eye, in_front) == "handle"
+    assert picture.hand_at(state, eye, in_front + np.array((0.2 * picture.unit, 0.0, 0.0))) is None
 
 
 @pytest.mark.parametrize("name", ["five_bar", "spatial_arm"])
@@ -134,14 +135,15 @@ def test_numbers_are_told_by_name():
     session, picture = begun("five_bar")
     state = moved(session, 1.0)
     frame = picture.draw(state)
-    text = numbers_html(state, "five_bar", frame.analysis.spectrum.s, frame.masses, "")
+    text = numbers_html(state, frame, "five_bar", {}, {}, "")
     assert '<b id="live-count">1</b>' in text
     assert "problem" not in text
-    refused = numbers_html(state, "five_bar", frame.analysis.spectrum.s, frame.masses, "a < b")
+    refused = numbers_html(state, frame, "five_bar", {}, {}, "a < b")
     assert '<b id="live-problem">a &lt; b</b>' in refused
-    assert "slower than real time" in numbers_html(
-        session_at(state, 0.5), "x", frame.analysis.spectrum.s, np.array((1.0, np.inf)), ""
-    )
+    rigid = replace(frame, masses={"handle": np.array((1.0, np.inf))})
+    slow = numbers_html(session_at(state, 0.5), rigid, "x", {}, {}, "")
+    assert "slower than real time" in slow
+    assert '<b id="live-mass">1, rigid</b>' in slow
 
 
 def session_at(state, factor):
@@ -150,9 +152,9 @@ def session_at(state, factor):
 
 
 def test_history_keeps_ten_seconds_and_begins_anew_with_time():
-    session, _ = begun("five_bar")
+    session, picture = begun("five_bar")
     history = History()
-    history.begin(3)
+    history.begin(picture.users, 3)
     assert [len(column) for column in history.count()] == [1, 1]
     state = session.state()
     for time in np.arange(0.0, 20.0, 0.02):
@@ -160,7 +162,7 @@ def test_history_keeps_ten_seconds_and_begins_anew_with_time():
         history.add(state)
     times, *s = history.spectrum()
     assert len(s) == 3
-    assert s[0][-1] == state.observation[0]
+    assert s[0][-1] == state.users[0].observation[0]
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.6)
     assert np.diff(times).min() >= 0.05
     object.__setattr__(state, "time", 3.0)
@@ -174,7 +176,7 @@ def test_sliders_hold_what_the_scene_has_and_hands_are_scenes(name):
         assert 0.0 <= slider.value <= slider.highest
         assert slider.step > 0.0
     for hand in HANDS:
-        changed = load_scene(name, changes=changes_of(hand, 20.0))
+        changed = load_scene(name, changes=changes_of(load_scene(name), [hand], 20.0))
         assert changed.connection.delay == pytest.approx(0.02)
 
 

@@ -11,6 +11,7 @@ from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.live.commands import (
     Drag,
+    Draggable,
     DragStiffness,
     Failed,
     Hold,
@@ -26,15 +27,19 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
 from hapticmech_ros.live.live_session import MOST_BEHIND_S, LiveSession
-from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+from hapticmech_ros.live.settings import changes_of
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.offline import states_from_bag
 
-ALONE = changes_of(MOUSE_ALONE, 0.0)
+HAND = Draggable("hand", "handle")
+
+
+def alone(scene="five_bar"):
+    return changes_of(load_scene(scene))
 
 
 def live(scene="five_bar", *changes):
-    return LiveSession(Open(scene, (*ALONE, *changes)), 0.0)
+    return LiveSession(Open(scene, (*alone(scene), *changes)), 0.0)
 
 
 def until(session, start, end, command=None):
@@ -48,16 +53,33 @@ def until(session, start, end, command=None):
     return end
 
 
-def pull(session, x, y=0.0, link=""):
-    """Return a drag from where the device is."""
-    place = session.state().device[:, 3]
-    return Drag(link, np.zeros(3), place + np.array((x, y, 0.0)))
+def pull(session, x, y=0.0):
+    """Return a drag from where the first device is."""
+    user = session.state().users[0]
+    hand = Draggable("hand", user.point)
+    return Drag(hand, np.zeros(3), user.device[:, 3] + np.array((x, y, 0.0)))
+
+
+def on_link(name, grip, goal):
+    return Drag(Draggable("link", name), grip, goal)
+
+
+def the_drag(session):
+    """Return the only drag that there is."""
+    (drag,) = session.state().drags
+    return drag
+
+
+def the_user(session):
+    """Return the only user that there is."""
+    (user,) = session.state().users
+    return user
 
 
 def test_it_does_the_ticks_of_a_session_none_more_and_none_less():
     session = live()
     until(session, 0.0, 1.0)
-    plain = Session(load_scene("five_bar", changes=ALONE))
+    plain = Session(load_scene("five_bar", changes=alone()))
     plain.run(round(session.session.time / plain.period))
     assert session.session.time == pytest.approx(1.0, abs=0.02)
     assert (session.session.mechanism.q == plain.mechanism.q).all()
@@ -86,19 +108,19 @@ def test_a_drag_of_the_hand_pulls_it_there():
     until(session, 0.0, 0.7)
     drag = pull(session, 0.01, 0.005)
     until(session, 0.7, 4.0, drag)
-    state = session.state()
-    assert (state.dragged, state.drag_force.shape) == ("hand", (3,))
-    assert state.device[:, 3] == pytest.approx(drag.goal, abs=2e-3)
+    found = the_drag(session)
+    assert (found.body, found.force.shape) == (HAND, (3,))
+    assert the_user(session).device[:, 3] == pytest.approx(drag.goal, abs=2e-3)
 
 
 def test_the_force_of_a_drag_is_the_hands_wrench_and_keeps_to_the_devices_limit():
     session = live()
     until(session, 0.0, 0.1)
     until(session, 0.1, 0.12, pull(session, 10.0))
-    state = session.state()
+    force = the_drag(session).force
     limit = session.session.scene.device.force_limit
-    assert np.linalg.norm(state.drag_force) == pytest.approx(limit)
-    assert state.hand_wrench[:3] == pytest.approx(state.drag_force)
+    assert np.linalg.norm(force) == pytest.approx(limit)
+    assert the_user(session).hand_wrench[:3] == pytest.approx(force)
 
 
 @pytest.mark.parametrize("how", ["release", "silence"])
@@ -106,14 +128,14 @@ def test_a_drag_ends_when_it_is_let_go_and_when_nothing_is_heard(how):
     session = live()
     now = until(session, 0.0, 0.1)
     now = until(session, now, 0.3, pull(session, 0.02))
-    assert np.linalg.norm(session.state().drag_force) > 0.1
+    assert np.linalg.norm(the_drag(session).force) > 0.1
     if how == "release":
-        session.take(Release(), now)
+        session.take(Release(HAND), now)
         now = until(session, now, now + 0.01)
     else:
         now = until(session, now, now + DRAG_TIMEOUT_S + 0.005)
-    assert session.state().dragged == ""
-    assert (session.state().hand_wrench == 0.0).all()
+    assert session.state().drags == ()
+    assert (the_user(session).hand_wrench == 0.0).all()
 
 
 @pytest.mark.parametrize("scene", ["five_bar", "spatial_arm", "stewart_platform", "peg_in_hole"])
@@ -125,13 +147,14 @@ def test_a_link_is_dragged_by_a_wrench_on_it(scene):
     start = mechanism.frame_pose(session.session.mechanism.q, link.name).translation
     planar = session.session.scene.task_space == "planar"
     goal = start + np.array((0.004, 0.004, 0.0 if planar else 0.004))
-    until(session, 0.3, 0.6, Drag(link.name, np.zeros(3), goal))
+    until(session, 0.3, 0.6, on_link(link.name, np.zeros(3), goal))
     state = session.state()
     assert state.error == ""
-    assert state.dragged == link.name
-    assert not planar or state.drag_force[2] == 0.0
+    drag = the_drag(session)
+    assert drag.body == ("link", link.name)
+    assert not planar or drag.force[2] == 0.0
     place = mechanism.frame_pose(state.q, link.name).translation
-    assert state.grip == pytest.approx(place, abs=2e-4)
+    assert drag.grip == pytest.approx(place, abs=2e-4)
 
 
 def test_a_drag_of_a_link_is_to_the_links_point_that_was_grabbed():
@@ -140,10 +163,10 @@ def test_a_drag_of_a_link_is_to_the_links_point_that_was_grabbed():
     until(session, 0.0, 0.1)
     grip = np.array((0.02, 0.01, 0.0))
     link = session.session.simulator.mechanism.frame_pose(session.session.mechanism.q, "link3")
-    until(session, 0.1, 0.15, Drag("link3", grip, link.act(grip) + np.array((0.01, 0.0, 0.0))))
-    state = session.state()
-    moved = session.session.simulator.mechanism.frame_pose(state.q, "link3")
-    assert state.grip == pytest.approx(moved.act(grip), abs=1e-4)
+    goal = link.act(grip) + np.array((0.01, 0.0, 0.0))
+    until(session, 0.1, 0.15, on_link("link3", grip, goal))
+    moved = session.session.simulator.mechanism.frame_pose(session.state().q, "link3")
+    assert the_drag(session).grip == pytest.approx(moved.act(grip), abs=1e-4)
 
 
 def test_a_stiffer_mouse_pulls_harder():
@@ -153,7 +176,7 @@ def test_a_stiffer_mouse_pulls_harder():
         until(session, 0.0, 0.1)
         assert session.take(DragStiffness(factor), 0.1) is None
         until(session, 0.1, 0.106, pull(session, 0.02))
-        forces.append(np.linalg.norm(session.state().drag_force))
+        forces.append(np.linalg.norm(the_drag(session).force))
     assert forces[0] < 0.7 * forces[1]
 
 
@@ -177,12 +200,12 @@ def test_gains_are_tuned_while_it_runs_and_kept_by_a_reset():
     session = live()
     now = until(session, 0.0, 0.2)
     key = "controller.joint_constraint.stiffness"
-    assert session.take(Tune(key, 123.5), now) is None
+    assert session.take(Tune("handle", key, 123.5), now) is None
     now = until(session, now, now + 0.5)
     first = session.opened.number
     told = session.take(Reset(), now)
     assert isinstance(told, Opened)
-    assert (told.number, told.asked) == (first + 1, Open("five_bar", ALONE))
+    assert (told.number, told.asked) == (first + 1, Open("five_bar", alone()))
     assert told.scene.controller.joint_constraint.stiffness == 123.5
     assert session.session.time == pytest.approx(0.001)
 
@@ -190,15 +213,16 @@ def test_gains_are_tuned_while_it_runs_and_kept_by_a_reset():
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (Tune("device.mass", 1.0), "must begin with controller"),
-        (Tune("controller.joint_constraint.stiffness", -1.0), "stiffness"),
-        (Tune("controller.nothing", 1.0), "nothing"),
+        (Tune("handle", "device.mass", 1.0), "must begin with controller"),
+        (Tune("handle", "controller.joint_constraint.stiffness", -1.0), "stiffness"),
+        (Tune("handle", "controller.nothing", 1.0), "nothing"),
         (DragStiffness(0.0), "factor on the stiffness of the drag: must be"),
-        (Drag("", np.zeros(3), np.full(3, np.nan)), "goal of a drag: must be three finite"),
-        (Drag("link1", np.zeros(2), np.zeros(3)), "grip of a drag: must be three finite"),
-        (Drag("nobody", np.zeros(3), np.zeros(3)), "link: must be one of"),
+        (Drag(HAND, np.zeros(3), np.full(3, np.nan)), "goal of a drag: must be three finite"),
+        (on_link("link1", np.zeros(2), np.zeros(3)), "grip of a drag: must be three finite"),
+        (on_link("nobody", np.zeros(3), np.zeros(3)), "link: must be one of"),
+        (Drag(Draggable("hand", "link1"), *np.zeros((2, 3))), "hand: must be one of"),
         (SwitchClosure("nobody", True), "nobody"),
-        (Hold("nobody"), "must be one of"),
+        (Hold("handle", "nobody"), "must be one of"),
         (Open("nobody"), "no such file, nor a shipped scene"),
         (Open("five_bar", ("device.mass=-1",)), "device.mass"),
     ],
@@ -230,11 +254,11 @@ def test_loops_are_opened_and_shut():
 def test_it_is_held_elsewhere():
     session = live()
     now = until(session, 0.0, 0.7)
-    told = session.take(Hold("link1"), now)
+    told = session.take(Hold("handle", "link1"), now)
     assert isinstance(told, Opened)
     assert told.scene.operational_point("handle").link == "link1"
     assert session.state().number == told.number
-    assert session.state().count == 2
+    assert the_user(session).count == 2
     until(session, now, now + 0.5)
     assert session.state().error == ""
 

@@ -63,6 +63,16 @@ def drag_hand(page, metres):
     return drag(page, seen.hand, metres * seen.scale)
 
 
+def bodies(served):
+    """Return what is dragged now."""
+    return [drag.body for drag in served.process.states[-1][1].drags]
+
+
+def force_of(state):
+    """Return the wrench (6,) of the first user's hand."""
+    return state.users[0].hand_wrench
+
+
 def reset(page):
     """Begin anew, and wait until the page has heard of it."""
     before = float(page.text("live-time"))
@@ -102,13 +112,12 @@ def test_a_link_is_dragged_where_it_is_grabbed(page, served, link):
     (limb,) = [ends for name, ends in seen.frame.placement.limbs if name == link]
     x, y = drag(page, seen.pixel(limb.mean(axis=0)), 40.0)
     page.wait_for_text("live-dragged", link)
-    state = wait_until(
-        lambda: (state := served.process.states[-1][1]).dragged == link and state, link
-    )
+    wait_until(lambda: bodies(served) == [("link", link)], link)
+    state = served.process.states[-1][1]
     # On its limb: as far from either end as the limb is long, both together.
     placed = LivePicture(served.process.opened[-1]).draw(state).placement
     (limb,) = [ends for name, ends in placed.limbs if name == link]
-    near = np.linalg.norm(limb - state.grip * (1, 1, 0), axis=1).sum()
+    near = np.linalg.norm(limb - state.drags[0].grip * (1, 1, 0), axis=1).sum()
     assert near == pytest.approx(np.linalg.norm(limb[1] - limb[0]), rel=0.05)
     page.mouse("mouseReleased", x, y)
     page.wait_for_text("live-dragged", "nothing")
@@ -121,7 +130,7 @@ def test_a_mouse_that_is_held_still_goes_on_pulling(page, served):
     page.wait_for_text("live-dragged", "hand")
     begun = served.process.states[-1][1].time
     wait_until(lambda: served.process.states[-1][1].time > begun + 5.0 * DRAG_TIMEOUT_S, "a while")
-    wait_until(lambda: served.process.states[-1][1].dragged == "hand", "the hand to be dragged")
+    wait_until(lambda: bodies(served) == [("hand", "handle")], "the hand to be dragged")
     page.mouse("mouseReleased", x, y)
     page.wait_for_text("live-dragged", "nothing")
 
@@ -163,14 +172,14 @@ def test_the_wrench_of_a_closed_tab_ends(browser, served, page):
     tab = browser.page()
     served.opened_in(tab)
     drag_hand(tab, 0.05)
-    wait_until(lambda: abs(served.process.states[-1][1].hand_wrench[0]) > 0.1, "a force")
+    wait_until(lambda: abs(force_of(served.process.states[-1][1])[0]) > 0.1, "a force")
     begun = time.monotonic()
     tab.close()
     closed = tab.connection.ended()
 
     def ended():
         after = [one for one in served.process.states if one[0] > begun]
-        return [at for at, state in after if not state.dragged and not state.hand_wrench.any()]
+        return [at for at, state in after if not state.drags and not force_of(state).any()]
 
     assert wait_until(ended, "the wrench to end")[0] - closed < ENDS_S
 

@@ -12,11 +12,22 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.live.commands import Drag, Failed, LiveState, Open, Opened, Tune, newest
+from hapticmech_ros.live.commands import (
+    Drag,
+    Draggable,
+    Failed,
+    LiveState,
+    Open,
+    Opened,
+    Tune,
+    newest,
+)
 from hapticmech_ros.live.process import LiveProcess
-from hapticmech_ros.live.settings import MOUSE_ALONE, changes_of
+from hapticmech_ros.live.settings import changes_of
+from hapticmech_ros.loading import load_scene
 
-ASKED = Open("five_bar", changes_of(MOUSE_ALONE, 0.0))
+ASKED = Open("five_bar", changes_of(load_scene("five_bar")))
+HAND = Draggable("hand", "handle")
 PATIENCE_S = 60.0
 
 
@@ -50,16 +61,16 @@ def test_it_tells_the_scene_and_then_states(process):
 
 
 def test_a_drag_of_which_nothing_more_is_heard_ends(process):
-    place = wait_for(process, is_state).device[:, 3]
-    drag = Drag("", np.zeros(3), place + np.array((0.02, 0.0, 0.0)))
+    place = wait_for(process, is_state).users[0].device[:, 3]
+    drag = Drag(HAND, np.zeros(3), place + np.array((0.02, 0.0, 0.0)))
     process.send(drag)
-    wait_for(process, lambda report: is_state(report) and report.dragged)
-    free = wait_for(process, lambda report: is_state(report) and not report.dragged)
-    assert (free.hand_wrench == 0.0).all()
+    wait_for(process, lambda report: is_state(report) and report.drags)
+    free = wait_for(process, lambda report: is_state(report) and not report.drags)
+    assert (free.users[0].hand_wrench == 0.0).all()
 
 
 def test_what_is_refused_is_told(process):
-    process.send(Tune("device.mass", 1.0))
+    process.send(Tune("handle", "device.mass", 1.0))
     failed = wait_for(process, lambda report: isinstance(report, Failed))
     assert "must begin with controller" in failed.reason
 
@@ -79,7 +90,7 @@ def last_news(process):
 def test_news_of_a_process_that_has_ended_are_an_error():
     process = LiveProcess(ASKED)
     process.close()
-    process.send(Tune("controller.gain_ramp", 1.0))
+    process.send(Tune("handle", "controller.gain_ramp", 1.0))
     while any(is_state(report) or isinstance(report, Opened) for report in last_news(process)):
         pass
     with pytest.raises(HapticMechError, match="has ended"):
@@ -109,7 +120,7 @@ def test_it_ends_with_a_parent_that_is_killed(tmp_path):
 
 def test_of_states_only_the_newest_is_kept_and_of_others_all():
     def state(time_s):
-        return LiveState(1, time_s, False, 1.0, *[np.zeros(0)] * 2, np.zeros(0), 0, *[None] * 5)
+        return LiveState(1, time_s, False, 1.0, np.zeros(0), (), ())
 
     one, two, three = Failed("a"), Failed("b"), Failed("c")
     old, new = state(0.1), state(0.2)

@@ -1,12 +1,16 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A body that two hands hold, and what each feels by closed forms."""
+"""Mechanisms that two hands hold, and what each feels of a free body by closed forms."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import yaml
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.share import shared
 
 MASS, INERTIA, REACH = 0.8, (1.1e-3, 0.9e-3, 1.4e-3), 0.06
 
@@ -31,6 +35,28 @@ def two_points(**changes: object) -> dict[str, object]:
         "hand": {"kind": "constant_wrench"},
         **changes,
     }
+
+
+def five_bar_of_two(folder: Path, *hands: dict[str, object]) -> Path:
+    """Return a file with the five-bar, held at link 1 (left) and at link 3 (right).
+
+    Args:
+        folder: of the file.
+        hands: further keys of the two users, the left one first.
+    """
+    shipped = shared("config/scenes/five_bar.yaml")
+    assert shipped is not None
+    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
+    places = {"left": "link1", "right": "link3"}
+    document["operational_points"] = [
+        {"name": name, "link": link, "origin": {"xyz": [0.045, 0, 0]}}
+        for name, link in places.items()
+    ]
+    own = [*hands, {}, {}][:2]
+    document["hands"] = [{"point": name, **one} for name, one in zip(places, own, strict=True)]
+    path = folder / "two_users.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return path
 
 
 def inverse_inertia(one: Array, other: Array) -> Array:

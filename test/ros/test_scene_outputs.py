@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard
+from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs
 from hapticmech_ros.view import Placer, moving_frames
 from hapticmech_ros.view.shapes import numbered, sphere
@@ -63,6 +63,8 @@ class StandInActor:
     def output(self, topic: Any, kind: Any, qos: Any = None, point: str = "handle") -> Outlet:
         return self.output_named(topic.of(point), kind, qos)
 
+    output_qos = None
+
     def now_ns(self) -> int:
         return NOW
 
@@ -73,14 +75,15 @@ class Stage:
     def __init__(self, tf_type: Any = TfMessage, prefix: str = "") -> None:
         self.actor = StandInActor()
         mechanism = Mechanism(load_scene("five_bar"))
-        self.outputs = SceneOutputs(self.actor, mechanism, prefix, tf_type)  # type: ignore[arg-type]
+        self.outputs = SceneOutputs(self.actor, mechanism, {"handle": ""}, prefix, tf_type)  # type: ignore[arg-type]
         self.q = np.zeros(mechanism.nq)
-        self.moving = moving_frames(mechanism.scene, Placer(mechanism).at(self.q), DEVICE)
+        self.moving = moving_frames(mechanism.scene, Placer(mechanism).at(self.q), {"": DEVICE})
         told = WireState(
             NOW, (True,), self.q, self.q, np.ones((1, 6)), flat_grasps(mechanism.scene), (True,)
         )
         force = np.arange(6.0)
-        self.heard = Heard(told, DEVICE, force, force, {"handle": force}, 1)
+        user = HeardUser(DEVICE, force, force, 1)
+        self.heard = Heard(told, {"handle": user}, {"handle": force})
 
     def sent(self, name: str) -> list[Any]:
         return self.actor.made[name].sent
@@ -161,8 +164,8 @@ def test_a_wrench_that_is_not_known_is_not_published(missing: str) -> None:
     stage = Stage()
     for publisher in stage.actor.made.values():
         publisher.readers = 1
-    known = {name: getattr(stage.heard, name) for name in Heard.__dataclass_fields__}
-    stage.outputs.show_wrenches(Heard(**{**known, missing: None}), NOW)
+    user = replace(stage.heard.users["handle"], **{missing: None})
+    stage.outputs.show_wrenches(replace(stage.heard, users={"handle": user}), NOW)
     empty = {
         "device_command": "view/device/servo_cf",
         "hand_wrench": "view/device/hand/measured_cf",

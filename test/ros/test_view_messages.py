@@ -107,7 +107,7 @@ def test_world_is_everybodys_and_has_no_prefix() -> None:
 
 def test_tf_has_every_frame() -> None:
     scene = load_scene("spatial_arm")
-    frames = moving_frames(scene, Placer(Mechanism(scene)).at(np.zeros(7)), POSE)
+    frames = moving_frames(scene, Placer(Mechanism(scene)).at(np.zeros(7)), {"": POSE})
     message = tf_message(StandInTfMessage, [transform_message(f, NOW) for f in frames])
     names = [transform.child_frame_id for transform in message.transforms]
     assert names == [link.name for link in scene.links] + ["handle_world", "device", "device_world"]

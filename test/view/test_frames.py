@@ -45,7 +45,7 @@ def test_frames_are_where_the_oracle_says(seed):
     sample = random_mechanism(seed, closed=False)
     scene = scene_from_document(sample.document)
     placement = Placer(Mechanism(scene)).at(sample.q)
-    poses = under_world([*moving_frames(scene, placement, DEVICE), *fixed_frames(scene)])
+    poses = under_world([*moving_frames(scene, placement, {"": DEVICE}), *fixed_frames(scene)])
     links = link_poses(sample.document, sample.q)
     # The oracle multiplies other matrices in another order: a few roundings per link.
     for name, pose in links.items():
@@ -95,6 +95,15 @@ def test_names_that_a_link_has_already_are_told_apart():
     frames = [*moving_frames(renamed, placement), *fixed_frames(renamed)]
     children = [frame.child for frame in frames]
     assert len(set(children)) == len(children)
+
+
+def test_devices_of_several_users_have_the_users_names():
+    scene = load_scene("five_bar")
+    placement, users = Placer(Mechanism(scene)).at(np.zeros(4)), ["left/", "right/"]
+    found = moving_frames(scene, placement, {"right/": DEVICE}, users)
+    poses = {frame.child: frame.pose for frame in found}
+    assert {name for name in poses if "device" in name} == {"right/device", "right/device_world"}
+    assert poses["right/device"] == DEVICE
 
 
 def _any(scene):

@@ -16,11 +16,14 @@ from hapticmech_ros import Mechanism, Session, analyse, load_scene
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.scene import document_of
-from hapticmech_ros.view import Picture, Placer, Snapshot, palette, vanished
+from hapticmech_ros.view import Picture, Placer, Snapshot, UserSnapshot, palette, vanished
 from oracles.kinematics import link_poses
 
 FORCE_SCALE, TORQUE_SCALE = 0.05, 4.0
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "visualization.md"
+
+
+OF_USER = UserSnapshot.__dataclass_fields__.keys()
 
 
 class Drawn:
@@ -34,7 +37,9 @@ class Drawn:
         self.bare = Snapshot(active=self.mechanism.initially_active)
 
     def shapes(self, **known):
-        return self.picture.draw(replace(self.bare, **known), self.placement)
+        of_user = {name: known.pop(name) for name in list(known) if name in OF_USER}
+        user = UserSnapshot(self.mechanism.point_names[0], **of_user)
+        return self.picture.draw(replace(self.bare, users=(user,), **known), self.placement)
 
     def in_namespace(self, namespace, **known):
         return [s for s in self.shapes(**known) if s.namespace == namespace]
@@ -43,14 +48,18 @@ class Drawn:
 def snapshot_of(sample, held):
     return Snapshot(
         active=sample.mechanism.active,
-        device=sample.device.pose,
-        hand_wrench=sample.hand_wrench,
-        device_command=sample.output.device,
+        users=(
+            UserSnapshot(
+                held,
+                sample.device.pose,
+                sample.hand_wrench,
+                sample.output.device,
+                sample.analysis,
+                sample.count,
+            ),
+        ),
         contacts={held: np.array((0.3, 0.0, 0.1, 0.0, 0.0, 0.01))},
         point_commands={held: sample.output.mechanism},
-        held=held,
-        analysis=sample.analysis,
-        count=sample.count,
     )
 
 
@@ -187,7 +196,7 @@ def test_the_count_is_written_and_its_directions_are_drawn():
     drawn = Drawn("five_bar")
     found = analyse(drawn.mechanism, drawn.q)
     for count, words in ((0, "0 joint constraints"), (1, "1 joint constraint")):
-        known = {"held": "handle", "analysis": found, "count": count}
+        known = {"analysis": found, "count": count}
         (letters,) = drawn.in_namespace("count", **known)
         assert letters.text == words
         rigid = drawn.in_namespace("rigid_directions", **known)
@@ -217,3 +226,48 @@ def test_the_document_explains_every_namespace_and_no_other():
         for name, colour in palette.MEANING.items()
     }
     assert said == meant
+
+
+def test_of_several_users_each_has_names_and_a_hue_of_its_own():
+    scene = load_scene("five_bar")
+    point = scene.operational_points[0]
+    other = point.model_copy(update={"name": "other", "link": "link3"})
+    mechanism = Mechanism(scene.model_copy(update={"operational_points": (point, other)}))
+    q = consistent_initial_state(mechanism)[0]
+    picture = Picture(mechanism, FORCE_SCALE, TORQUE_SCALE)
+    wrench = np.array((1.0, 0.5, 0.0, 0.0, 0.0, 0.02))
+
+    def drawn(*points):
+        users = tuple(
+            UserSnapshot(
+                name,
+                pin.SE3(np.eye(3), np.full(3, float(i))),
+                wrench,
+                -wrench,
+                analyse(mechanism, q, point=name),
+                1,
+            )
+            for i, name in enumerate(points)
+        )
+        given = dict.fromkeys(("handle", "other"), wrench)
+        snapshot = Snapshot((True,), users, given, given)
+        return picture.draw(snapshot, Placer(mechanism).at(q))
+
+    both, alone = drawn("handle", "other"), drawn("handle")
+    assert len({shape.key for shape in both}) == len(both)
+    felt = ("hand_force", "device_command", "contact_force", "point_command", "free_directions")
+    colours = {}
+    for name in ("handle", "other"):
+        for meaning in (*felt, "rigid_directions", "device", "count"):
+            mine = [s for s in both if s.namespace.startswith(f"{meaning}/{name}")]
+            assert mine, (name, meaning)
+            colours[name, meaning] = mine[0].colour
+    for meaning in felt:
+        assert colours["handle", meaning][:3] != colours["other", meaning][:3]
+    # What pushes and what is felt are told apart as well.
+    assert len({colours["other", meaning] for meaning in felt}) == len(felt)
+    (letters,) = [s.text for s in both if s.namespace == "count/other"]
+    assert letters == "other: 1 joint constraint"
+    # One user has the colours that the document explains, whatever other points there are.
+    assert {s.colour for s in alone if s.namespace == "hand_force"} == {palette.HAND}
+    assert {s.colour for s in alone if s.namespace == "contact_force"} == {palette.CONTACT}

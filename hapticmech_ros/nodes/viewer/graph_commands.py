@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.tuning import TUNED
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.live.commands import Hold, SwitchClosure, Tune
+from hapticmech_ros.live.commands import Draggable, Hold, SwitchClosure, Tune
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
@@ -47,48 +47,62 @@ class GraphCommands:
     Args:
         actor: whose they are; its name is that of the page's own topics.
         mechanism: of the graph.
+        users: what is before the names of a user's topics and nodes, by the point held.
         refused: told why something was not done.
 
     Attributes:
-        changed: key of the scene -> value that was set from here.
+        changed: key of the scene, behind its user's prefix -> value that was set from here.
     """
 
     def __init__(
-        self, actor: Actor[Any], mechanism: Mechanism, refused: Callable[[str], None]
+        self,
+        actor: Actor[Any],
+        mechanism: Mechanism,
+        users: Mapping[str, str],
+        refused: Callable[[str], None],
     ) -> None:
-        self._actor, self._refused = actor, refused
+        self._actor, self._users, self._refused = actor, users, refused
         services = {f"{CLOSURES.name}/{c.name}": SetBool for c in mechanism.closures}
-        services[_SET_PARAMETERS] = SetParameters
+        services |= {f"{user}{_SET_PARAMETERS}": SetParameters for user in users.values()}
         node = actor.node
         self._clients = {
             name: node.keep(node.create_client(kind, name)) for name, kind in services.items()
         }
-        bodies = [(link.name, EXTERNAL_WRENCH.of(link.name)) for link in mechanism.scene.links]
-        self._wrenches: dict[str, Outlet] = {
+        topics = {Draggable("hand", p): user + HAND_WRENCH.name for p, user in users.items()}
+        for link in mechanism.scene.links:
+            topics[Draggable("link", link.name)] = EXTERNAL_WRENCH.of(link.name)
+        self._wrenches: dict[Draggable, Outlet] = {
             body: actor.output_named(f"{topic}/{actor.name}", WrenchStamped, STREAM_PUBLISHER)
-            for body, topic in [("", HAND_WRENCH.name), *bodies]
+            for body, topic in topics.items()
         }
-        self._place = actor.output(SET_OPERATIONAL_POINT, PoseStamped, STREAM_PUBLISHER)
-        self._pushed, self._endings = "", 0
+        self._places = {
+            point: actor.output(SET_OPERATIONAL_POINT, PoseStamped, STREAM_PUBLISHER, point)
+            for point in users
+        }
+        # Of a body that is pushed, or was: how often it is still told that it is not.
+        self._endings: dict[Draggable, int] = {}
         self.changed: dict[str, float] = {}
 
-    def push(self, on_device: Array | None, on_links: dict[str, Array], now_ns: int) -> None:
-        """Push the device or a link from now on, or nothing: what was pushed is told so.
+    def push(self, wrenches: Mapping[Draggable, Array], now_ns: int) -> None:
+        """Push bodies from now on; what was pushed and is not is told so.
 
         Args:
-            on_device: (6,) N and N m, world axes, at the point held; None for nothing.
-            on_links: name of a link -> (6,) likewise, at its origin; at most one.
+            wrenches: (6,) N and N m, world axes, on a hand's device at the point held, or on a
+                link at its origin.
             now_ns: the time, ns.
         """
-        pushed = {"": on_device} if on_device is not None else on_links
-        for body, wrench in pushed.items():
-            if body != self._pushed:
-                self._send(self._pushed, np.zeros(6), now_ns)
+        for body in [body for body in self._endings if body not in wrenches]:
+            self._send(body, np.zeros(6), now_ns)
+            self._endings[body] -= 1
+            if not self._endings[body]:
+                del self._endings[body]
+        for body, wrench in wrenches.items():
             self._send(body, wrench, now_ns)
-            self._pushed, self._endings = body, _ENDINGS
-        if not pushed and self._endings:
-            self._send(self._pushed, np.zeros(6), now_ns)
-            self._endings -= 1
+            self._endings[body] = _ENDINGS
+
+    def is_heard(self, body: Draggable) -> bool:
+        """Return whether anybody listens to what pushes a body."""
+        return self._wrenches[body].wanted
 
     def switch(self, command: SwitchClosure) -> None:
         """Open or close a loop by its service."""
@@ -101,7 +115,7 @@ class GraphCommands:
         self._call(name, request, answered)
 
     def tune(self, command: Tune) -> None:
-        """Set a gain by the controller's parameter for it.
+        """Set a gain by the parameter for it of the user's controller.
 
         Raises:
             InvalidInputError: it has none for this key.
@@ -111,25 +125,25 @@ class GraphCommands:
             rule = f"must be one of {', '.join(_PARAMETERS)}"
             raise InvalidInputError("key to tune", command.key, rule)
         wanted = Parameter(name, value=float(command.value)).to_parameter_msg()
-        request = SetParameters.Request(parameters=[wanted])
+        request, user = SetParameters.Request(parameters=[wanted]), self._users[command.point]
 
         def answered(response: SetParameters.Response) -> None:
             (result,) = response.results
             if result.successful:
-                self.changed[command.key] = float(command.value)
+                self.changed[f"{user}{command.key}"] = float(command.value)
             else:
                 self._refused(result.reason)
 
-        self._call(_SET_PARAMETERS, request, answered)
+        self._call(f"{user}{_SET_PARAMETERS}", request, answered)
 
     def hold(self, command: Hold, now_ns: int) -> None:
-        """Put the operational point at the origin of a frame."""
+        """Put the operational point of a user at the origin of a frame."""
         message = PoseStamped()
         write_pose(message, pin.SE3.Identity(), now_ns)
         message.header.frame_id = command.frame
-        self._place.publish(message)
+        self._places[command.point].publish(message)
 
-    def _send(self, body: str, wrench: Array, now_ns: int) -> None:
+    def _send(self, body: Draggable, wrench: Array, now_ns: int) -> None:
         self._wrenches[body].publish(encode_wrench(wrench, now_ns, self._actor.wrenches))
 
     def _call(self, name: str, request: Any, answered: Callable[[Any], None]) -> None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -37,25 +37,36 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
+class HeardUser:
+    """What is known now of one user, old messages left out.
+
+    Attributes:
+        device: pose of the device.
+        hand_wrench: (6,) F_h, N and N m, world axes.
+        device_command: (6,) by the device, on the hand, likewise.
+        count: joint constraints felt.
+    """
+
+    device: pin.SE3 | None = None
+    hand_wrench: Array | None = None
+    device_command: Array | None = None
+    count: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Heard:
     """What is known now, old messages left out.
 
     Attributes:
         state: of the mechanism.
-        device: pose of the point held.
-        hand_wrench: (6,) F_h.
-        device_command: (6,) by the device, on the hand.
-        point_commands: operational point -> (6,) on the mechanism.
-        count: joint constraints felt at the actor's operational point.
+        users: operational point held -> what is known of who holds it.
+        point_commands: operational point -> (6,) on the mechanism, N and N m, world axes.
         touching: points of contact; None in a scene without contacts, or not told of.
     """
 
     state: WireState
-    device: pin.SE3 | None
-    hand_wrench: Array | None
-    device_command: Array | None
+    users: dict[str, HeardUser]
     point_commands: dict[str, Array]
-    count: int | None
     touching: ContactPoints | None = None
 
 
@@ -114,41 +125,71 @@ class SceneInput(Generic[T]):
         self._latest.put(message, now_ns)
 
 
+class UserInputs:
+    """What is subscribed to of one user.
+
+    Args:
+        actor: whose subscriptions they are.
+        point: that is held.
+        prefix: before the names of the user's topics.
+        directions: that the task space has.
+    """
+
+    def __init__(self, actor: Actor[Any], point: str, prefix: str, directions: int) -> None:
+        self._device = SceneInput(
+            actor,
+            prefix + DEVICE_POSE.name,
+            PoseStamped,
+            lambda data: read_pose(deserialized(data, PoseStamped), actor.limits),
+        )
+        self._hand, self._command = (
+            _wrench_input(actor, prefix + topic.name) for topic in (HAND_FORCE, DEVICE_COMMAND)
+        )
+        self._count = SceneInput(
+            actor, prefix + COUNT.of(point), UInt8, lambda data: _count(data, directions)
+        )
+
+    def all(self) -> list[SceneInput[Any]]:
+        """Return each of them."""
+        return [self._device, self._hand, self._command, self._count]
+
+    def now(self, now_ns: int, timeout_ns: int) -> HeardUser:
+        """Return what is known of the user."""
+        return HeardUser(
+            self._device.value(now_ns, timeout_ns),
+            self._hand.value(now_ns, timeout_ns),
+            self._command.value(now_ns, timeout_ns),
+            self._count.value(now_ns, timeout_ns),
+        )
+
+
 class SceneInputs:
-    """All that the viewer subscribes to, while somebody looks.
+    """All that who looks on subscribes to, while somebody looks.
 
     Of what there is at the control rate only that is taken which comes no slower: the mechanism's
     state and the commands.
+
+    Args:
+        actor: whose subscriptions they are.
+        mechanism: of the graph.
+        prefixes: what is before the names of a user's topics, by the operational point held.
     """
 
-    def __init__(self, actor: Actor[Any], mechanism: Mechanism) -> None:
+    def __init__(
+        self, actor: Actor[Any], mechanism: Mechanism, prefixes: Mapping[str, str]
+    ) -> None:
         layout = StateLayout(mechanism)
         directions = len(mechanism.scene.task_rows)
         self._state = SceneInput(
             actor, STATE.name, Float64MultiArray, lambda data: layout.unpack(decode(data))
         )
-        self._device = SceneInput(
-            actor,
-            DEVICE_POSE.name,
-            PoseStamped,
-            lambda data: read_pose(deserialized(data, PoseStamped), actor.limits),
-        )
-
-        def wrench(data: bytes) -> Array:
-            return read_wrench(deserialized(data, WrenchStamped), actor.wrenches)
-
-        self._hand = SceneInput(actor, HAND_FORCE.name, WrenchStamped, wrench)
-        self._command = SceneInput(actor, DEVICE_COMMAND.name, WrenchStamped, wrench)
-        self._points = {
-            name: SceneInput(actor, POINT_COMMAND.of(name), WrenchStamped, wrench)
-            for name in mechanism.point_names
+        self._users = {
+            point: UserInputs(actor, point, prefix, directions)
+            for point, prefix in prefixes.items()
         }
-        self._count = SceneInput(
-            actor,
-            COUNT.of(actor.point),
-            UInt8,
-            lambda data: _count(data, directions),
-        )
+        self._points = {
+            name: _wrench_input(actor, POINT_COMMAND.of(name)) for name in mechanism.point_names
+        }
         names = [contact.name for contact in mechanism.scene.contacts]
         touched = ContactLayout(names)
         self._touching = [
@@ -160,26 +201,20 @@ class SceneInputs:
 
     def listen(self, wanted: bool) -> None:
         """Subscribe to everything, or to nothing."""
-        for ear in self._ears():
+        for one in self._all():
             if wanted:
-                ear.open()
+                one.open()
             else:
-                ear.close()
+                one.close()
 
     def forget(self) -> None:
         """Forget what was heard."""
-        for ear in self._ears():
-            ear.forget()
+        for one in self._all():
+            one.forget()
 
-    def _ears(self) -> list[SceneInput[Any]]:
-        alone: list[SceneInput[Any]] = [
-            self._state,
-            self._device,
-            self._hand,
-            self._command,
-            self._count,
-        ]
-        return [*alone, *self._points.values(), *self._touching]
+    def _all(self) -> list[SceneInput[Any]]:
+        of_users = [one for user in self._users.values() for one in user.all()]
+        return [self._state, *of_users, *self._points.values(), *self._touching]
 
     def state(self, now_ns: int, timeout_ns: int) -> WireState | None:
         """Return the mechanism's state; None without one that came within ``timeout_ns``."""
@@ -190,17 +225,23 @@ class SceneInputs:
         state = self._state.value(now_ns, timeout_ns)
         if state is None:
             return None
-        touching = [ear.value(now_ns, timeout_ns) for ear in self._touching]
-        commands = {name: ear.value(now_ns, timeout_ns) for name, ear in self._points.items()}
+        touching = [one.value(now_ns, timeout_ns) for one in self._touching]
+        commands = {name: one.value(now_ns, timeout_ns) for name, one in self._points.items()}
         return Heard(
             state,
-            self._device.value(now_ns, timeout_ns),
-            self._hand.value(now_ns, timeout_ns),
-            self._command.value(now_ns, timeout_ns),
+            {point: user.now(now_ns, timeout_ns) for point, user in self._users.items()},
             {name: wrench for name, wrench in commands.items() if wrench is not None},
-            self._count.value(now_ns, timeout_ns),
             touching[0] if touching else None,
         )
+
+
+def _wrench_input(actor: Actor[Any], name: str) -> SceneInput[Array]:
+    return SceneInput(
+        actor,
+        name,
+        WrenchStamped,
+        lambda data: read_wrench(deserialized(data, WrenchStamped), actor.wrenches),
+    )
 
 
 def _count(data: bytes, largest: int) -> int:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped, WrenchStamped
@@ -65,19 +65,25 @@ class SceneOutputs:
     Args:
         actor: whose publishers they are.
         mechanism: what is shown.
+        users: what is before the names of a user's topics and frames, by the point held.
         prefix: before the name of every frame but ``world``.
         tf_type: class of tf's messages; None: no tf.
     """
 
     def __init__(
-        self, actor: Actor[Any], mechanism: Mechanism, prefix: str, tf_type: Any | None
+        self,
+        actor: Actor[Any],
+        mechanism: Mechanism,
+        users: Mapping[str, str],
+        prefix: str,
+        tf_type: Any | None,
     ) -> None:
         self._actor = actor
         self._mechanism = mechanism
+        self._users = users
         self._prefix = prefix
-        self._names = {
-            name: prefixed(frame, prefix) for name, frame in frame_names(mechanism.scene).items()
-        }
+        names = frame_names(mechanism.scene, list(users.values()))
+        self._names = {name: prefixed(frame, prefix) for name, frame in names.items()}
         self._joints = JointStates(mechanism)
         # None: whatever is shown was put there by others, or by an earlier life.
         self._shown: list[Key] | None = None
@@ -86,7 +92,11 @@ class SceneOutputs:
         self._publish_joints = actor.output(URDF_JOINTS, JointState)
         self._wrenches: dict[tuple[str, str], Outlet] = {}
         for topic in (SEEN_DEVICE_COMMAND, SEEN_HAND_FORCE):
-            self._wrenches[topic.name, ""] = actor.output(topic, WrenchStamped)
+            for point, user in users.items():
+                name = user + topic.name
+                self._wrenches[topic.name, point] = actor.output_named(
+                    name, WrenchStamped, actor.output_qos
+                )
         for topic in (SEEN_POINT_COMMAND, SEEN_POINT_FORCE):
             for point in mechanism.point_names:
                 self._wrenches[topic.name, point] = actor.output(topic, WrenchStamped, point=point)
@@ -160,9 +170,13 @@ class SceneOutputs:
 
     def show_wrenches(self, heard: Heard, time_ns: int) -> None:
         """Publish wrenches in frames at whose origin they act."""
-        device = self._names[at_world(DEVICE)]
-        self._show_wrench(SEEN_DEVICE_COMMAND.name, "", device, heard.device_command, time_ns)
-        self._show_wrench(SEEN_HAND_FORCE.name, "", device, heard.hand_wrench, time_ns)
+        for point, user in heard.users.items():
+            frame = self._names[at_world(self._users[point] + DEVICE)]
+            for topic, wrench in (
+                (SEEN_DEVICE_COMMAND, user.device_command),
+                (SEEN_HAND_FORCE, user.hand_wrench),
+            ):
+                self._show_wrench(topic.name, point, frame, wrench, time_ns)
         for index, point in enumerate(self._mechanism.point_names):
             frame = self._names[at_world(point)]
             command = heard.point_commands.get(point)
