@@ -7,11 +7,15 @@ from __future__ import annotations
 import math
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from hapticmech_ros.haply.emulator import Press
 
 app = typer.Typer(help="Real devices that a scene can name.", no_args_is_help=True)
 
@@ -78,6 +82,13 @@ def emulate(
     trace: Annotated[
         Path | None, typer.Option(help="CSV of position and forces, a row per ms")
     ] = None,
+    press: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="button of the handle, and when it is pressed and released after the first "
+            "message, such as 'a 2s 3s'; any number"
+        ),
+    ] = None,
 ) -> None:
     """Serve as the service of a real device does, with a simulated one behind it, until Ctrl-C."""
     import asyncio
@@ -99,7 +110,9 @@ def emulate(
     with ExitStack() as stack:
         rows = stack.enter_context(trace.open("w", encoding="utf-8")) if trace else None
         idle = seconds_of("--idle-after", idle_after)
-        service = Service(EmulatedInverse3(loaded, rotation, idle, rows), faults)
+        presses = [_press(text) for text in press or ()]
+        device = EmulatedInverse3(loaded, rotation, idle, rows, presses=presses)
+        service = Service(device, faults)
 
         def ready(found: int) -> None:
             console.print(f"ws://{host}:{found}; Ctrl-C ends it", highlight=False, soft_wrap=True)
@@ -184,6 +197,20 @@ def check_driver(
     console.print(table)
     if broken:
         raise typer.Exit(1)
+
+
+def _press(text: str) -> Press:
+    """Return what ``BUTTON START END`` stands for.
+
+    Raises:
+        InvalidInputError: other words.
+    """
+    from hapticmech_ros.haply.emulator import Press
+
+    words = text.split()
+    if len(words) != 3:
+        raise InvalidInputError("--press", text, "must be a button and two times, as in a 2s 3s")
+    return Press(words[0], seconds_of("--press", words[1]), seconds_of("--press", words[2]))
 
 
 def _angles(option: str, text: str) -> tuple[float, ...]:

@@ -19,6 +19,9 @@ from hapticmech_ros.quaternions import turned
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene import Scene
 
+# Of a handle; what has more is no handle.
+MOST_BUTTONS = 32
+
 
 class Measured(NamedTuple):
     """A sample, along the axes of the device's base.
@@ -54,6 +57,7 @@ class RealDevice:
         silence: s, as above.
         fresh: whether the last step brought a sample.
         problem: why it cannot be driven; empty if it can.
+        buttons: of its handle, whether each is pressed; none of a device without any.
         late: periods without a sample.
     """
 
@@ -78,6 +82,7 @@ class RealDevice:
         self._acts = np.array(device.acts)
         self.fresh = False
         self.problem = ""
+        self.buttons: tuple[bool, ...] = ()
         self.late = 0
 
     def look(self) -> bool:
@@ -183,6 +188,7 @@ class RealDevice:
     def forget(self) -> None:
         """Forget where it was: it is not there any more."""
         self._last, self._given, self.fresh = None, NO_WRENCH, False
+        self.buttons = ()
 
     def _pose(self, measured: Measured, before: pin.SE3) -> pin.SE3:
         """Return a pose in the world, its origin that of the device's base."""

@@ -13,7 +13,7 @@ import asyncio
 import json
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
@@ -31,6 +31,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Compensation
 
 DEVICE_ID, GRIP_ID = "EM03", "EM13"
+# Of a wireless VerseGrip.
+BUTTONS = ("a", "b", "c")
 # Where the cursor is at the start, in the axes of the device's base, m: in the middle of its reach.
 START = np.array([0.0, -0.15, 0.2])
 # s: a step of the mechanics, the longest stall that is caught up, how often they go on without a
@@ -38,6 +40,21 @@ START = np.array([0.0, -0.15, 0.2])
 STEP, _LONGEST_STALL, _IDLE_ROUND, _CLOSING = 0.00025, 0.2, 0.002, 0.5
 _GROUP = "wireless_verse_grip"
 TRACE_HEADING = "time,x,y,z,fx,fy,fz,hx,hy,hz\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """A button of the handle that is pressed for a while.
+
+    Attributes:
+        button: of :data:`BUTTONS`.
+        start: s after the first message.
+        end: likewise, when it is released.
+    """
+
+    button: str
+    start: float
+    end: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +86,11 @@ class EmulatedInverse3:
         trace: takes a row of CSV for each ms: time, s, position, force of the actuators and force
             of the hand in the world's axes, m and N.
         clock: monotonic, s.
+        presses: of the handle's buttons.
+
+    Raises:
+        InvalidInputError: a button that the handle has not, or that is released before it is
+            pressed.
     """
 
     def __init__(
@@ -78,7 +100,16 @@ class EmulatedInverse3:
         idle_after: float = 0.01,
         trace: TextIO | None = None,
         clock: Callable[[], float] = time.monotonic,
+        presses: Sequence[Press] = (),
     ) -> None:
+        for one in presses:
+            if one.button not in BUTTONS:
+                rule = f"must be one of {', '.join(BUTTONS)}"
+                raise InvalidInputError("button", one.button, rule)
+            if not 0.0 <= one.start < one.end:
+                rule = "must be pressed at 0 s or later, and released after that"
+                raise InvalidInputError(f"press of {one.button}", (one.start, one.end), rule)
+        self._presses = tuple(presses)
         # What its driver adds to commands is the driver's business.
         known = {"compensation": Compensation(), "force_sensor": "measured", "substeps": 1}
         planar = scene.task_space == "planar"
@@ -140,6 +171,13 @@ class EmulatedInverse3:
             "control_mode": "force" if self.gives else "idle",
             "transform": {},
         }
+
+    def grip(self) -> dict[str, Any]:
+        """Return what a frame says of the handle."""
+        since = self._ticks * STEP if self._held is not None else -1.0
+        pressed = {one.button for one in self._presses if one.start <= since < one.end}
+        buttons = {name: name in pressed for name in BUTTONS}
+        return {"orientation": self.orientation(), "buttons": buttons, "hall": 0}
 
     def orientation(self) -> dict[str, float]:
         """Return the handle's quaternion, in the axes of the base."""
@@ -230,7 +268,7 @@ class Service:
             "calibrated": True, "in_use": True, "power_supply": True, "ready": True, "started": True
         }  # fmt: skip
         device = {"device_id": DEVICE_ID, "state": self._device.state(), "status": status}
-        grip = {"device_id": GRIP_ID, "state": {"orientation": self._device.orientation()}}
+        grip = {"device_id": GRIP_ID, "state": self._device.grip()}
         if whole:
             device["config"] = {
                 "type": INVERSE3,

@@ -183,6 +183,7 @@ class Inverse3(RealDevice):
     def _take(self, cursor: Cursor, now: float) -> None:
         self._cursor, self._heard, self.problem = cursor, now, cursor.refusal
         self._last = Measured(cursor.position, cursor.velocity, cursor.orientation)
+        self.buttons = cursor.buttons
 
     def _check_leap(self, cursor: Cursor, now: float) -> None:
         """Refuse a place to which no hand can have moved it.

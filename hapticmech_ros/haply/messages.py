@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 
 SERVICE = "ws://127.0.0.1:10001"
@@ -29,7 +30,7 @@ LONGEST_FRAME = 1 << 20
 # What a device of this size cannot exceed, m and m/s.
 FARTHEST, FASTEST = 1.0, 20.0
 INVERSE3 = "inverse3"
-# Groups of handles that tell their orientation.
+# Groups of handles that tell their orientation, and their buttons.
 _GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")
 _IDENTITY = {
     "position": {"x": 0.0, "y": 0.0, "z": 0.0},
@@ -55,12 +56,15 @@ class Cursor(NamedTuple):
         velocity: (3,) m/s.
         orientation: (3, 3) of the handle, in the handle's own reference axes; None without one.
         refusal: why it gives no force; empty if it does.
+        buttons: of the handle, whether each is pressed: a, b and c of a wireless VerseGrip, the
+            only one of a wired one.
     """
 
     position: Array
     velocity: Array
     orientation: Array | None
     refusal: str
+    buttons: tuple[bool, ...] = ()
 
 
 def parsed(text: str | bytes) -> Mapping[str, Any]:
@@ -167,7 +171,8 @@ def _cursor(frame: Mapping[str, Any], device: Mapping[str, Any]) -> Cursor:
     velocity = _vector(state, "cursor_velocity", FASTEST)
     status = _object(device.get("status", {}), "status")
     refused = [why for name, why in _STATUS.items() if status.get(name, True) is not True]
-    return Cursor(position, velocity, _orientation(frame), "; ".join(refused))
+    grip = _grip_of(frame)
+    return Cursor(position, velocity, _orientation(grip), "; ".join(refused), _buttons(grip))
 
 
 def force_command(device_id: str, force: Sequence[float]) -> str:
@@ -194,19 +199,38 @@ def whole_state() -> str:
     return json.dumps({"session": {"force_render_full_state": {}}})
 
 
-def _orientation(frame: Mapping[str, Any]) -> Array | None:
-    """Return the orientation (3, 3) of the first handle in a frame, if there is one."""
+def _grip_of(frame: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the state of the first handle in a frame; without one nothing."""
     for group in _GRIPS:
         for grip in _list(frame, group):
             state = _object(_object(grip, group).get("state", {}), "state")
-            if "orientation" in state:
-                given = _numbers(state["orientation"], "orientation", "wxyz", 1.0 + _NORM)
-                norm = math.sqrt(sum(value * value for value in given))
-                if abs(norm - 1.0) > _NORM:
-                    raise InvalidInputError("orientation", given, "must have a norm of 1")
-                w, x, y, z = (value / norm for value in given)
-                return np.asarray(pin.Quaternion(w, x, y, z).toRotationMatrix())
-    return None
+            if "orientation" in state or "buttons" in state or "button" in state:
+                return state
+    return {}
+
+
+def _orientation(grip: Mapping[str, Any]) -> Array | None:
+    """Return the orientation (3, 3) in the state of a handle, if it tells it."""
+    if "orientation" not in grip:
+        return None
+    given = _numbers(grip["orientation"], "orientation", "wxyz", 1.0 + _NORM)
+    norm = math.sqrt(sum(value * value for value in given))
+    if abs(norm - 1.0) > _NORM:
+        raise InvalidInputError("orientation", given, "must have a norm of 1")
+    w, x, y, z = (value / norm for value in given)
+    return np.asarray(pin.Quaternion(w, x, y, z).toRotationMatrix())
+
+
+def _buttons(grip: Mapping[str, Any]) -> tuple[bool, ...]:
+    """Return which buttons in the state of a handle are pressed, in the order of their names."""
+    given = _object(grip.get("buttons", {}), "buttons")
+    found = [given[name] for name in sorted(given)] or [grip[k] for k in ("button",) if k in grip]
+    for pressed in found:
+        if not isinstance(pressed, bool):
+            raise InvalidInputError("buttons", pressed, "must be true or false")
+    if len(found) > MOST_BUTTONS:
+        raise InvalidInputError("buttons", len(found), f"must be at most {MOST_BUTTONS}")
+    return tuple(found)
 
 
 def _vector(state: Mapping[str, Any], name: str, largest: float) -> Array:

@@ -19,13 +19,16 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Joy
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
+from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import (
+    DEVICE_BUTTONS,
     DEVICE_COMMAND,
     DEVICE_FORCE,
     DEVICE_POSE,
@@ -77,6 +80,7 @@ class DriverTest:
         self._poses = self._listen(DEVICE_POSE.name, PoseStamped)
         self._twists = self._listen(DEVICE_TWIST.name, TwistStamped)
         self._forces = self._listen(DEVICE_FORCE.name, WrenchStamped)
+        self._buttons = self._listen(DEVICE_BUTTONS.name, Joy, LATCHED)
         self._commands = self._node.create_publisher(WrenchStamped, DEVICE_COMMAND.name, _QOS)
         self._stop = self._node.create_client(SetBool, EMERGENCY_STOP)
 
@@ -91,6 +95,7 @@ class DriverTest:
         self._spin(_LOOK)
         yield from self._check_poses(start)
         yield self._check_twists(start)
+        yield self._check_buttons()
         yield self._check_no_force("no force without a command", start)
         yield self._check_obedience()
         yield self._check_end()
@@ -104,13 +109,13 @@ class DriverTest:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _listen(self, name: str, kind: Any) -> _Heard:
+    def _listen(self, name: str, kind: Any, qos: QoSProfile = _QOS) -> _Heard:
         heard: _Heard = []
 
         def keep(message: Any) -> None:
             heard.append((time.monotonic(), message))
 
-        self._node.create_subscription(kind, name, keep, _QOS)
+        self._node.create_subscription(kind, name, keep, qos)
         return heard
 
     def _wait_for_driver(self) -> None:
@@ -177,6 +182,17 @@ class DriverTest:
             return Check(rule, "it did not move: move it during the first second", None)
         found = f"{off:.4f} m/s off at {speed:.4f} m/s"
         return Check(rule, found, off < _CRAWL + _SHARE * speed)
+
+    def _check_buttons(self) -> Check:
+        rule = "buttons are 0 or 1, and of one handle"
+        if not self._buttons:
+            return Check(rule, f"nothing on {DEVICE_BUTTONS.name}: no buttons", None)
+        told = [list(message.buttons) for _, message in self._buttons]
+        numbers = {len(buttons) for buttons in told}
+        values = {one for buttons in told for one in buttons}
+        kept = len(numbers) == 1 and values <= {0, 1} and 0 not in numbers
+        counted = ", ".join(map(str, sorted(numbers)))
+        return Check(rule, f"{counted} buttons, now {told[-1]}", kept)
 
     def _check_no_force(self, rule: str, start: float) -> Check:
         forces = self._forces_since(start)

@@ -24,6 +24,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
+from hapticmech_ros.nodes.buttons import ButtonOutput
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
 from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
@@ -92,6 +93,7 @@ class DeviceDriver(ClockedActor[D]):
         self._written = DeviceWriter()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._view = DeviceView(self)
+        self.buttons = ButtonOutput(self)
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
         commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
         self._servo = PositionServo(self.scene.device, self.period_s, self._limits)

@@ -18,7 +18,8 @@ from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.closure_services import offer_closures
+from hapticmech_ros.nodes.buttons import ButtonInput
+from hapticmech_ros.nodes.closure_services import closure_button, offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
@@ -42,6 +43,7 @@ from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.topic import user_prefixes
 from hapticmech_ros.wire.topics import (
     CLOSURES,
     EXTERNAL_WRENCH,
@@ -71,6 +73,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         super().__init__(node, parameters)
         self._simulator = Simulator(self.scene)
         self._mechanism = self._simulator.mechanism
+        self._closures = [closure.name for closure in self._mechanism.closures]
         self._state: MechanismState = self._simulator.initial_state()
         names = self._mechanism.point_names
         self._commands = np.zeros((len(names), 6))
@@ -82,7 +85,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         # By the controllers, in the period that begins.
         self._told = self._calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
-        self._held = [self._mechanism.point_index(name.strip()) for name in held]
+        held = [self.scene.operational_point(name.strip()).name for name in held]
+        self._held = [self._mechanism.point_index(name) for name in held]
+        for prefix in user_prefixes(held).values():
+            ButtonInput(self, prefix, self._pressed)
         self._on_links: dict[str, Array] = {}
         self._last_valid = LastValidState(self._state, self.period_s)
         self._ticks = self._sampled_ns = 0
@@ -114,7 +120,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             fault=self._fault,
             at_zero=self._rest,
         )
-        offer_closures(self, [c.name for c in self._mechanism.closures], self._switch)
+        offer_closures(self, self._closures, self._switch)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -129,7 +135,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._grasp(self._asked_for(parameters))
 
     def validate_parameters(self, parameters: MechanismParameters) -> None:
-        """Refuse a grasp that the scene cannot have, too far away, or in the middle of lockstep."""
+        """Refuse what the scene cannot have, a grasp too far away, and both in lockstep."""
+        if parameters.closure_button:
+            self._refuse_in_lockstep("closure_button", parameters.closure_button)
+            closure_button(parameters.closure_button, self._closures)
         point = self._asked_for(parameters)
         if parameters.grasp != self._asked:
             if self._ticks:
@@ -390,6 +399,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             rule = "cannot change in lockstep, whose runs repeat"
             raise InvalidInputError(what, value, rule)
 
+    def _pressed(self, number: int) -> None:
+        """Open or close a loop, if this is the number of its button."""
+        found = closure_button(self.parameters.closure_button, self._closures)
+        if found is not None and found[1] == number:
+            self._switch(found[0], not self._state.active[self._closures.index(found[0])])
+
     def _switch(self, closure: str, on: bool) -> None:
         self._refuse_in_lockstep(f"closure {closure}", on)
         self._state = self._simulator.switch(self._state, {closure: on})
@@ -397,7 +412,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _announce_closures(self) -> None:
         self._announced = self._state.active
         message = UInt8MultiArray(data=[int(on) for on in self._state.active])
-        label = ",".join(closure.name for closure in self._mechanism.closures)
+        label = ",".join(self._closures)
         size = len(self._state.active)
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         self._publish_closures.publish(message)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from hapticmech_ros.control.tuning import SCENES, TUNED
 from hapticmech_ros.cpu_list import cpus_of
+from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
 
@@ -232,6 +233,7 @@ class RelayParameters(MountedParameters):
         "fd_x fd_y fd_z", "joints of the base's x, y and z, and of roll, pitch and yaw, if any"
     )
     torques: bool = flag(False, "roll, pitch and yaw take efforts too", "unconfigured")
+    button_topic: str = text("", "Joy of the handle's buttons; empty: none")
 
 
 class MechanismParameters(NodeParameters):
@@ -246,7 +248,9 @@ class MechanismParameters(NodeParameters):
         0.2, "external_cf expires after this; 0: never", "s", 0.0, 3600.0
     )
     held_points: str = text(
-        "", "in lockstep, points with a controller, comma-separated; empty: operational_point"
+        "",
+        "points with a controller, comma-separated: those that lockstep waits for, and whose "
+        "buttons are heard; empty: operational_point",
     )
     grasp: str = text(
         "",
@@ -256,6 +260,12 @@ class MechanismParameters(NodeParameters):
     )
     require_external_wrench: bool = flag(
         False, "in lockstep, a tick waits for external_cf at every operational point"
+    )
+    closure_button: str = text(
+        "",
+        "closure and number of a button that opens and closes it, such as ground_pin 2; empty: "
+        "none",
+        "any",
     )
 
 
@@ -279,6 +289,9 @@ class ControllerParameters(NodeParameters):
         "never",
     )
     soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
+    clutch_button: int = count(
+        0, "button of the handle that disengages while it is pressed; 0: none", 0, MOST_BUTTONS
+    )
     constraint_stiffness: float = gain("stiffness k of the joint constraint", "N/m", 1000000.0)
     constraint_damping: float = gain("damping b of the joint constraint", "N s/m", 10000.0)
     constraint_feedforward: float = gain("feedforward share beta of the joint constraint", "1", 1.0)

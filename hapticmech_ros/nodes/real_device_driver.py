@@ -80,6 +80,7 @@ class RealDeviceDriver(DeviceDriver[D]):
         self._was_there = is_there
         if is_there:
             super().tick(periods, deadline_ns)
+        self.buttons.tell(self._real.buttons, deadline_ns)
 
     def put_at_zero(self) -> None:
         """Put the actuators at zero now."""

@@ -12,13 +12,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.buttons import joy_buttons
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.joint_input import joints_read
 from hapticmech_ros.nodes.parameters import RelayParameters
@@ -105,6 +106,8 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             raise InvalidInputError("axes", parameters.axes, "must be 6 joints with torques")
         super().__init__(node, parameters)
         self.input(parameters.state_topic, JointState, CONTROL_SUBSCRIBER, self._on_state)
+        if parameters.button_topic:
+            self.input(parameters.button_topic, Joy, STREAM_PUBLISHER, self._on_buttons)
 
     def real_device(self) -> RealDevice:
         """Return the device behind the topics."""
@@ -120,6 +123,10 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             self.scene, self.mounting, send, torques, silence, lambda: self.now_ns() / NANOSECONDS
         )
         return self._axes_device
+
+    def _on_buttons(self, message: Joy, now_ns: int) -> None:
+        del now_ns
+        self._axes_device.buttons = joy_buttons(message)
 
     def _on_state(self, message: JointState, now_ns: int) -> None:
         """Take a state of all axes; one of others is none of ours."""

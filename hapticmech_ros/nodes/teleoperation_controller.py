@@ -17,6 +17,7 @@ from hapticmech_ros.control.rendering_controller import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
@@ -50,6 +51,7 @@ from hapticmech_ros.wire.topics import (
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
+CLUTCHED = "the button of the clutch is pressed"
 # After the last answers' stamps, which may be later than their samples' by up to a microsecond.
 ZERO_AFTER_NS = 2000
 
@@ -126,6 +128,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             accept = self._on_transmission
             self.input_array(name, self.control_input, accept, self._coupling.fields)
         self._crtk.listen()
+        self._buttons = ButtonInput(self)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.tell)
 
@@ -216,6 +219,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         sentence = (
             "engaged" if engaged else f"disengaged: {fault}" if fault else f"waiting for {lacks}"
         )
+        if not fault and self._buttons.is_pressed(self.parameters.clutch_button):
+            sentence = f"disengaged: {CLUTCHED}"
         figures = {
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
@@ -285,6 +290,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self._path.paced:
             self._path.put(device, stamp)
             return
+        if self._opened():
+            return
         model = self._model.value
         if model is None or not self._model.fresh(now_ns, self.timeout_ns):
             self._disengage_for([POINT_MODEL.of(self.point)])
@@ -313,7 +320,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
             self._disengage_for(lost)
-        elif found is not None:
+        elif not self._opened() and found is not None:
             self._answer_to(found[0], model, found[1], now_ns)
 
     def _answer_to(
@@ -367,6 +374,13 @@ class TeleoperationController(Actor[ControllerParameters]):
             for name, share in self._direct.items()
             if name in found
         }
+
+    def _opened(self) -> bool:
+        """Disengage while the clutch's button is pressed; return whether it is."""
+        pressed = self._buttons.is_pressed(self.parameters.clutch_button)
+        if pressed:
+            self._disengage(CLUTCHED, self._log.stopped)
+        return pressed
 
     @property
     def _carried(self) -> Array:

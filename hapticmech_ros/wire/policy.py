@@ -53,6 +53,8 @@ _SERVICES: Mapping[str, tuple[str, ...]] = {
 }
 # Topics with further ones below them: of whoever pushes, each his own.
 _PUSHES = (HAND_WRENCH, EXTERNAL_WRENCH)
+# What is of one user's device, analyser and controller.
+_OF_A_USER = ("device/", "view/device/", "analysis/", f"{CONTROLLER}/")
 # Of another package, published where it is installed.
 _TF = ("/tf", "/tf_static")
 
@@ -129,13 +131,17 @@ Rules = dict[tuple[str, str], list[str]]
 
 
 def _of_a_node(node: str) -> Rules:
-    calls: Rules = {("services", "request"): requested(node)} if requested(node) else {}
-    return {
+    rules: Rules = {
         ("services", "reply"): answered(node),
-        **calls,
+        ("services", "request"): requested(node),
         ("topics", "publish"): published(node),
         ("topics", "subscribe"): heard(node),
     }
+    if node in (VIEWER, PAGE):
+        # Of several users each has these in a namespace of its own.
+        for names in rules.values():
+            names += [f"*/{name}" for name in names if name.startswith(_OF_A_USER)]
+    return {rule: names for rule, names in rules.items() if names}
 
 
 def _of_the_operator() -> Rules:

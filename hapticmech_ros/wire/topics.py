@@ -83,6 +83,16 @@ DEVICE_JOINTS = Topic(
     DEVICE,
     "the device's six coordinates as joints: x, y, z and rotation vector relative to `world`",
 )
+DEVICE_BUTTONS = Topic(
+    "device/buttons",
+    "sensor_msgs/msg/Joy",
+    DEVICE,
+    "`buttons` of the device's handle, 1 while pressed; no message of a device without any; all "
+    "released when the device is lost",
+    (MECHANISM, CONTROLLER),
+    rate="change",
+    qos="latched",
+)
 DEVICE_COMMAND = Topic(
     "device/servo_cf",
     WRENCH,
@@ -389,6 +399,7 @@ TOPICS: tuple[Topic, ...] = (
     HAND_FORCE,
     DEVICE_SETPOINT,
     DEVICE_JOINTS,
+    DEVICE_BUTTONS,
     DEVICE_COMMAND,
     DEVICE_BODY_COMMAND,
     DEVICE_BODY_AXES,

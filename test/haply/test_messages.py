@@ -145,6 +145,51 @@ def test_an_orientation_that_is_none_is_refused(quaternion):
         cursor_of(changed(path, quaternion), "049D")
 
 
+WIRELESS = "wireless_verse_grip"
+
+
+def with_grip(group, **state):
+    """Return a frame whose only handle tells this of itself."""
+    frame = {key: value for key, value in FIRST.items() if "grip" not in key}
+    return {**frame, group: [{"device_id": "61548", "state": state}]}
+
+
+@pytest.mark.parametrize(
+    ("group", "state", "pressed"),
+    [
+        (
+            "wireless_verse_grip",
+            {"buttons": {"a": True, "b": False, "c": True}},
+            (True, False, True),
+        ),
+        (
+            "wireless_verse_grip",
+            {"buttons": {"c": True, "a": False, "b": False}},
+            (False, False, True),
+        ),
+        ("verse_grip", {"button": True, "hall": 3}, (True,)),
+        ("custom_verse_grip", {"hall": 3}, ()),
+    ],
+)
+def test_buttons_of_a_handle_are_read_in_the_order_of_their_names(group, state, pressed):
+    cursor = cursor_of(with_grip(group, **state), "049D")
+    assert cursor.buttons == pressed
+
+
+@pytest.mark.parametrize(
+    ("state", "named"),
+    [
+        ({"buttons": {"a": 1}}, "buttons: must be true or false"),
+        ({"button": "yes"}, "buttons: must be true or false"),
+        ({"buttons": [True]}, "buttons: must be an object"),
+        ({"buttons": {f"b{i}": True for i in range(33)}}, "buttons: must be at most 32"),
+    ],
+)
+def test_buttons_that_are_none_are_refused(state, named):
+    with pytest.raises(InvalidInputError, match=named):
+        cursor_of(with_grip("verse_grip", **state), "049D")
+
+
 def test_a_force_is_written_as_documented():
     message = json.loads(force_command("049D", np.array([0.5, -1e-9, 3.0])))
     force = {"vector": {"x": 0.5, "y": -1e-9, "z": 3.0}}

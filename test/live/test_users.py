@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,9 +109,8 @@ def test_a_user_holds_elsewhere_and_the_other_one_does_not(live):
     assert state.error == ""
     mechanism = live.session.simulator.mechanism
     for point in ("left", "right"):
-        analysis = live.session.user(point)._analyser
-        place = mechanism.evaluate(state.q, 0.0 * live.session.mechanism.v, state.active)
-        at = place.points[analysis.index].pose.translation
+        terms = mechanism.evaluate(state.q, live.session.mechanism.v, state.active)
+        at = terms.points[mechanism.point_index(point)].pose.translation
         assert state.user(point).device[:, 3] == pytest.approx(at, abs=2e-3)
     assert state.user("right").device == pytest.approx(kept, abs=2e-3)
 
@@ -206,8 +207,6 @@ def test_what_holds_a_device_is_told():
 
 
 def test_why_a_hand_is_not_dragged_is_told_in_its_row_and_to_the_browser_that_tried(live):
-    from dataclasses import replace
-
     state, picture = live.state(), LivePicture(live.opened)
     left, right = state.users
     stuck = replace(state, users=(left, replace(right, immovable="a <real> device")))

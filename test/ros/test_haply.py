@@ -210,7 +210,9 @@ def test_it_keeps_every_rule_of_a_driver(
         "it did not move: move it during the first second"
     ]
     assert [check for check in found if check.kept is False] == []
-    assert len(found) == 12
+    assert len(found) == 13
+    (buttons,) = [check for check in found if check.rule.startswith("buttons")]
+    assert buttons.found == "3 buttons, now [0, 0, 0]"
 
 
 class BadDriver:
@@ -256,7 +258,8 @@ def test_a_driver_that_breaks_rules_is_told_which(
     assert process.returncode == 1
     # Norm, frame, age, velocity, end of the force, not a number, old: seven of ten.
     assert said.count("NO") == 7, said
-    assert said.count("not seen") == 1, said
+    # Its motion, as it is still, and buttons.
+    assert said.count("not seen") == 2, said
 
 
 def test_calibration_writes_parameters(tmp_path: Path, scene: Path) -> None:

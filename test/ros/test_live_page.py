@@ -9,12 +9,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import UInt8MultiArray
 
@@ -31,6 +33,7 @@ from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.view import Placer
+from oracles.users import five_bar_of_two
 from ros.harness import WAIT_S, Peer
 
 # A browser without a GPU draws with the processor.
@@ -47,12 +50,10 @@ def browser(tmp_path: Path) -> Iterator[Browser]:
     found.close()
 
 
-@pytest.fixture
-def address(domain: int, tmp_path: Path) -> Iterator[str]:
-    """Run the graph, held where it is but for the mouse, and return where its page is."""
-    command = [sys.executable, "-m", "hapticmech_ros", "run", SCENE, "--live"]
-    command += ["-p", "haptic_device.hand=still", "-p", "live_page.port=8780"]
-    output = tmp_path / "output"
+@contextmanager
+def served(command: list[str], domain: int, folder: Path) -> Iterator[str]:
+    """Run what serves a page, and yield where this is."""
+    output = folder / "output"
 
     def addresses() -> list[str]:
         text = output.read_text(encoding="utf-8")
@@ -70,6 +71,31 @@ def address(domain: int, tmp_path: Path) -> Iterator[str]:
             stop_process(process)
 
 
+def graph_of(scene: str) -> list[str]:
+    """Return the command of a graph, held where it is but for the mouse."""
+    command = [sys.executable, "-m", "hapticmech_ros", "run", scene, "--live"]
+    return [*command, "-p", "haptic_device.hand=still", "-p", "live_page.port=8780"]
+
+
+@pytest.fixture
+def address(domain: int, tmp_path: Path) -> Iterator[str]:
+    """Run the graph, and return where its page is."""
+    with served(graph_of(SCENE), domain, tmp_path) as found:
+        yield found
+
+
+class Pushes:
+    """Hears what a page pushes one body with: time of the message, s, and force, N."""
+
+    def __init__(self, peer: Peer, topic: str) -> None:
+        self.rows: list[tuple[float, float]] = []
+        peer.node.create_subscription(WrenchStamped, f"{topic}/live_page", self._heard, 1000)
+
+    def _heard(self, message: WrenchStamped) -> None:
+        force, stamp = message.wrench.force, message.header.stamp
+        self.rows.append((stamp.sec + 1e-9 * stamp.nanosec, float(np.hypot(force.x, force.y))))
+
+
 def test_a_running_graph_is_dragged_tuned_and_let_go(
     domain: int, peer: Peer, browser: Browser, address: str
 ) -> None:
@@ -77,15 +103,7 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     assert address.startswith("http://127.0.0.1:")
     joints = peer.listen("mechanism/measured_js", JointState)
     closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
-    pushes: list[tuple[float, float]] = []
-
-    def pushed(message: WrenchStamped) -> None:
-        force = message.wrench.force
-        stamp = message.header.stamp
-        pushes.append((stamp.sec + 1e-9 * stamp.nanosec, float(np.hypot(force.x, force.y))))
-
-    topic = f"mechanism/{LINK}/external_cf/live_page"
-    peer.node.create_subscription(WrenchStamped, topic, pushed, 1000)
+    pushes = Pushes(peer, f"mechanism/{LINK}/external_cf").rows
 
     page = browser.page()
     page.open(address)
@@ -125,3 +143,60 @@ def test_a_running_graph_is_dragged_tuned_and_let_go(
     wait_until(lambda: tab.text("live-changed"), "a changed gain on the page")
     (stiffness,) = peer.parameters_of("teleoperation_controller", "constraint_stiffness")
     assert tab.text("live-changed") == f"controller.joint_constraint.stiffness={stiffness:g}"
+
+
+def test_of_several_users_one_hand_is_dragged_and_the_others_are_not(
+    domain: int, peer: Peer, browser: Browser, tmp_path: Path
+) -> None:
+    scene = str(five_bar_of_two(tmp_path))
+    poses = {p: peer.listen(f"{p}/device/measured_cp", PoseStamped) for p in ("left", "right")}
+    pushes = {p: Pushes(peer, f"{p}/device/hand_cf").rows for p in poses}
+    # Slower than real devices are: nine processes and a browser share few processors.
+    command = [*graph_of(scene), "--control-rate", "200"]
+    with served(command, domain, tmp_path) as address:
+        page = browser.page()
+        page.open(address)
+        wait_until(lambda: "right/haptic_device" in page.text("live-rate"), "both devices' rates")
+        wait_until(lambda: "an arm" in page.text("live-holding-right"), "what holds the right one")
+        assert "displace it by" in page.text("live-holding-right")
+        peer.until(lambda: all(poses.values()), "both devices")
+        before = poses["right"][-1].pose.position
+        place = np.array((before.x, before.y, 0.0))
+        x, y = drag(page, sight(page, scene).pixel(place), 30.0)
+        page.wait_for_text("live-dragged", "hand right")
+        page.wait_for_text("live-holders", page.text("live-you"))
+
+        def pulled() -> bool:
+            return bool(pushes["right"]) and pushes["right"][-1][1] > 0.1
+
+        peer.until(pulled, "a force on the right hand")
+        # To the left on the page, which is along -x of the world.
+        peer.until(
+            lambda: poses["right"][-1].pose.position.x < before.x - 5e-4, "the device to be moved"
+        )
+        page.mouse("mouseReleased", x, y)
+        peer.until(lambda: pushes["right"][-1][1] == 0.0, "the force to end")
+        page.close()
+    assert pushes["left"] == []
+
+
+def test_the_page_says_why_a_hand_cannot_be_dragged(
+    domain: int, peer: Peer, browser: Browser, tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", "live_page", "--ros-args"]
+    with served([*command, "-p", "port:=8781"], domain, tmp_path) as address:
+        page = browser.page()
+        page.open(address)
+        page.wait_for_text("live-holding", "cannot be dragged: no device listens to device/hand_cf")
+        drag(page, sight(page, SCENE).hand, 20.0)
+        page.wait_for_text("live-refused", "hand: no device listens to device/hand_cf")
+        page.wait_for_text("live-dragged", "nothing")
+        told = peer.publisher("/diagnostics", DiagnosticArray)
+        status = DiagnosticStatus(name="haply_device", message="rendering")
+
+        def real() -> bool:
+            told.publish(DiagnosticArray(status=[status]))
+            return "haply_device drives a real device" in page.text("live-holding")
+
+        peer.until(real, "the page to know the device", WAIT_S)
+        page.close()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -22,6 +23,7 @@ from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.view import Placer
 from hapticmech_ros.wire.state import StateLayout, WireState
+from oracles.users import five_bar_of_two
 from ros.harness import RELIABLE, Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -230,6 +232,60 @@ def test_frames_have_the_viewers_namespace_before_them(domain: int, peer: Peer) 
         stage.until(lambda: "link4" in children(plain), "frames of the one without")
     assert all(name.startswith("left/") for name in children(frames))
     assert not any("/" in name for name in children(plain))
+
+
+def test_several_users_are_heard_in_their_namespaces(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    scene = str(five_bar_of_two(tmp_path))
+    mechanism = Mechanism(load_scene(scene))
+    layout, points = StateLayout(mechanism), ("left", "right")
+
+    def told() -> Float64MultiArray:
+        now = peer.node.get_clock().now().nanoseconds
+        grasps, contacts = flat_grasps(mechanism.scene), np.zeros((2, 6))
+        found = WireState(now, (True,), Q, V, contacts, grasps, (True, True))
+        return Float64MultiArray(data=layout.pack(found).tolist())
+
+    pictures = peer.listen("view/markers", MarkerArray)
+    frames = peer.listen("view/frames", TransformStamped)
+    felt = {p: peer.listen(f"{p}/view/device/servo_cf", WrenchStamped) for p in points}
+    stage = Stage(peer)
+    with running("scene_viewer", domain, scene):
+        stage.says("mechanism/state", Float64MultiArray, told)
+        for i, point in enumerate(points):
+            place, force = 0.1 * (i + 1), [float(i + 1), *[0.0] * 5]
+            stage.says(
+                f"{point}/device/measured_cp", PoseStamped, lambda x=place: peer.pose(x, 0.1)
+            )
+            stage.says(f"{point}/device/servo_cf", WrenchStamped, lambda f=force: peer.wrench(*f))
+            stage.says(
+                f"{point}/analysis/{point}/constraint_count",
+                UInt8,
+                lambda n=i + 1: UInt8(data=n),
+            )
+        wanted = {f"{one}/{p}" for one in ("device", "device_command", "count") for p in points}
+        stage.until(lambda: pictures and wanted <= namespaces(pictures[-1]), "both users")
+        stage.until(lambda: all(felt.values()), "the wrenches of both")
+        devices = {f"{p}/device" for p in points}
+        stage.until(lambda: devices <= children(frames), "frames of both devices")
+    texts = {m.ns: m.text for m in pictures[-1].markers if m.ns.startswith("count/")}
+    assert texts["count/left"] == "left: 1 joint constraint"
+    assert texts["count/right"] == "right: 2 joint constraints"
+    balls = {m.ns: m for m in pictures[-1].markers if m.ns.startswith("device/") and not m.id}
+    assert [balls[f"device/{p}"].pose.position.x for p in points] == [0.1, 0.2]
+    assert balls["device/left"].color != balls["device/right"].color
+    for i, point in enumerate(points):
+        assert six(felt[point][-1])[0] == i + 1
+        assert felt[point][-1].header.frame_id == f"{point}/device_world"
+
+
+def test_points_that_are_held_twice_are_refused(domain: int, peer: Peer, tmp_path: Path) -> None:
+    scene = str(five_bar_of_two(tmp_path))
+    with running("scene_viewer", domain, scene, autostart=False, held_points="left, left"):
+        assert not peer.transition("scene_viewer", "configure")
+        assert peer.set_parameters("scene_viewer", held_points="left").successful
+        assert peer.transition("scene_viewer", "configure")
 
 
 def test_scales_change_while_it_runs(domain: int, peer: Peer) -> None:

@@ -1,0 +1,87 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Buttons of a device's handle: who tells them, and who obeys them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from sensor_msgs.msg import Joy
+
+from hapticmech_ros.device.real_device import MOST_BUTTONS
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.qos import CHANGES_SUBSCRIBER, LATCHED
+from hapticmech_ros.wire.topics import DEVICE_BUTTONS
+
+
+class ButtonOutput:
+    """Tells the buttons of a device when they change.
+
+    Args:
+        actor: the device's.
+    """
+
+    def __init__(self, actor: Actor[Any]) -> None:
+        self._publish = actor.output(DEVICE_BUTTONS, Joy, LATCHED)
+        self._told: tuple[bool, ...] = ()
+
+    def tell(self, pressed: tuple[bool, ...], time_ns: int) -> None:
+        """Tell which buttons are pressed, unless that is known; those that are gone are released.
+
+        Args:
+            pressed: whether each button is.
+            time_ns: of the sample, ns.
+        """
+        missing = len(self._told) - len(pressed)
+        found = (*pressed, *(False,) * missing)
+        if found != self._told:
+            self._told, message = found, Joy(buttons=[int(one) for one in found])
+            set_stamp(message.header.stamp, time_ns)
+            self._publish.publish(message)
+
+
+class ButtonInput:
+    """Hears which buttons of a device are pressed.
+
+    Args:
+        actor: who obeys them.
+        prefix: before the name of the topic.
+        pressed: called with the number of a button that is pressed from now on; those of the first
+            message may have been pressed before.
+    """
+
+    def __init__(
+        self, actor: Actor[Any], prefix: str = "", pressed: Callable[[int], None] | None = None
+    ) -> None:
+        self._on_press = pressed
+        self._state: tuple[bool, ...] | None = None
+        actor.input(prefix + DEVICE_BUTTONS.name, Joy, CHANGES_SUBSCRIBER, self._heard)
+
+    def is_pressed(self, number: int) -> bool:
+        """Return whether a button is pressed, the first one being 1; none is 0."""
+        known = self._state or ()
+        return 0 < number <= len(known) and known[number - 1]
+
+    def _heard(self, message: Joy, now_ns: int) -> None:
+        del now_ns
+        before, self._state = self._state, joy_buttons(message)
+        if self._on_press is None or before is None:
+            return
+        for number, pressed in enumerate(self._state, 1):
+            if pressed and not (number <= len(before) and before[number - 1]):
+                self._on_press(number)
+
+
+def joy_buttons(message: Joy) -> tuple[bool, ...]:
+    """Return which buttons of a message are pressed.
+
+    Raises:
+        InvalidInputError: too many for a handle.
+    """
+    if len(message.buttons) > MOST_BUTTONS:
+        rule = f"must be at most {MOST_BUTTONS}"
+        raise InvalidInputError("buttons", len(message.buttons), rule)
+    return tuple(bool(one) for one in message.buttons)

@@ -1,0 +1,129 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Buttons of a handle: told as they change, and what they do where somebody wants it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState, Joy
+from std_msgs.msg import UInt8MultiArray
+
+from benchmarks.haply.emulated import emulated
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.nodes.buttons import joy_buttons
+from hapticmech_ros.nodes.closure_services import closure_button
+from hapticmech_ros.nodes.qos import LATCHED
+from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, six
+
+pytestmark = pytest.mark.ros
+TOPIC = "device/buttons"
+# A hand that holds still.
+HAND = "hand={kind: arm, impedance: firm, start_delay: 0.0, waypoints: [{time: 0.0}]}"
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    path = tmp_path / "five_bar_haply.yaml"
+    copy_scene("five_bar", path, ["device={preset: inverse3}", HAND], False)
+    return str(path)
+
+
+def told(messages: list[Joy]) -> list[list[int]]:
+    return [list(message.buttons) for message in messages]
+
+
+def test_a_handles_buttons_are_told_and_one_is_the_clutch(
+    domain: int, peer: Peer, scene: str
+) -> None:
+    statuses = peer.statuses()
+    heard = peer.listen(TOPIC, Joy, LATCHED)
+    commands = peer.listen("device/servo_cf", WrenchStamped)
+    controller = "teleoperation_controller"
+
+    def says(words: str) -> bool:
+        return controller in statuses and statuses[controller].message == words
+
+    presses = ("--press", "a 6s 9s", "--press", "c 12s 1000s")
+    with (
+        emulated("--scene", scene, *presses) as service,
+        running(OTHERS, domain, scene, diagnostics_period=0.1, clutch_button=1),
+        running("haply_device", domain, scene, uri=service.uri, diagnostics_period=0.1),
+    ):
+        peer.until(lambda: says("engaged"), "the controller to engage", 40.0)
+        assert told(heard) == [[0, 0, 0]]
+        peer.until(lambda: told(heard)[-1] == [1, 0, 0], "the button to be pressed", 40.0)
+        peer.until(
+            lambda: says("disengaged: the button of the clutch is pressed"), "the open clutch"
+        )
+        # Zero at once, and then nothing more: the device is free, the mechanism is let go.
+        assert not np.any(six(commands[-1]))
+        said = len(commands)
+        peer.until(lambda: told(heard)[-1] == [0, 0, 0], "the button to be released", 40.0)
+        peer.until(lambda: says("engaged"), "the controller to engage again")
+        peer.until(lambda: len(commands) > said + 50, "commands again")
+        # Another button is not the clutch; a device that is lost has none pressed.
+        peer.until(lambda: told(heard)[-1] == [0, 0, 1], "the other button", 40.0)
+        assert says("engaged")
+        service.process.kill()
+        peer.until(lambda: told(heard)[-1] == [0, 0, 0], "the release of what is lost")
+
+
+def test_a_button_opens_and_closes_a_loop(domain: int, peer: Peer) -> None:
+    closures = peer.listen("mechanism/closures", UInt8MultiArray, LATCHED)
+    statuses = peer.statuses()
+    node, given = "mechanism_simulator", "ground_pin 2"
+    with running(node, domain, closure_button=given, diagnostics_period=0.02):
+        buttons = peer.publisher(TOPIC, Joy, LATCHED)
+        peer.until(lambda: closures, "the loops")
+
+        def press(*pressed: int) -> None:
+            buttons.publish(Joy(buttons=pressed))
+            assert buttons.wait_for_all_acked(Duration(seconds=WAIT_S))
+
+        # Pressed before it was heard of: nobody knows for how long. Nor has the other one a loop.
+        for pressed in ((0, 1), (1, 1), (0, 0), (1, 0), (0, 0), (0, 1)):
+            press(*pressed)
+        peer.until(lambda: list(closures[-1].data) == [0], "the open loop")
+        for pressed in ((1, 1), (0, 1), (0, 0), (0, 1)):
+            press(*pressed)
+        peer.until(lambda: list(closures[-1].data) == [1], "the closed loop")
+        # Each press has switched once, and the other button nothing.
+        assert [list(one.data) for one in closures] == [[1], [0], [1]]
+        for bad in ("nobody 1", "ground_pin", "ground_pin 0", "ground_pin x", "ground_pin 33"):
+            assert not peer.set_parameters(node, closure_button=bad).successful, bad
+        assert peer.set_parameters(node, closure_button="").successful
+        refuses(peer, statuses, node, buttons, Joy(buttons=[0] * 33))
+
+
+def test_the_relay_passes_the_buttons_of_its_source(domain: int, peer: Peer) -> None:
+    heard = peer.listen(TOPIC, Joy, LATCHED)
+    given = {"button_topic": "/fd/buttons", "command_timeout": 1.0}
+    with running("relay_device", domain, "two_link", **given):
+        states = peer.publisher("/fd/joint_states", JointState)
+        buttons = peer.publisher("/fd/buttons", Joy)
+
+        def presses(*pressed: int) -> bool:
+            message = JointState(name=["fd_x", "fd_y", "fd_z"], position=[0.0] * 3)
+            message.velocity, message.header.stamp = [0.0] * 3, peer.now()
+            states.publish(message)
+            buttons.publish(Joy(buttons=pressed))
+            return bool(heard) and told(heard)[-1] == list(pressed)
+
+        peer.until(lambda: presses(1, 0), "the pressed button")
+        peer.until(lambda: presses(0, 1), "the other one")
+
+
+def test_what_is_no_button_is_refused() -> None:
+    assert joy_buttons(Joy(buttons=[0, 1, 7])) == (False, True, True)
+    with pytest.raises(InvalidInputError, match="buttons: must be at most 32"):
+        joy_buttons(Joy(buttons=[0] * 33))
+    assert closure_button("", ["a"]) is None
+    assert closure_button("left pin 3", ["left pin"]) == ("left pin", 3)
+    with pytest.raises(InvalidInputError, match="must be one of \\['a'\\], and a number from 1 to"):
+        closure_button("b 1", ["a"])
