@@ -57,7 +57,8 @@ class RealDevice:
         silence: s, as above.
         fresh: whether the last step brought a sample.
         problem: why it cannot be driven; empty if it can.
-        buttons: of its handle, whether each is pressed; none of a device without any.
+        buttons: of its handle, whether each is pressed, as it told last; none of a device without
+            any.
         late: periods without a sample.
     """
 
@@ -188,7 +189,6 @@ class RealDevice:
     def forget(self) -> None:
         """Forget where it was: it is not there any more."""
         self._last, self._given, self.fresh = None, NO_WRENCH, False
-        self.buttons = ()
 
     def _pose(self, measured: Measured, before: pin.SE3) -> pin.SE3:
         """Return a pose in the world, its origin that of the device's base."""

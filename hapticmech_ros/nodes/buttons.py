@@ -13,12 +13,18 @@ from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.qos import CHANGES_SUBSCRIBER, LATCHED
+from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DEVICE_BUTTONS
 
 
+# Drivers of other people latch nothing, and so nobody here expects it: whoever comes late hears of
+# the buttons within this time, ns.
+REPEAT_NS = NANOSECONDS
+
+
 class ButtonOutput:
-    """Tells the buttons of a device when they change.
+    """Tells the buttons of a device when they change, and once a second.
 
     Args:
         actor: the device's.
@@ -27,9 +33,10 @@ class ButtonOutput:
     def __init__(self, actor: Actor[Any]) -> None:
         self._publish = actor.output(DEVICE_BUTTONS, Joy, LATCHED)
         self._told: tuple[bool, ...] = ()
+        self._told_ns = 0
 
     def tell(self, pressed: tuple[bool, ...], time_ns: int) -> None:
-        """Tell which buttons are pressed, unless that is known; those that are gone are released.
+        """Tell which buttons are pressed, if it is time to; those that are gone are released.
 
         Args:
             pressed: whether each button is.
@@ -37,8 +44,9 @@ class ButtonOutput:
         """
         missing = len(self._told) - len(pressed)
         found = (*pressed, *(False,) * missing)
-        if found != self._told:
-            self._told, message = found, Joy(buttons=[int(one) for one in found])
+        if found != self._told or (found and time_ns - self._told_ns >= REPEAT_NS):
+            self._told, self._told_ns = found, time_ns
+            message = Joy(buttons=[int(one) for one in found])
             set_stamp(message.header.stamp, time_ns)
             self._publish.publish(message)
 
@@ -58,7 +66,7 @@ class ButtonInput:
     ) -> None:
         self._on_press = pressed
         self._state: tuple[bool, ...] | None = None
-        actor.input(prefix + DEVICE_BUTTONS.name, Joy, CHANGES_SUBSCRIBER, self._heard)
+        actor.input(prefix + DEVICE_BUTTONS.name, Joy, STREAM_PUBLISHER, self._heard)
 
     def is_pressed(self, number: int) -> bool:
         """Return whether a button is pressed, the first one being 1; none is 0."""

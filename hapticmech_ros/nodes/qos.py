@@ -28,13 +28,6 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-# For who has to hear of each change, also of those that follow each other at once.
-CHANGES_SUBSCRIBER = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST,
-    depth=10,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
 # In lockstep nothing of the control path may be lost, not even what was said before the reader was
 # discovered; at most two samples are ever on their way.
 LOCKSTEP = QoSProfile(

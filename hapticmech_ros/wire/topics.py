@@ -87,8 +87,8 @@ DEVICE_BUTTONS = Topic(
     "device/buttons",
     "sensor_msgs/msg/Joy",
     DEVICE,
-    "`buttons` of the device's handle, 1 while pressed; no message of a device without any; all "
-    "released when the device is lost",
+    "`buttons` of the device's handle, 1 while pressed, with every change and once a second; no "
+    "message of a device without any",
     (MECHANISM, CONTROLLER),
     rate="change",
     qos="latched",

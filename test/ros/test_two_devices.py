@@ -117,7 +117,11 @@ def two_hands(folder: Path) -> Path:
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
     document["hands"] = [
         {"point": "b", "hand": ARM | {"waypoints": [{"time": 0.0}]}},
-        {"point": "a", "hand": ARM | {"waypoints": WAY}, "device": {"mass": 0.2}},
+        {
+            "point": "a",
+            "hand": ARM | {"waypoints": WAY},
+            "device": {"mass": 0.2, "safety": {"command_timeout": 0.2}},
+        },
     ]
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     return path
