@@ -17,7 +17,6 @@ from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DEVICE_BUTTONS
 
-
 # Drivers of other people latch nothing, and so nobody here expects it: whoever comes late hears of
 # the buttons within this time, ns.
 REPEAT_NS = NANOSECONDS
