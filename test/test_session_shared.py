@@ -307,3 +307,21 @@ def test_bad_input_moves_nothing():
         SharedSession(session.scene, command_delay=-1)
     with pytest.raises(InvalidInputError, match="controls"):
         SharedSession(session.scene, controls={"c": session.user("a")._control})
+
+
+def test_one_user_holds_elsewhere_and_the_others_stay():
+    """Held at the other point's place, X_ii and X_ij are those of that point: one and the same."""
+    session = SharedSession(shared({"point": "a"}, {"point": "b", "hand": HOLDS}))
+    session.run(50)
+    session.set_operational_point("a", "b")
+    pushed = session.tick(hand_wrenches={"b": np.array([0.5, 0.0, 0.2, 0.0, 0.01, 0.0])})
+    for name in ("a", "b"):
+        felt = pushed[name].analysis.inverse_inertia
+        assert felt == pytest.approx(pushed["b"].analysis.inverse_inertia, abs=1e-9)
+    found = coupling(session.simulator.evaluate(session.mechanism))
+    assert found[0, 1] == pytest.approx(found[1, 1], rel=1e-9, abs=1e-9 * np.abs(found).max())
+    with pytest.raises(InvalidInputError, match="must be a point that is held"):
+        session.set_operational_point("c", "b")
+    rows = session.run(500)
+    assert np.isfinite(rows["a"]["position"]).all()
+    assert np.abs(rows["b"]["position"][-1] - rows["b"]["position"][0]).max() < 0.05

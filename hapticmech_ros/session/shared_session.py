@@ -179,6 +179,9 @@ class SharedSession:
         """
         self.user(point).set_operational_point(frame, origin)
         self._contact_wrenches = ContactWrenches(self.simulator.mechanism)
+        # H of answers that are on their way is of the old place.
+        for gains in self._gains.values():
+            gains.clear()
 
     def switch_closure(self, name: str, closed: bool) -> None:
         """Open or close a loop between two ticks.
