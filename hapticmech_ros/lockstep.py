@@ -18,6 +18,7 @@ from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.wire.topic import users_of
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
 
@@ -132,8 +133,8 @@ def _clock_command(run: LockstepRun) -> Sequence[str]:
     command += ["--stall-timeout", str(run.stall_timeout)]
     if run.out is not None:
         command += ["--out", str(run.out), "--storage", run.storage]
-    for point in run.hold:
-        command += ["--hold", point if len(run.hold) == 1 else f"{point}/{point}"]
+    for namespace, point in users_of(run.hold):
+        command += ["--hold", f"{namespace}/{point}" if namespace else point]
     if run.feed_from is not None:
         command += ["--feed-from", str(run.feed_from)]
         command += [option for kind in run.feed for option in ("--feed", kind)]

@@ -86,6 +86,12 @@ def experiment(
     from hapticmech_ros.loading import load_scene
 
     loaded = load_scene(scene, changes=changes or ())
+    if len(loaded.held_points) > 1:
+        if push:
+            rule = "of several hands each does what the scene says: --set hands[0].hand=..."
+            raise InvalidInputError("--push", push, rule)
+        _print_results(_shared(loaded, duration, out), out)
+        return
     hand = loaded.hand
     idle = hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque))
     force = _force(push) if push else None
@@ -106,6 +112,25 @@ def experiment(
         bar.update(task, description="writing results")
         summary = write_results(record, loaded, out)
     _print_results(summary, out)
+
+
+def _shared(scene: Scene, duration: float | None, out: Path) -> dict[str, object]:
+    """Run the experiment of several users, and return the summary that was written."""
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError
+    from hapticmech_ros.experiment.run import write_shared_results
+    from hapticmech_ros.experiment.shared_from_session import run_shared_session
+
+    with progress() as bar:
+        task = bar.add_task("simulating", total=1.0)
+        try:
+            record = run_shared_session(
+                scene, duration, lambda share: bar.update(task, completed=share)
+            )
+        except UnfinishedRunError as failure:
+            _leave(failure, scene, out)
+            raise
+        bar.update(task, description="writing results")
+        return write_shared_results(record, scene, out)
 
 
 def _force(text: str) -> tuple[float, ...]:
@@ -133,7 +158,8 @@ def _leave(failure: UnfinishedRunError, scene: Scene, out: Path) -> None:
 
 
 def _print_results(summary: dict[str, object], out: Path) -> None:
-    from hapticmech_ros.experiment.report import table
+    from hapticmech_ros.experiment.report import tables
 
-    console.print(table(summary))
+    for table in tables(summary):
+        console.print(table)
     console.print(f"results: {out.resolve()}", highlight=False, soft_wrap=True)

@@ -13,32 +13,50 @@ from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     JOINT_STATES,
+    POINT_COMMAND,
+    POINT_FORCE,
     POINT_MODEL,
 )
 
 NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
+# Needed where several users hold one mechanism, of each.
+SHARED = (POINT_COMMAND, POINT_FORCE)
 # Needed only for the drawing of the mechanism.
 WELCOME = (JOINT_STATES,)
 
 
-def full_name(topic: Topic, point: str, namespace: str = "") -> str:
-    """Return the absolute name of a topic of a graph that runs under ``namespace``."""
-    name = topic.of(point)
+def full_name(topic: Topic, point: str, namespace: str = "", user: str = "") -> str:
+    """Return the absolute name of a topic of a graph.
+
+    Args:
+        topic: of it.
+        point: operational point.
+        namespace: that the graph runs under.
+        user: namespace of one of several users within it.
+    """
+    name = topic.of(point, user)
     if name.startswith("/"):
         return name
     prefix = namespace.strip("/")
     return f"/{prefix}/{name}" if prefix else f"/{name}"
 
 
-def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str]:
+def chosen_topics(bag: BagReader, point: str, namespace: str, user: str = "") -> dict[Topic, str]:
     """Return the topics to read and their full names in ``bag``.
+
+    Args:
+        bag: to read.
+        point: operational point that the user holds.
+        namespace: of the graph.
+        user: namespace of one of several users; empty of one alone.
 
     Raises:
         BagError: topics missing, empty, of another type or under a former name; the message lists
             all of them.
     """
     refuse_former_topics(bag)
-    names = {topic: full_name(topic, point, namespace) for topic in NEEDED}
+    needed = NEEDED + SHARED if user else NEEDED
+    names = {topic: full_name(topic, point, namespace, user) for topic in needed}
     missing = [name for name in names.values() if name not in bag.topics]
     empty = [n for n in names.values() if n in bag.topics and bag.topics[n].count == 0]
     other = [
@@ -56,10 +74,10 @@ def chosen_topics(bag: BagReader, point: str, namespace: str) -> dict[Topic, str
         if which
     ]
     if complaints:
-        hint = _namespace_hint(bag, missing, namespace)
+        hint = _namespace_hint(bag, missing, f"{namespace}/{user}")
         raise BagError(f"bag {bag.path}: {'; '.join(complaints)}{hint}")
     for topic in WELCOME:
-        name = full_name(topic, point, namespace)
+        name = full_name(topic, point, namespace, user)
         if name in bag.topics and bag.topics[name].type == topic.type:
             names[topic] = name
     return names

@@ -16,7 +16,9 @@ from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag
 from hapticmech_ros.experiment.from_session import run_session
 from hapticmech_ros.experiment.health import health_from_bag
-from hapticmech_ros.experiment.run import write_results
+from hapticmech_ros.experiment.run import write_results, write_shared_results
+from hapticmech_ros.experiment.shared_from_bag import shared_record_from_bag
+from hapticmech_ros.experiment.shared_from_session import run_shared_session
 from hapticmech_ros.graph import (
     Graph,
     ending,
@@ -47,8 +49,9 @@ def run_demo(
 ) -> dict[str, object]:
     """Run the experiment over ROS.
 
-    Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``.
-    Files of the same names from an earlier run are replaced.
+    Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
+    several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
+    of the same names from an earlier run are replaced.
 
     Returns:
         Summary of the run.
@@ -64,6 +67,12 @@ def run_demo(
     _clear(bag)
     record_graph(scene_name, bag, composed, seconds, storage, show)
     show("reading the bag", None)
+    if len(scene.held_points) > 1:
+        shared = shared_record_from_bag(bag, scene, duration=seconds)
+        show("simulating the same without ROS", None)
+        both = run_shared_session(scene, seconds)
+        show("drawing", None)
+        return write_shared_results(shared, scene, out, health_from_bag(bag), both)
     record = record_from_bag(bag, scene, duration=seconds)
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
@@ -86,13 +95,13 @@ def record_graph(
     storage: str = "mcap",
     show: Show = lambda stage, done: None,
 ) -> None:
-    """Record a graph whose hand starts once the recorder receives all topics.
+    """Record a graph whose hands start once the recorder receives all topics.
 
     Args:
         scene_name: shipped scene, or path.
         bag: folder to make.
         composed: whether all nodes are in one process.
-        seconds: s, from when the hand starts.
+        seconds: s, from when the first hand starts.
         storage: mcap or sqlite3.
         show: called with the progress.
 
@@ -110,7 +119,11 @@ def record_graph(
         events = told_by(recorder)
         _expect(events, "ready")
         show("starting the graph", None)
-        with Graph(scene_name, composed, "", parameters, environment, shown=True) as graph:
+        scene = load_scene(scene_name)
+        hold = scene.held_points if scene.hands else ()
+        with Graph(
+            scene_name, composed, "", parameters, environment, hold=hold, shown=True
+        ) as graph:
             for event in events:
                 if event["event"] == "progress":
                     graph.check()

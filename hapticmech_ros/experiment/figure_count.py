@@ -35,7 +35,7 @@ def count_figure(
     record: ExperimentRecord, scene: Scene, reference: ExperimentRecord | None = None
 ) -> Figure:
     """Return the figure; ``reference`` is drawn behind, in grey."""
-    figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", CAPTION))
+    figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", CAPTION, record.point))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.1, 1.0))
     if reference is not None:
         style = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}

@@ -26,7 +26,7 @@ AXIS_COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
 DPI = 150
 TEXT = 11.0
 SMALL = 9.5
-TIME_LABEL = "time since the hand started to push (s)"
+TIME_LABEL = "time since the first push (s)"
 
 # The scene whose results are the paper's Fig. 5.
 PAPER = "five_bar"
@@ -77,11 +77,15 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
         axes.spines[side].set_visible(False)
 
 
-def titled(scene: Scene, figure: str, caption: str) -> str:
-    """Return a caption that begins with its scene, or with the paper's figure if it is that."""
+def titled(scene: Scene, figure: str, caption: str, point: str = "") -> str:
+    """Return a caption that begins with its scene, or with the paper's figure if it is that.
+
+    A point is named where the scene has several.
+    """
     paper = load_scene(PAPER)
     same = all(getattr(scene, key) == getattr(paper, key) for key in ("name", *EXPERIMENT))
-    return f"{figure if same else scene.name}. {caption}"
+    at = f", {point}" if point and len(scene.operational_points) > 1 else ""
+    return f"{figure if same else scene.name + at}. {caption}"
 
 
 def about(scenes: Sequence[str], caption: str) -> str:

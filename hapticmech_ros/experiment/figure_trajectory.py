@@ -56,14 +56,15 @@ def trajectory_figure(
 
     ``reference`` is drawn behind, in grey.
     """
+    caption = titled(scene, "Fig. 5b", CAPTION, record.point)
     if scene.task_space == "planar":
-        figure = new_figure(10.0, 6.2, titled(scene, "Fig. 5b", CAPTION))
+        figure = new_figure(10.0, 6.2, caption)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.45, 1.0))
         views = [(figure.add_subplot(grid[:, 0]), (0, 1))]
         close_up, error = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, 1])
         _close_up(close_up, record)
     else:
-        figure = new_figure(11.0, 7.0, titled(scene, "Fig. 5b", CAPTION))
+        figure = new_figure(11.0, 7.0, caption)
         grid = figure.add_gridspec(2, 3, height_ratios=(1.5, 1.0))
         planes = ((0, 1), (0, 2), (1, 2))
         views = [(figure.add_subplot(grid[0, i]), plane) for i, plane in enumerate(planes)]

@@ -39,7 +39,7 @@ def wrench_figure(
     """Return the figure; the norm of ``reference`` is drawn behind, in grey."""
     fed_forward = scene.controller.joint_constraint.feedforward > 0.0
     less = ", less the share that is fed forward" if fed_forward else ""
-    caption = titled(scene, "Fig. 5c", CAPTION.replace("{less}", less))
+    caption = titled(scene, "Fig. 5c", CAPTION.replace("{less}", less), record.point)
     figure = new_figure(8.0, 6.0, caption)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     planar = scene.task_space == "planar"

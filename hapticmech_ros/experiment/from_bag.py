@@ -8,6 +8,7 @@ Times are the senders' stamps, not those of reception.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -32,7 +33,7 @@ from hapticmech_ros.wire.topics import (
     POINT_MODEL,
 )
 
-_Series = tuple[Array, Array]
+Series = tuple[Array, Array]
 # Columns in the rows of stamped.py: of device states, and of operational models.
 HAND = slice(7, 13)
 POINT = slice(1, 8)
@@ -65,20 +66,53 @@ def record_from_bag(
         InvalidInputError: the scene has no such point.
     """
     name = scene.operational_point(point).name
-    series = _read(path, name, namespace)
-    pushed = first_push(series[DEVICE_STATE][1][:, HAND])
-    if pushed is None:
-        raise BagError(
-            f"bag {path}: the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)"
-        )
-    start_ns = int(series[DEVICE_STATE][0][pushed])
+    series = read_series(path, name, namespace)
+    start_ns = first_push_ns(series)
+    if start_ns is None:
+        raise never_pushed(path)
+    return record_of(path, series, scene, name, start_ns, duration)
+
+
+def never_pushed(path: str | os.PathLike[str]) -> BagError:
+    """Return the error of a bag in which no hand pushes."""
+    return BagError(f"bag {path}: the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)")
+
+
+def first_push_ns(series: Mapping[Topic, Series]) -> int | None:
+    """Return the stamp of the first sample in which the hand pushes, ns; None if there is none."""
+    stamps, rows = series[DEVICE_STATE]
+    pushed = first_push(rows[:, HAND])
+    return None if pushed is None else int(stamps[pushed])
+
+
+def record_of(
+    path: str | os.PathLike[str],
+    series: Mapping[Topic, Series],
+    scene: Scene,
+    point: str,
+    start_ns: int,
+    duration: float | None,
+) -> ExperimentRecord:
+    """Return the record of one user.
+
+    Args:
+        path: of the bag, for errors.
+        series: its topics, from :func:`read_series`.
+        scene: of the run, as this user has it.
+        point: operational point that the device held.
+        start_ns: stamp of the first push, ns.
+        duration: s after it; to the bag's end if None.
+
+    Raises:
+        BagError: invalid messages.
+    """
     earliest = start_ns - nanoseconds(scene.hand.start_delay + scene.simulation.period / 2)
     latest = None if duration is None else start_ns + nanoseconds(duration)
     window = (earliest, latest)
     try:
         return ExperimentRecord(
             scene=scene.name,
-            point=name,
+            point=point,
             source="graph",
             period=scene.simulation.period,
             **_motion(series, window, start_ns),
@@ -91,16 +125,29 @@ def record_from_bag(
         raise BagError(f"bag {path}: {error}") from error
 
 
-def _read(path: str | os.PathLike[str], point: str, namespace: str) -> dict[Topic, _Series]:
+def read_series(
+    path: str | os.PathLike[str], point: str, namespace: str, user: str = ""
+) -> dict[Topic, Series]:
+    """Return stamps (n,), ns, and rows (n, ...) of each topic of one user.
+
+    Args:
+        path: of the bag.
+        point: operational point that the device held.
+        namespace: of the graph.
+        user: namespace of one of several users; empty of one alone.
+
+    Raises:
+        BagError: no bag, a damaged one, topics missing or empty, or invalid messages.
+    """
     with BagReader(path) as bag:
-        names = chosen_topics(bag, point, namespace)
+        names = chosen_topics(bag, point, namespace, user)
         samples = {name: samples_of(name, topic.type) for topic, name in names.items()}
         for item in bag.messages(*names.values()):
             samples[item.topic].add(item.message)
     return {topic: samples[name].ordered() for topic, name in names.items()}
 
 
-def _cut(series: _Series, window: tuple[int, int | None]) -> _Series:
+def _cut(series: Series, window: tuple[int, int | None]) -> Series:
     stamps, rows = series
     kept = stamps >= window[0]
     if window[1] is not None:
@@ -113,7 +160,7 @@ def _seconds(stamps: Array, start_ns: int) -> Array:
 
 
 def _motion(
-    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
     stamps, device = _cut(series[DEVICE_STATE], window)
     point_stamps, found = series[POINT_MODEL]
@@ -133,17 +180,17 @@ def _motion(
 
 
 def _wrenches(
-    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
     stamps, rows = _cut(series[CONSTRAINT_PART], window)
     return {"wrench_times": _seconds(stamps, start_ns), "constraint_wrench": rows}
 
 
 def _analyses(
-    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
+    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int, scene: Scene
 ) -> dict[str, Array]:
     stamps, rows = _cut(series[POINT_MODEL], window)
-    hand = _held((series[DEVICE_STATE][0], series[DEVICE_STATE][1][:, HAND]), stamps)
+    hand = held((series[DEVICE_STATE][0], series[DEVICE_STATE][1][:, HAND]), stamps)
     share = rows[:, SHARE].reshape(-1, 6, 6)
     beta = scene.controller.joint_constraint.feedforward
     return {
@@ -155,7 +202,7 @@ def _analyses(
 
 
 def _energies(
-    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int
+    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
 ) -> dict[str, Array]:
     stamps, rows = _cut(series[ENERGY], window)
     columns = {name: rows[:, index] for index, name in enumerate(ENERGY_NAMES)}
@@ -163,7 +210,7 @@ def _energies(
 
 
 def _joints(
-    series: dict[Topic, _Series], window: tuple[int, int | None], start_ns: int, scene: Scene
+    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int, scene: Scene
 ) -> dict[str, Array]:
     """Return q; the topic has it as the difference from the neutral configuration.
 
@@ -185,8 +232,8 @@ def _joints(
     }
 
 
-def _held(series: _Series, at: Array) -> Array:
-    """Return the rows (m, 6) valid at stamps ``at`` (m,): the latest sent before, or zeros."""
+def held(series: Series, at: Array) -> Array:
+    """Return the rows (m, 6) valid at stamps ``at`` (m,): the latest sent by then, or zeros."""
     stamps, rows = series
     index = np.searchsorted(stamps, at, side="right") - 1
     return np.where((index >= 0)[:, None], rows[np.maximum(index, 0)], 0.0)

@@ -12,6 +12,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import ExperimentRecord, first_push
+from hapticmech_ros.experiment.shared_record import SharedRecord
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
@@ -22,7 +23,7 @@ class UnfinishedRunError(HapticMechError):
     """A run that an error ended.
 
     Attributes:
-        record: of the run until then; None if there was no tick.
+        record: of the run until then, of one user or several; None if there was no tick.
         time: of the session when it happened, s.
         joint: whose rate changed most in the step that failed, or else is largest in the last
             state, rad/s or m/s; empty in a mechanism without joints.
@@ -34,7 +35,7 @@ class UnfinishedRunError(HapticMechError):
     def __init__(
         self,
         error: HapticMechError,
-        record: ExperimentRecord | None,
+        record: ExperimentRecord | SharedRecord | None,
         time: float,
         joint: str,
         positions: dict[str, list[float]],
@@ -68,11 +69,8 @@ def run_session(
         ClosureError: the loops cannot be closed at the start.
         UnfinishedRunError: an error ended the run, such as a loop that came apart.
     """
-    lasting = scene.experiment.duration if duration is None else float(duration)
-    if not (np.isfinite(lasting) and lasting > 0.0):
-        raise InvalidInputError("duration", duration, "must be a positive number of seconds")
     session = Session(scene, point)
-    ticks = round((scene.hand.start_delay + lasting) / session.period) + 1
+    ticks = ticks_of(session.scene, duration)
     recorder = SessionRecorder(session, point)
     for tick in range(ticks):
         try:
@@ -83,6 +81,22 @@ def run_session(
         if progress is not None and (done % max(ticks // 100, 1) == 0 or done == ticks):
             progress(done / ticks)
     return recorder.record()
+
+
+def ticks_of(scene: Scene, duration: float | None) -> int:
+    """Return how many ticks a run takes from engagement on.
+
+    Args:
+        scene: of the run, as its user has it.
+        duration: s after the hand's start; that of the scene's experiment if None.
+
+    Raises:
+        InvalidInputError: duration not positive.
+    """
+    lasting = scene.experiment.duration if duration is None else float(duration)
+    if not (np.isfinite(lasting) and lasting > 0.0):
+        raise InvalidInputError("duration", duration, "must be a positive number of seconds")
+    return round((scene.hand.start_delay + lasting) / scene.simulation.period) + 1
 
 
 class SessionRecorder:
@@ -151,20 +165,28 @@ class SessionRecorder:
             and (np.abs(state.v) <= limits.joint_velocity).all()
         )
 
-    def record(self) -> ExperimentRecord:
+    @property
+    def started(self) -> float:
+        """Time of the session, s, of the first push, or else of the hand's start."""
+        # An estimate is never zero, and without a sensor nothing tells.
+        measured = self._scene.device.force_sensor == "measured"
+        push = first_push(np.array(self._rows["hand_wrench"])) if measured else None
+        return self._scene.hand.start_delay if push is None else float(self._rows["time"][push])
+
+    def record(self, started: float | None = None) -> ExperimentRecord:
         """Return the record of the collected samples.
+
+        Args:
+            started: time of the session, s, that is the record's zero; :attr:`started` if None.
 
         Raises:
             InvalidInputError: there are none.
         """
         if not self._rows:
             raise InvalidInputError("samples", 0, "must be at least one")
+        zero = self.started if started is None else started
         arrays = {name: np.array(rows) for name, rows in self._rows.items()}
-        times = arrays.pop("time")
-        # An estimate is never zero, and without a sensor nothing tells.
-        measured = self._scene.device.force_sensor == "measured"
-        push = first_push(arrays["hand_wrench"]) if measured else None
-        times = times - (self._scene.hand.start_delay if push is None else times[push])
+        times = arrays.pop("time") - zero
         return ExperimentRecord(
             scene=self._scene.name,
             point=self._point,

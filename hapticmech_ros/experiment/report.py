@@ -1,15 +1,47 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The summary of a run as a short table for the terminal."""
+"""The summary of a run as short tables for the terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.table import Table
 
 NOTHING = "–"
+
+
+def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield the tables of what ``write_results`` or ``write_shared_results`` returned."""
+    if "users" not in summary:
+        yield table(summary)
+        return
+    for point, user in summary["users"].items():
+        yield table({**user, "scene": f"{user['scene']}, {point}"})
+    yield _spans(summary["spans"])
+
+
+def _spans(spans: list[Mapping[str, Any]]) -> Table:
+    """Return a row for each user and span of time in which the same hands hold."""
+    title = "while the same hands hold: largest displacement, rms forces, constraints"
+    result = Table(title=title, title_justify="left")
+    for name in ("from, s", "holding", "user"):
+        result.add_column(name)
+    for name in ("moved, mm", "force, N", "by others, N", "count"):
+        result.add_column(name, justify="right")
+    for span in spans:
+        for point, user in span["users"].items():
+            result.add_row(
+                _number(span["begin_s"], 1.0, "", 2),
+                ", ".join(span["holding"]) or NOTHING,
+                point,
+                _number(user["displacement_max_m"], 1e3, "", 1),
+                _number(user["hand_force_rms_n"], 1.0, "", 2),
+                _number(user["by_others_force_rms_n"], 1.0, "", 2),
+                ", ".join(str(count) for count in user["counts_seen"]) or NOTHING,
+            )
+    return result
 
 
 def table(summary: Mapping[str, Any]) -> Table:

@@ -119,10 +119,7 @@ class LockstepClock(QuietEventsNode):
             self._writer.write(CLOCK, self.time_ns, serialize_message(self._message))
 
     def _listen(self, topic: Topic, namespace: str, point: str) -> None:
-        relative = topic.of(point)
-        # One mechanism may serve several trios of device, analyser and controller.
-        alone = not namespace or relative.startswith(("mechanism/", "/"))
-        name = self.resolve_topic_name(relative if alone else f"{namespace}/{relative}")
+        name = self.resolve_topic_name(topic.of(point, namespace))
         control = topic.rate == "control"
         if name in self._heard or not (control or self._writer):
             return

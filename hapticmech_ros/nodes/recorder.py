@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records the graph's topics as they are on the wire into a rosbag2 bag.
 
-A process of its own, so that a slow disk delays nobody. Once it hears every topic it lets a waiting
-hand start. Tells its parent how it goes by lines of JSON on standard output: ready, started (the
+A process of its own, so that a slow disk delays nobody. Once it hears every topic it lets waiting
+hands start. Tells its parent how it goes by lines of JSON on standard output: ready, started (a
 hand pushes), progress, done or failed.
 """
 
@@ -35,7 +35,7 @@ from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.wire.layouts import unpack_device
-from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
@@ -44,29 +44,34 @@ PROGRESS_PERIOD_S = 0.1
 
 
 class RecorderNode(QuietEventsNode):
-    """Writes every message of the table's topics to a bag, and sees when the hand starts.
+    """Writes every message of the table's topics to a bag, and sees when the first hand starts.
 
     Args:
         writer: of the bag.
-        point: the operational point held.
+        points: the operational points held.
         exchange: brings what comes over the lane.
     """
 
-    def __init__(self, writer: BagWriter, point: str, exchange: Exchange) -> None:
+    def __init__(self, writer: BagWriter, points: Sequence[str], exchange: Exchange) -> None:
         super().__init__("recorder")
         self._exchange = exchange
         self._writer = writer
         self.messages = 0
-        self._silent = {self.resolve_topic_name(name) for name in _expected(point)}
-        self._start_hand = self.create_client(Trigger, START_HAND)
+        users = users_of(points)
+        full = self.resolve_topic_name
+        self._silent = {full(topic.of(at, space)) for space, at in users for topic in _expected()}
+        self._watched = {full(DEVICE_STATE.of(at, space)) for space, at in users}
+        self._start_hands = [
+            self.create_client(Trigger, f"{space}/{START_HAND}" if space else START_HAND)
+            for space, _ in users
+        ]
         self._asked = False
         self.started_ns: int | None = None
-        self._watched = self.resolve_topic_name(DEVICE_STATE.of(point))
-        for topic in TOPICS:
-            self._record(topic, point)
+        names = {full(topic.of(at, space)): topic for space, at in users for topic in TOPICS}
+        for name, topic in names.items():
+            self._record(topic, name)
 
-    def _record(self, topic: Topic, point: str) -> None:
-        name = self.resolve_topic_name(topic.of(point))
+    def _record(self, topic: Topic, name: str) -> None:
         self._writer.add_topic(name, topic.type, topic.qos)
         qos = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
         kind = message_class(topic.type)
@@ -75,7 +80,7 @@ class RecorderNode(QuietEventsNode):
             self._writer.write(name, time_ns, data)
             self.messages += 1
             self._silent.discard(name)
-            if name == self._watched and self.started_ns is None:
+            if name in self._watched and self.started_ns is None:
                 self._look_for_start(data, time_ns)
 
         def handed(data: bytes, origin: Origin) -> None:
@@ -89,11 +94,14 @@ class RecorderNode(QuietEventsNode):
 
         self.create_subscription(kind, name, WithInfo(callback), qos, raw=True)
 
-    def start_hand_when_ready(self) -> None:
-        """Let the hand start once every topic of the graph has been heard."""
-        if not self._asked and not self._silent and self._start_hand.service_is_ready():
+    def start_hands_when_ready(self) -> None:
+        """Let the hands start once every topic of the graph has been heard."""
+        if self._asked or self._silent:
+            return
+        if all(client.service_is_ready() for client in self._start_hands):
             self._asked = True
-            self._start_hand.call_async(Trigger.Request())
+            for client in self._start_hands:
+                client.call_async(Trigger.Request())
 
     def silent(self) -> list[str]:
         """Return the topics of the graph from which nothing has come yet."""
@@ -118,10 +126,10 @@ def main(arguments: Sequence[str]) -> int:
     rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
     exchange = Exchange()
     try:
-        point = load_scene(options.scene).operational_point().name
+        points = load_scene(options.scene).held_points
         exchange.join_lane(os.environ, timed=True)
         with BagWriter(options.out, options.storage) as writer:
-            node = RecorderNode(writer, point, exchange)
+            node = RecorderNode(writer, points, exchange)
             failure = _record_until_done(node, exchange, stop, options)
             messages = node.messages
             # First, so that others do not count on who is about to leave.
@@ -154,7 +162,7 @@ def _record_until_done(
         inbox.gather()
         now = time.monotonic()
         if node.started_ns is None:
-            node.start_hand_when_ready()
+            node.start_hands_when_ready()
             if now - begun > options.start_timeout:
                 silent = f"; nothing on {', '.join(node.silent())}" if node.silent() else ""
                 return f"the hand did not start within {options.start_timeout:g} s{silent}"
@@ -170,9 +178,9 @@ def _record_until_done(
     return "stopped by a signal before the experiment was over"
 
 
-def _expected(point: str) -> list[str]:
+def _expected() -> list[Topic]:
     """Return the topics that a running graph publishes all the time."""
-    return [t.of(point) for t in TOPICS if t.publisher != "any" and t.rate in ("control", "view")]
+    return [t for t in TOPICS if t.publisher != "any" and t.rate in ("control", "view")]
 
 
 if __name__ == "__main__":

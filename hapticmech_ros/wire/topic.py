@@ -53,9 +53,28 @@ class Topic:
         pairs = zip(reversed(own), reversed(given), strict=False)
         return len(given) >= len(own) and all(a in (b, "{point}") for a, b in pairs)
 
-    def of(self, point: str) -> str:
-        """Return the relative name for an operational point."""
-        return self.name.format(point=point)
+    def of(self, point: str, namespace: str = "") -> str:
+        """Return the relative name for an operational point.
+
+        Args:
+            point: name of the operational point.
+            namespace: of its user, see :func:`users_of`: all that is not the mechanism's is in it.
+        """
+        name = self.name.format(point=point)
+        own = namespace and not name.startswith(("mechanism/", "/"))
+        return f"{namespace}/{name}" if own else name
+
+
+def users_of(points: Sequence[str]) -> list[tuple[str, str]]:
+    """Return namespace and operational point of each user of one mechanism.
+
+    Device, analyser and controller of one of several users are in a namespace of the point's name;
+    one alone has none.
+
+    Args:
+        points: names of the operational points that are held.
+    """
+    return [(point if len(points) > 1 else "", point) for point in points]
 
 
 POSE, TWIST, WRENCH = (
