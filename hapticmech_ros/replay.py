@@ -14,6 +14,7 @@ from pathlib import Path
 from hapticmech_ros.bag.former_topics import refuse_former_topics
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS
 
@@ -33,8 +34,12 @@ def replay(
         raise BagError("a replay needs a bag")
     with BagReader(run.feed_from) as bag:
         refuse_former_topics(bag)
-        namespace = run.namespace or _namespace(bag)
         scene = run.scene or _scene(bag)
+        held = load_scene(scene).held_points
+        if len(held) > 1:
+            rule = f"its scene has the hands {', '.join(held)}, and a replay feeds one alone"
+            raise BagError(f"bag {bag.path}: {rule}")
+        namespace = run.namespace or _namespace(bag)
     return run_lockstep(replace(run, scene=scene, namespace=namespace), environment, asked_to_stop)
 
 

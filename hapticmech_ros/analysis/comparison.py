@@ -30,7 +30,7 @@ from hapticmech_ros.analysis.rendering_methods import (
     predicted_delay,
     variants,
 )
-from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
+from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody, of_first_user
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, plain, silent
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
@@ -239,7 +239,7 @@ def compare(
     for delay in delays:
         if delay < 0:
             raise InvalidInputError("delay", delay, "must be 0 or more periods")
-    cases = [_Case(load_scene(name), delay) for name in scenes for delay in delays]
+    cases = [_Case(of_first_user(load_scene(name)), delay) for name in scenes for delay in delays]
     columns: list[Column] = []
     lost: list[str] = []
     for case, found in zip(cases, in_order(_compared, cases, workers), strict=True):

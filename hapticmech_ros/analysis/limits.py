@@ -16,7 +16,7 @@ from hapticmech_ros.analysis.experience import Experience, experience
 from hapticmech_ros.analysis.limits_figure import m_width_figure, z_width_figure
 from hapticmech_ros.analysis.m_width import MPoint, m_width
 from hapticmech_ros.analysis.penetration import Yield, penetration
-from hapticmech_ros.analysis.scene_variants import at_rate, with_loop
+from hapticmech_ros.analysis.scene_variants import at_rate, of_first_user, with_loop
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.analysis.z_width import ZPoint, z_width
@@ -97,7 +97,7 @@ def cases_of(
         if name not in WHAT:
             raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
     cases = []
-    for scene in scenes:
+    for scene in map(of_first_user, scenes):
         hands = ["nobody", "still"] if "waypoints" in type(scene.hand).model_fields else ["nobody"]
         if "z" in what and directions(scene).held.size:
             late = with_loop(scene, False)

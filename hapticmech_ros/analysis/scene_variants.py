@@ -21,6 +21,11 @@ NO_CHANNEL = PositionChannelGains(
 )
 
 
+def of_first_user(scene: Scene) -> Scene:
+    """Return a scene as the user of its first operational point has it, without other hands."""
+    return scene.held_at(scene.operational_points[0].name)
+
+
 def at_once(scene: Scene) -> Scene:
     """Return a scene without engagement ramp and without passivity control."""
     free = scene.controller.passivity.model_copy(update={"control": False})

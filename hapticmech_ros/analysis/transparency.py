@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from hapticmech_ros.analysis.impedance import Felt, felt
 from hapticmech_ros.analysis.over_graph import felt_over_graph
-from hapticmech_ros.analysis.scene_variants import LOOPS, with_loop
+from hapticmech_ros.analysis.scene_variants import LOOPS, of_first_user, with_loop
 from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
@@ -189,7 +189,7 @@ def transparency(
     """
     rows: list[Row] = []
     for name in scenes:
-        scene = load_scene(name)
+        scene = of_first_user(load_scene(name))
         show(f"{scene.name}: {scene.description}")
         if over != "session":
             rows += [

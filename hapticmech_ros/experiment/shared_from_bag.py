@@ -9,6 +9,7 @@ namespace of its point's name.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -23,11 +24,12 @@ from hapticmech_ros.experiment.from_bag import (
     read_series,
     record_of,
 )
-from hapticmech_ros.experiment.shared_record import COUPLING_PERIOD_S, SharedRecord, couplings
+from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.shared_record import SharedRecord, couplings
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.topic import users_of
+from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import POINT_COMMAND, POINT_FORCE
 
 
@@ -39,8 +41,8 @@ def shared_record_from_bag(
 ) -> SharedRecord:
     """Return the run of several users that was recorded in the bag at ``path``.
 
-    Time 0 is the first sample in which any hand pushes. X_ij is computed from the states of the
-    mechanism, F_j and F_c are the messages that were sent last by then.
+    Time 0 is the first sample in which any hand pushes. Whenever the mechanism told F_c, X_ij is
+    computed from its state, and F_j is the last command by then.
 
     Args:
         path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
@@ -57,26 +59,25 @@ def shared_record_from_bag(
         for user, point in users_of(scene.held_points)
     }
     pushes = [first_push_ns(found) for found in series.values()]
-    known = [stamp for stamp in pushes if stamp is not None]
-    if not known:
+    pushed = [stamp for stamp in pushes if stamp is not None]
+    if not pushed:
         raise never_pushed(path)
-    start_ns = min(known)
+    start_ns = min(pushed)
     users = {
         point: record_of(path, found, scene.held_at(point), point, start_ns, duration)
         for point, found in series.items()
     }
-    first = next(iter(users.values()))
     mechanism = Mechanism(scene)
     states = states_from_bag(path, mechanism, "", namespace)
-    times = (states.stamps_ns - start_ns) / NANOSECONDS
-    every = max(round(COUPLING_PERIOD_S / scene.simulation.period), 1)
-    chosen = np.flatnonzero((times >= first.times[0]) & (times <= first.times[-1]))[::every]
-    if chosen.size == 0:
-        raise BagError(f"bag {path}: no state of the mechanism while the hands were there")
-    stamps = states.stamps_ns[chosen]
+    stamps = _stamps(series, users, start_ns)
+    chosen = np.searchsorted(states.stamps_ns, stamps, side="right") - 1
+    known = chosen >= 0
+    if not known.any():
+        raise BagError(f"bag {path}: nothing of the mechanism while the hands were there")
+    stamps, chosen = stamps[known], chosen[known]
     return SharedRecord(
         users,
-        times[chosen],
+        (stamps - start_ns) / NANOSECONDS,
         # What answers a sample of this time acts from the next one on.
         _rows([found[POINT_COMMAND] for found in series.values()], stamps - 1),
         _rows([found[POINT_FORCE] for found in series.values()], stamps),
@@ -87,6 +88,18 @@ def shared_record_from_bag(
             [tuple(row) for row in states.active[chosen].tolist()],
         ),
     )
+
+
+def _stamps(
+    series: Mapping[str, Mapping[Topic, Series]],
+    users: Mapping[str, ExperimentRecord],
+    start_ns: int,
+) -> Array:
+    """Return when the mechanism told F_c during the run, ns; it does so of all points at once."""
+    point, user = next(iter(users.items()))
+    stamps, _ = series[point][POINT_FORCE]
+    times = (stamps - start_ns) / NANOSECONDS
+    return np.asarray(stamps[(times >= user.times[0]) & (times <= user.times[-1])])
 
 
 def _rows(series: list[Series], stamps: Array) -> Array:

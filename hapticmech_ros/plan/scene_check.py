@@ -125,8 +125,9 @@ def check_scene(scene: Scene) -> SceneCheck:
 
 def _points(simulator: Simulator, state: MechanismState) -> Iterator[PointCheck]:
     scene = simulator.mechanism.scene
-    terms, control = simulator.evaluate(state), ControlArchitecture(scene)
+    terms = simulator.evaluate(state)
     for point in scene.operational_points:
+        control = ControlArchitecture(scene.held_at(point.name))
         analysis = Analyser(simulator.mechanism, point.name).analyse(terms)
         felt, _ = felt_masses(analysis)
         felt = felt[np.isfinite(felt)]
@@ -143,8 +144,9 @@ def _loops(points: Sequence[PointCheck], scene: Scene) -> Iterator[str]:
         warning = point.loop.warning(point.name, scene.simulation.period, ENOUGH_PERIODS)
         if warning is not None:
             yield warning
-    if over := connection_warning(scene, scene.controller):
-        yield over
+    users = [scene.held_at(point) for point in scene.held_points]
+    found = [connection_warning(user, user.controller) for user in users]
+    yield from dict.fromkeys(filter(None, found))
 
 
 def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
@@ -163,11 +165,11 @@ def _accuracy(found: StepAccuracy, length: float) -> Iterator[str]:
 def _torques(simulator: Simulator, state: MechanismState) -> Iterator[str]:
     """Yield a warning about each point that turns as it moves, if the device has no torques."""
     mechanism, scene = simulator.mechanism, simulator.mechanism.scene
-    warning = pose_without_torques(scene)
-    if not warning:
-        return
-    terms = simulator.evaluate(state)
     for point in scene.operational_points:
+        warning = pose_without_torques(scene.held_at(point.name))
+        if not warning:
+            continue
+        terms = simulator.evaluate(state)
         x = Analyser(mechanism, point.name).analyse(terms).inverse_inertia
         size = np.sqrt(np.outer(x.diagonal()[:3], x.diagonal()[3:])).max()
         if np.abs(x[:3, 3:]).max() > TURNS * size:

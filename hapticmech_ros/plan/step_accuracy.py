@@ -10,12 +10,13 @@ import numpy as np
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Session
-from hapticmech_ros.session.run import Run
+from hapticmech_ros.session import Run, Session, SharedSession
 from hapticmech_ros.simulation.state import EnergyAccount
 
 # Steps that are compared are shorter by this.
 FINER = 10
+# Of an experiment, one for each user.
+Runs = tuple[Run, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +69,22 @@ def step_accuracy(scene: Scene) -> StepAccuracy:
     )
 
 
-def away(one: Run, other: Run) -> tuple[float, float, float]:
-    """Return the largest differences of two runs: of the operational point, and of the force.
+def away(ones: Runs, others: Runs) -> tuple[float, float, float]:
+    """Return the largest differences of two experiments: of operational points, and of forces.
+
+    Args:
+        ones: of each user of one experiment.
+        others: of the other.
 
     Returns:
-        Of its position, m, of its orientation, rad, and of the force on the hand, N.
+        Of the points' positions, m, of their orientations, rad, and of the forces on the hands, N.
     """
+    apart = [_apart(one, other) for one, other in zip(ones, others, strict=True)]
+    position, rotation, force = np.max(apart, axis=0).tolist()
+    return position, rotation, force
+
+
+def _apart(one: Run, other: Run) -> tuple[float, float, float]:
     first, second = one["quaternion"], other["quaternion"]
     # A quaternion and its negative are one orientation.
     ways = np.linalg.norm(first - second, axis=1), np.linalg.norm(first + second, axis=1)
@@ -86,9 +97,16 @@ def away(one: Run, other: Run) -> tuple[float, float, float]:
     )
 
 
-def experiment_run(scene: Scene) -> tuple[Run, EnergyAccount]:
-    """Return a scene's experiment from its start, and the mechanism's energy account at its end."""
+def experiment_run(scene: Scene) -> tuple[Runs, EnergyAccount]:
+    """Return a scene's experiment from its start, and the mechanism's energy account at its end.
+
+    Args:
+        scene: whose experiment; all its users take part.
+    """
+    start = min(scene.held_at(point).hand.start_delay for point in scene.held_points)
+    ticks = max(1, round((start + scene.experiment.duration) / scene.simulation.period))
+    if len(scene.held_points) > 1:
+        shared = SharedSession(scene)
+        return tuple(shared.run(ticks).values()), shared.mechanism.account
     session = Session(scene)
-    duration = scene.hand.start_delay + scene.experiment.duration
-    rows = session.run(max(1, round(duration / scene.simulation.period)))
-    return rows, session.mechanism.account
+    return (session.run(ticks),), session.mechanism.account

@@ -11,10 +11,9 @@ from typing import get_args
 import numpy as np
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.plan.step_accuracy import away, experiment_run
+from hapticmech_ros.plan.step_accuracy import Runs, away, experiment_run
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import IntegratorName
-from hapticmech_ros.session.run import Run
 from hapticmech_ros.simulation import Simulator
 
 # What others are compared with: twice, so that its own error is known.
@@ -118,7 +117,7 @@ def _tried(
     scene: Scene,
     integrator: IntegratorName,
     substeps: int,
-    reference: Run,
+    reference: Runs,
     length: float,
     clock: Callable[[], float],
 ) -> StepChoice:
@@ -131,7 +130,7 @@ def _tried(
         return StepChoice(integrator, substeps, failed=str(failed))
 
 
-def _error(one: Run, other: Run, length: float) -> float:
+def _error(one: Runs, other: Runs, length: float) -> float:
     position, rotation, _ = away(one, other)
     return max(position, length * rotation)
 

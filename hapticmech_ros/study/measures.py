@@ -90,7 +90,7 @@ def limits(scene: Scene, point: str) -> dict[str, float]:
     """
     analysis, _ = _at_the_start(scene, point)
     model = operational_model_of(analysis)
-    control = ControlArchitecture(scene)
+    control = ControlArchitecture(scene.held_at(scene.operational_point(point).name))
     margins = loop_margins(control, model, analysis.rows, scene.simulation.period)
     return {"delay_margin": float(margins.periods), "gain_margin": margins.gain}
 
@@ -108,7 +108,8 @@ def experiment(scene: Scene, point: str) -> dict[str, float]:
     from hapticmech_ros.analysis.experience import experience
     from hapticmech_ros.analysis.touch import Setup
 
-    found = asdict(experience(Setup(scene, point)))
+    own = scene.held_at(scene.operational_point(point).name)
+    found = asdict(experience(Setup(own, point)))
     return {name: nan if value is None else float(value) for name, value in found.items()}
 
 
