@@ -7,6 +7,10 @@ from hapticmech_ros.experiment.from_bag import record_from_bag
 from hapticmech_ros.experiment.from_session import SessionRecorder, run_session
 from hapticmech_ros.experiment.health import GraphHealth, NodeHealth, health_from_bag
 from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.shared_from_bag import shared_record_from_bag
+from hapticmech_ros.experiment.shared_from_session import run_shared_session
+from hapticmech_ros.experiment.shared_record import SharedRecord
+from hapticmech_ros.experiment.shared_summary import summarise_shared
 from hapticmech_ros.experiment.summary import summarise
 
 # Drawing (figures, run) is imported where it is used: matplotlib is slow to import.
@@ -15,9 +19,13 @@ __all__ = [
     "GraphHealth",
     "NodeHealth",
     "SessionRecorder",
+    "SharedRecord",
     "compare",
     "health_from_bag",
     "record_from_bag",
     "run_session",
+    "run_shared_session",
+    "shared_record_from_bag",
     "summarise",
+    "summarise_shared",
 ]

@@ -14,12 +14,21 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.experiment import compare
+from hapticmech_ros.experiment.demo import record_graph
+from hapticmech_ros.experiment.from_bag import HAND, read_series
+from hapticmech_ros.experiment.shared_from_bag import shared_record_from_bag
+from hapticmech_ros.experiment.shared_from_session import run_shared_session
 from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.share import shared
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.state import StateLayout
+from hapticmech_ros.wire.topic import users_of
+from hapticmech_ros.wire.topics import DEVICE_STATE
 from ros.harness import Peer, next_domain, six
 
 pytestmark = pytest.mark.ros
@@ -115,13 +124,10 @@ def two_hands(folder: Path) -> Path:
     """Return a file with that arm, moved at its hand and held at its elbow, by two devices."""
     path = two_points(folder)
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    lighter = {**document["device"], "mass": 0.2}
     document["hands"] = [
         {"point": "b", "hand": ARM | {"waypoints": [{"time": 0.0}]}},
-        {
-            "point": "a",
-            "hand": ARM | {"waypoints": WAY},
-            "device": {"mass": 0.2, "safety": {"command_timeout": 0.2}},
-        },
+        {"point": "a", "hand": ARM | {"waypoints": WAY}, "device": lighter},
     ]
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     return path
@@ -156,6 +162,51 @@ def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path)
         expected = rows[point]["device_command"]
         assert np.abs(np.array(found) - expected).max() < 1e-10 * np.abs(expected).max()
         assert np.abs(expected).max() > 0.1
+
+
+def test_the_record_of_a_bag_is_that_of_the_session(tmp_path: Path) -> None:
+    """In lockstep: poses are sent as quaternions, and all else as it is."""
+    changes = ("hands[0].hand.release_at=[0.4]", "hands[1].hand.waypoints[0].time=0.0")
+    copy_scene("two_users", tmp_path / "two_users.yaml", changes)
+    path, bag = str(tmp_path / "two_users.yaml"), tmp_path / "bag"
+    scene = load_scene(path)
+    run = LockstepRun(path, duration=0.9, hold=scene.held_points, composed=True, out=bag)
+    assert run_lockstep(run, private_environment(next_domain()), lambda: False) == 900
+    graph = shared_record_from_bag(bag, scene, duration=0.6)
+    session = run_shared_session(scene, 0.6)
+    assert graph.source == "graph"
+    for point, user in graph.users.items():
+        found = compare(user, session.users[point])
+        assert found["samples"] >= 599
+        for body in ("device", "point"):
+            assert found[f"{body}_deviation_max_mm"] < 1e-9
+            assert found[f"{body}_deviation_max_deg"] < 1e-9
+        assert found["same_sequence_of_counts"]
+    # The bag's begins with the second tick of the session's, and the mechanism tells each tenth.
+    rows = slice(1, 1 + graph.times.size)
+    assert graph.times.size > 80
+    assert graph.times == pytest.approx(session.times[rows], abs=1e-9)
+    for name in ("wrenches", "felt", "coupling"):
+        found, expected = getattr(graph, name), getattr(session, name)[rows]
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.abs(graph.felt).max() > 1.0
+
+
+def test_hands_wait_for_the_recorder_and_start_together(tmp_path: Path) -> None:
+    """A parameter of one kind of node reaches it in each user's namespace."""
+    copy_scene("two_users", tmp_path / "two_users.yaml", ("device.safety.command_timeout=0.5",))
+    bag = tmp_path / "bag"
+    record_graph(str(tmp_path / "two_users.yaml"), bag, composed=True, seconds=1.0)
+    pushes = {}
+    for user, point in users_of(("left", "right")):
+        stamps, rows = read_series(bag, point, "", user)[DEVICE_STATE]
+        wrenches = rows[:, HAND]
+        (pushing,) = np.nonzero(wrenches.any(axis=1))
+        # Held by nobody from when the first sample was recorded.
+        assert pushing[0] > 0
+        pushes[point] = int(stamps[pushing[0]])
+    # Left moves at once, and right is moved by it.
+    assert abs(pushes["left"] - pushes["right"]) < 0.5 * NANOSECONDS
 
 
 def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path: Path) -> None:

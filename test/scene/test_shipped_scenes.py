@@ -69,6 +69,7 @@ def test_scenes_start_closed_and_describe_themselves(name):
         ("stewart_platform", 6, 0),
         ("bricard", 1, 5),
         ("shared_payload", 6, 0),
+        ("two_users", 2, 1),
         ("crane", 2, 1),
         ("peg_in_hole", 3, 0),
         ("ur5e", 6, 0),
