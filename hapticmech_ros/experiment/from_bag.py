@@ -233,7 +233,12 @@ def _joints(
 
 
 def held(series: Series, at: Array) -> Array:
-    """Return the rows (m, 6) valid at stamps ``at`` (m,): the latest sent by then, or zeros."""
+    """Return the rows (m, 6) valid at stamps: the latest sent by then, or zeros.
+
+    Args:
+        series: stamps (n,), ns, and rows (n, 6).
+        at: (m,) stamps, ns.
+    """
     stamps, rows = series
     index = np.searchsorted(stamps, at, side="right") - 1
     return np.where((index >= 0)[:, None], rows[np.maximum(index, 0)], 0.0)

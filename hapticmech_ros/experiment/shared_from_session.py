@@ -27,6 +27,9 @@ def run_shared_session(
         duration: s after the first hand's start; by default that of the scene's experiment.
         progress: called with the share done, 0 to 1, about a hundred times.
 
+    Returns:
+        Record of the run.
+
     Raises:
         InvalidInputError: duration not positive.
         ClosureError: the loops cannot be closed at the start.
