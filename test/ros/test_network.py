@@ -72,7 +72,8 @@ PATIENT = {
 def test_two_users_on_two_hosts_feel_each_other_and_the_loss_of_one_frees_only_him(
     domain: int, tmp_path: FilePath, path: Path
 ) -> None:
-    seen = watched(path, tmp_path, PERIOD_S, settings=PATIENT, domain=domain)
+    # Again where the machine stalled: an arm that let go holds elsewhere then.
+    seen = watched(path, tmp_path, PERIOD_S, settings=PATIENT, domain=domain, to_the_end=True)
     # Springs of 100 and 300 N/m balance at three quarters of the way of the far arm's target.
     assert pytest.approx(0.75 * WAY) == RESTS_AT
     assert seen.rests_at(seen.cut) == pytest.approx(RESTS_AT, rel=0.01)
