@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment import compare
 from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.experiment.from_bag import HAND, read_series
@@ -23,6 +24,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.replay import replay
 from hapticmech_ros.share import shared
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
@@ -190,6 +192,9 @@ def test_the_record_of_a_bag_is_that_of_the_session(tmp_path: Path) -> None:
         found, expected = getattr(graph, name), getattr(session, name)[rows]
         assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(graph.felt).max() > 1.0
+    again = LockstepRun("", feed_from=bag, feed=("hand",), out=tmp_path / "again")
+    with pytest.raises(BagError, match="left, right, and a replay feeds one alone"):
+        replay(again, private_environment(next_domain()), lambda: False)
 
 
 def test_hands_wait_for_the_recorder_and_start_together(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import SharedSession, Simulator, load_scene
+from hapticmech_ros.analysis.scene_variants import of_first_user
 from hapticmech_ros.operational.coupling import coupling
+from hapticmech_ros.plan.step_accuracy import experiment_run
 from hapticmech_ros.scene.arm_impedances import ARM_IMPEDANCES
 from oracles.five_bar import FiveBar
 
@@ -191,3 +193,23 @@ def test_the_experiment_is_what_its_description_says():
     assert np.abs(rows["right"]["external"][after]).max() < 0.2
     before = (time > 4.8) & (time < 4.99)
     assert np.abs(rows["right"]["external"][before][:, 0]).min() > 5.0
+
+
+def test_the_experiment_of_the_check_is_that_of_both():
+    scene = load_scene("two_users").with_(experiment={"duration": 0.3})
+    rows, account = experiment_run(scene)
+    session = SharedSession(scene)
+    for one, other in zip(rows, session.run(550).values(), strict=True):
+        assert np.array_equal(one["q"], other["q"])
+        assert np.array_equal(one["on_hand"], other["on_hand"])
+        # Left pushes, and right is pushed by it.
+        assert one["device_hand_wrench"].any()
+    assert account == session.mechanism.account
+
+
+def test_what_measures_one_user_has_the_device_and_gains_of_the_first_point():
+    lighter = {"device": {"mass": 0.2}, "controller": {"passivity": {"control": False}}}
+    scene = load_scene("two_users").with_(hands=[{"point": "right"}, {"point": "left", **lighter}])
+    alone = of_first_user(scene)
+    assert (alone.device.mass, alone.controller.passivity.control) == (0.2, False)
+    assert alone.held_points == ("left",)
