@@ -201,7 +201,7 @@ def _notes(topic: BagTopic) -> tuple[str, ...]:
 
 
 # Rates of topics that not every scene has.
-OPTIONAL = frozenset(("contact", "body", "servo"))
+OPTIONAL = frozenset(("contact", "body", "servo", "shared"))
 
 
 def absent(names: list[str]) -> tuple[str, ...]:
