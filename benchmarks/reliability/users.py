@@ -112,11 +112,11 @@ class Seen:
         wanted = (time > WAITS_S) & (time < self.cut - self.begun)
         return time[wanted], x[wanted] - np.median(x[before])
 
-    def rests_at(self, end: float) -> float:
-        """Return where the near device is in the last 0.2 s before a time (s), m, as ``moved``."""
+    def rests_at(self, end: float, lasting: float = 0.2) -> float:
+        """Return the near device's way (m) as ``moved``, median of some time before another (s)."""
         time, x = self.near.time, self.near.position[:, 0]
         before = (time > self.begun + 0.5 * WAITS_S) & (time < self.begun + WAITS_S)
-        return float(np.median(x[(time > end - 0.2) & (time < end)]) - np.median(x[before]))
+        return float(np.median(x[(time > end - lasting) & (time < end)]) - np.median(x[before]))
 
     def held(self, start: float, end: float) -> float:
         """Return for which share of the time between two (s) the near device obeyed."""
@@ -278,7 +278,7 @@ def _of_motion(name: str, path: Path, seen: Seen) -> Iterator[Figure]:
     common = time < known[-1]
     off = 1e3 * float(np.abs(moved - np.interp(time, known, expected))[common].max())
     way, error = 1e3 * RESTS_AT, 1e3 * REST_ERROR * RESTS_AT
-    rests = 1e3 * seen.rests_at(seen.cut)
+    rests = 1e3 * seen.rests_at(seen.cut, 1.0)
     yield Figure(PART, f"{name}: moves the other by", rests, "mm", way + error, way - error, 1)
     yield Figure(PART, f"{name}: off a session's motion by", off, "mm", MOTION_ERROR * way, None, 1)
     zero = 1e3 * seen.far.zero_after(seen.cut, seen.mended)

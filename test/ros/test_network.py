@@ -76,7 +76,7 @@ def test_two_users_on_two_hosts_feel_each_other_and_the_loss_of_one_frees_only_h
     seen = watched(path, tmp_path, PERIOD_S, settings=PATIENT, domain=domain, to_the_end=True)
     # Springs of 100 and 300 N/m balance at three quarters of the way of the far arm's target.
     assert pytest.approx(0.75 * WAY) == RESTS_AT
-    assert seen.rests_at(seen.cut) == pytest.approx(RESTS_AT, rel=0.01)
+    assert seen.rests_at(seen.cut, 1.0) == pytest.approx(RESTS_AT, rel=0.01)
     (time, moved), (known, expected, lost) = seen.moved(), simulated(path, PERIOD_S)
     inside = time < known[-1]
     # 80 mm/s at most: a period or two that a graph answers later are 0.3 mm, jitter as much again.
