@@ -5,14 +5,12 @@
 A robot with D v̇ + h = τ + Jᵀ F_c and the torques
 
     ẍ_c = ẍ_d + 2 ζ ω (ẋ_d - ẋ) + ω² e,      e = log(x⁻¹ x_d)
-    F   = Λ⁺ a + m_r P_c a / √(1 + aᵀ P_c a / a_r²),      a = ẍ_c - J̇ v                       (R3)
-    τ   = Jᵀ F + h + Nᵀ τ_0
+    F   = Λ⁺ (ẍ_c - J̇ v)                                                                     (R3)
+    τ   = Jᵀ F + h + L Σ y_i u_i + Nᵀ τ_0
 
 accelerates its operational point by ẍ_c + X F_c in poses that are not singular, and elsewhere along
 all directions that are not rigid, with Λ⁺ and Nᵀ of :mod:`.shaped_inertia`. Along directions that
-are, as P_c of the analysis has it, there is a force that no inertia shapes: that of a mass
-m_r = m_ℓ / (s_on s_off), which is between those with which a direction becomes rigid and free, and
-of no more than the acceleration a_r: what cannot be reached need not be pulled at more and more.
+are joints are led by a limited rate, with y_i of :mod:`.rigid_directions`.
 Where all directions are free this is O. Khatib's operational-space formulation (A unified approach
 for motion and force control of robot manipulators, IEEE J. Robotics and Automation 3(1), 1987);
 derived in docs/robots.md.
@@ -43,6 +41,7 @@ from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.rigid_directions import RigidDirections
 from hapticmech_ros.robot.shaped_inertia import ShapedInertia, shaped_inertia
 from hapticmech_ros.robot.target import ForceTask, Target
 from hapticmech_ros.robot.torque_limits import Limited, checked_limits, limited_torque
@@ -63,7 +62,7 @@ class RobotState(NamedTuple):
         factor: (nv, nv) lower Cholesky factor L of D.
         point: kinematics of the operational point, world axes.
         analysis: of the operational point.
-        shaped: Λ⁺ and Nᵀ.
+        shaped: Λ⁺ and the directions of Nᵀ.
     """
 
     q: Array
@@ -134,8 +133,6 @@ class OperationalLaw:
         self.gains = Gains() if gains is None else gains
         self._analyser = Analyser(mechanism, point)
         self._active = mechanism.initially_active
-        seen = mechanism.scene.perception
-        self._rigid_mass = self._analyser.metric.mass / (seen.s_on * seen.s_off)
         self.torque_limits = checked_limits(torque_limits, mechanism.nv)
         if np.size(posture) == 0:
             posture, _ = authored_state(mechanism.scene, mechanism.tree)
@@ -181,7 +178,7 @@ class OperationalLaw:
         """
         error = pose_error(state.point.pose, target.pose)
         asked = self.asked(state, target)
-        wrench = self.wrench(state, asked - state.point.drift)
+        wrench = state.shaped.inverse @ (asked - state.point.drift)
         balanced = self.gains.contact_share * contact
         if target.force is not None:
             along = target.force.direction
@@ -189,23 +186,40 @@ class OperationalLaw:
             wrench[:3] += pushed * along
         wrench -= balanced
         task = state.point.jacobian.T @ wrench
-        null = state.shaped.null @ self.posture_torque(state)
+        null = self.null_torque(state, target, error)
         limited = limited_torque(state.bias_force, task, null, self.torque_limits)
         moving = dtrsv(state.factor, limited.torque - state.bias_force, lower=1)
         acceleration = dtrsv(state.factor, moving, lower=1, trans=1)
         return Command(limited.torque, acceleration, wrench, asked, error, limited)
 
-    def wrench(self, state: RobotState, acceleration: Array) -> Array:
-        """Return F (6,) of R3, N and N m, world axes at the point.
+    def null_torque(self, state: RobotState, target: Target, error: Array) -> Array:
+        """Return L Σ y_i u_i + Nᵀ τ_0 (nv,) of R3, N m or N.
 
         Args:
             state: of the robot.
-            acceleration: (6,) a, m/s² and rad/s².
+            target: of the operational point.
+            error: (6,) e, m and rad.
         """
-        held = state.analysis.constraint_projector @ acceleration
-        size = float(acceleration @ held) / self.gains.rigid_acceleration**2
-        rigid = self._rigid_mass / np.sqrt(1.0 + max(size, 0.0)) * held
-        return np.asarray(state.shaped.inverse @ acceleration + rigid)
+        gains, seen = self.gains, self.mechanism.scene.perception
+        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
+        twist = target.twist + 0.5 * rates * error
+        ahead = target.acceleration - state.point.drift
+        if target.force is not None:
+            error, twist, ahead = (target.force.without(one) for one in (error, twist, ahead))
+        directions = RigidDirections(
+            state.analysis,
+            state.shaped,
+            state.factor,
+            gains,
+            seen.s_on,
+            seen.s_off,
+            self._analyser.metric.mass,
+            error,
+        )
+        led = directions.acceleration(state.factor.T @ state.v, twist, ahead)
+        posture = dtrsv(state.factor, self.posture_torque(state), lower=1)
+        left = state.shaped.null(posture, directions.passed)
+        return np.asarray(state.factor @ (led + left))
 
     def next_integral(
         self, integral: float, force: ForceTask | None, contact: Array, period: float

@@ -14,9 +14,9 @@ L⁻¹ Jᵀ n_i has the length s_i, and s_i (1 - w_i) / μ_i ≤ 1 / s_on.
 With the unit vectors of the mass metric u_i = L⁻¹ J_hᵀ n_i / s_i, D = L Lᵀ, torques of the null
 space pass
 
-    Nᵀ = L (1 - Σ (1 - w_i) u_i u_iᵀ) L⁻¹                                                     (R2)
+    Nᵀ = L (1 - Σ (1 - k_i) u_i u_iᵀ) L⁻¹,      0 ≤ k_i ≤ w_i                                 (R2)
 
-and accelerate the point by X-consistent parts only: n_iᵀ J D⁻¹ Nᵀ τ = w_i n_iᵀ J D⁻¹ τ, nothing
+and accelerate the point by X-consistent parts only: n_iᵀ J D⁻¹ Nᵀ τ = k_i n_iᵀ J D⁻¹ τ, nothing
 along directions that the law controls. Where all w_i = 0 it is 1 - Jᵀ Λ J D⁻¹. Derivation:
 docs/robots.md.
 """
@@ -30,24 +30,34 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.lapack import dtrsm
 from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.operational.spectrum import RANK_TOLERANCE
 
 
 class ShapedInertia(NamedTuple):
-    """Λ⁺ and Nᵀ at a state; world axes at the operational point.
+    """Λ⁺ and what Nᵀ is made of, at a state; world axes at the operational point.
 
     Attributes:
         inverse: (6, 6) Λ⁺, kg, kg m and kg m²; zero in rows that the task does not have.
-        null: (nv, nv) Nᵀ, joint torques to joint torques.
-        free: (t,) 1 - w_i, in the spectrum's order: 1 where the law decouples.
+        units: (nv, t) columns u_i, in the spectrum's order; zero where s_i is rounding alone.
+        free: (t,) 1 - w_i, likewise: 1 where the law decouples.
     """
 
     inverse: Array
-    null: Array
+    units: Array
     free: Array
+
+    def null(self, motion: Array, passed: Array) -> Array:
+        """Return L⁻¹ Nᵀ L m (nv,): what R2 leaves of a motion of joints in the mass metric.
+
+        Args:
+            motion: (nv,) m = L⁻¹ τ.
+            passed: (t,) k_i.
+        """
+        return np.asarray(motion - self.units @ ((1.0 - passed) * (self.units.T @ motion)))
 
 
 def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array) -> ShapedInertia:
-    """Return Λ⁺ (R1) and Nᵀ (R2) of a tree without closures.
+    """Return Λ⁺ (R1) and the directions of R2 of a tree without closures.
 
     Args:
         analysis: of the operational point at the state.
@@ -61,9 +71,8 @@ def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array
     safe = np.where(free > 0.0, found.s, 1.0)
     inverse = np.zeros((6, 6))
     inverse[np.ix_(rows, rows)] = (found.wrenches * (free / safe**2)) @ found.wrenches.T
-    # L⁻¹ Jᵀ n_i: (nv, t).
-    units = dtrsm(1.0, factor, jacobian[rows].T @ found.wrenches, lower=1) * (np.sqrt(free) / safe)
-    lost = factor @ units
-    back = dtrsm(1.0, factor, units, lower=1, trans_a=1)
-    null = np.eye(factor.shape[0]) - lost @ back.T
-    return ShapedInertia(inverse, null, free)
+    # L⁻¹ Jᵀ n_i = s_i u_i: (nv, t).
+    long = dtrsm(1.0, factor, jacobian[rows].T @ found.wrenches, lower=1)
+    known = found.s > RANK_TOLERANCE
+    units = np.where(known, long / np.where(known, found.s, 1.0), 0.0)
+    return ShapedInertia(inverse, units, free)

@@ -38,6 +38,16 @@ class ForceTask:
         if not np.isfinite(self.force):
             raise InvalidInputError("force", self.force, "must be finite")
 
+    def without(self, six: Array) -> Array:
+        """Return a vector (6,), linear before angular, without its part along n.
+
+        Args:
+            six: (6,) in world axes.
+        """
+        left = np.array(six, dtype=float)
+        left[:3] -= float(self.direction @ left[:3]) * self.direction
+        return left
+
 
 def _nothing() -> Array:
     return np.zeros(6)

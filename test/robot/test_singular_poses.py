@@ -39,7 +39,7 @@ def pulled(law, q):
 def test_torques_are_bounded_by_the_metric_whatever_the_pose(name):
     """|L⁻¹ τ| ≤ 2 |nᵀ ẍ_c| / s_on; the exact inverse has no bound."""
     law = law_of(name, gains=Gains(posture_rate=0.0))
-    # R1, and the rigid part, s m_r ≤ 1 / s_off of the metric where it acts alone.
+    # R1, and R7, which its saturation keeps below that for these accelerations.
     bound = 2.0 / law.mechanism.scene.perception.s_on
     exact = []
     for angle in np.r_[0.0, np.geomspace(1e-8, 0.5, 60), -np.geomspace(1e-8, 0.5, 60)]:
@@ -53,19 +53,23 @@ def test_torques_are_bounded_by_the_metric_whatever_the_pose(name):
     assert max(exact) > 1e5
 
 
+@pytest.mark.parametrize(("start", "end"), [(-0.01, 0.01), (0.01, 0.4)])
 @pytest.mark.parametrize("name", NAMES)
-def test_torques_are_continuous_through_the_singular_pose(name):
-    """Halving the steps halves the largest change: what jumps would keep it."""
+def test_torques_are_continuous_through_the_singular_pose(name, start, end):
+    """Halving the steps halves the largest change: what jumps would keep it.
+
+    Where s is below λ, 2 mrad of the iiwa's elbow, torques turn round.
+    """
     law = law_of(name, gains=Gains(posture_rate=0.0))
 
     def largest(count):
         torques = [
-            pulled(law, bent(name, angle))[1].torque for angle in np.linspace(-0.4, 0.4, count)
+            pulled(law, bent(name, angle))[1].torque for angle in np.linspace(start, end, count)
         ]
         return max(np.abs(b - a).max() for a, b in pairwise(torques))
 
-    # To first order in steps of 0.4 mrad, over which the weight changes by a hundredth.
-    assert largest(1001) / largest(2001) == pytest.approx(2.0, rel=0.05)
+    # To first order in a thousandth of the way, over which what changes fastest does by a fiftieth.
+    assert largest(2001) / largest(4001) == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_weight_that_rounding_puts_above_one_is_rigid():
@@ -73,7 +77,7 @@ def test_a_weight_that_rounding_puts_above_one_is_rigid():
     state = law.state(bent("iiwa14", 0.0), np.zeros(7))
     above = replace(state.analysis, weights=np.nextafter(state.analysis.weights, 2.0))
     found = shaped_inertia(above, state.point.jacobian, state.factor)
-    assert np.isfinite(found.null).all()
+    assert np.isfinite(found.units).all()
     assert np.isfinite(found.inverse).all()
     assert found.free.min() == 0.0
 
