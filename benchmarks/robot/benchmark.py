@@ -152,6 +152,7 @@ class RobotResults(MachineResults):
             (
                 one.interface,
                 f"{one.feedback:g}",
+                "yes" if one.held else "no",
                 f"{one.wall_n:.3f}",
                 f"{one.hand_n:.3f}",
                 f"{one.swing_n:.3f}",
@@ -159,6 +160,7 @@ class RobotResults(MachineResults):
                 f"{one.lag_mm:.2f}",
                 f"{1e3 * one.hand_j:.1f}",
                 f"{1e3 * one.coupling_j:.1f}",
+                str(one.changed),
                 judged("yes" if one.passive else "no", one.passive),
             )
             for one in self.felt
@@ -168,6 +170,7 @@ class RobotResults(MachineResults):
             (
                 "interface",
                 "feedback",
+                "held",
                 "on the wall, N",
                 "by the hand, N",
                 "swing, N",
@@ -175,6 +178,7 @@ class RobotResults(MachineResults):
                 "lag, mm",
                 "least from the hand, mJ",
                 "given by the robot, mJ",
+                "changed",
                 "passive",
             ),
             tuple(rows),
@@ -336,9 +340,10 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
                 if best is not None:
                     rows += [Row(one.task.name, condition, law, done(one, best)) for one in of]
     walls = tuple(
-        felt(interface, share, with_rates)
+        felt(interface, share, with_rates, passive=held)
         for interface, with_rates in INTERFACES
         for share in FEEDBACKS
+        for held in (False, True)
     )
     return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls)
 

@@ -17,13 +17,13 @@ from benchmarks.robot.trial import PERIOD, STEPS
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.quaternions import turned
+from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.interfaces import Interface
 from hapticmech_ros.robot.joint_servo import servo_torque
 from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
-from hapticmech_ros.saturation import limited
 
 SCENE = "two_link"
 # A hand that goes 30 mm through where the wall is 10 mm away, and stays; N/m, N s/m.
@@ -56,6 +56,8 @@ class Felt:
         hand_j: least energy that the hand has given so far.
         coupling_j: most energy that the robot's side has given to the mechanism beyond what the
             mechanism's motion gave it.
+        held: whether the feedback was held to passivity.
+        changed: periods in which that changed it.
     """
 
     interface: str
@@ -67,6 +69,8 @@ class Felt:
     lag_mm: float
     hand_j: float
     coupling_j: float
+    held: bool
+    changed: int
 
     @property
     def passive(self) -> bool:
@@ -118,7 +122,11 @@ class _Robot:
 
 
 def felt(
-    interface: Interface, feedback: float, with_rates: bool = False, rate: float = 40.0
+    interface: Interface,
+    feedback: float,
+    with_rates: bool = False,
+    rate: float = 40.0,
+    passive: bool = True,
 ) -> Felt:
     """Return what a hand feels of a wall that the robot touches.
 
@@ -127,9 +135,11 @@ def felt(
         feedback: share of the contact that acts on the mechanism.
         with_rates: whether positions come with their rates, as in a trajectory.
         rate: of the law's errors, 1/s.
+        passive: whether the feedback is held to passivity.
     """
     session = Session(load_scene(SCENE, changes=[HAND]))
     robot = _Robot(interface, rate, with_rates)
+    port = FeedbackPort(FeedbackSettings(PERIOD, feedback, *MOST, passive))
     given = np.zeros(6)
     handle: Array | None = None
     forces, hands, lag = [], [], 0.0
@@ -144,7 +154,7 @@ def felt(
         least, most = min(least, hand_j), max(most, coupling)
         robot.follower.hear_target(point.pose, point.twist, PERIOD * tick)
         contact = robot.go_on(PERIOD * tick)
-        given = limited(feedback * contact, *MOST)
+        given = port.wrench(contact, point.twist)
         forces.append(-float(INTO @ contact[:3]))
         hands.append(float(INTO @ sample.hand_wrench[:3]))
         if max(forces) == 0.0:
@@ -162,4 +172,6 @@ def felt(
         1e3 * lag,
         least,
         most,
+        passive,
+        port.changed,
     )

@@ -399,6 +399,18 @@ class FollowerParameters(JointParameters):
     )
     feedback_force: float = number(20.0, "largest force of it", "N", 0.0, 1000.0)
     feedback_torque: float = number(2.0, "largest torque of it", "N m", 0.0, 100.0)
+    feedback_passivity: bool = flag(
+        True, "hold what the contact gives to the mechanism to the allowance", "any"
+    )
+    feedback_allowance: float = number(
+        0.0005, "that a contact may give beyond what the mechanism gave it", "J", 0.0, 10.0
+    )
+    tool_mass: float = number(
+        0.0, "mass beyond the wrench sensor", "kg", 0.0, 1000.0, "unconfigured"
+    )
+    tool_centre: str = text("0 0 0", "its centre of mass from robot_point, in its axes, m")
+    sensor_offset: str = text("0 0 0 0 0 0", "of the wrench sensor without tool, N and N m")
+    sensor_gravity: str = text("0 0 -9.81", "that acts on the tool, world axes, m/s^2")
 
 
 class SimulatedRobotParameters(JointParameters):

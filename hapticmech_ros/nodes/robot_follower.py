@@ -12,6 +12,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hapticmech_ros.errors import InvalidInputError
@@ -29,10 +30,11 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.nodes.parameters import FollowerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.robot.arm_scene import load_arm
+from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.saturation import limited
+from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import twist_bounds
 from hapticmech_ros.wire.topics import EXTERNAL_WRENCH, POINT_POSE, POINT_TWIST
@@ -40,6 +42,9 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 # Name below external_cf under which the robot's contact is put on the mechanism.
 WHO = "robot"
+# Service that takes what the wrench sensor measures as nothing.
+TARE_SENSOR = "robot/tare_wrench"
+NO_TWIST = np.zeros(6)
 # rad, m, rad/s and m/s that no joint of a robot exceeds.
 LARGEST = 1e3
 
@@ -66,7 +71,14 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         )
         self._names = list(self._mechanism.tree.joint_names)
         self._law = self._new_law(parameters)
-        self._follower = Follower(self._law, self._settings(parameters))
+        self._port = FeedbackPort(self._feedback(parameters))
+        self._sensor = WrenchSensor(
+            parameters.tool_mass,
+            numbers_in("tool_centre", parameters.tool_centre),
+            numbers_in("sensor_offset", parameters.sensor_offset),
+            numbers_in("sensor_gravity", parameters.sensor_gravity),
+        )
+        self._follower = self._new_follower(parameters)
         self._twist_bounds = twist_bounds(self.limits)
         self._twist, self._twist_ns = np.zeros(6), 0
         self._trouble = "no joint states have come"
@@ -95,11 +107,13 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         self.input(twist, TwistStamped, CONTROL_SUBSCRIBER, self._on_twist)
         if parameters.wrench_topic:
             self.input(parameters.wrench_topic, WrenchStamped, CONTROL_SUBSCRIBER, self._on_wrench)
+            node.keep(node.create_service(Trigger, TARE_SENSOR, self._on_tare))
 
     def activate(self) -> None:
         """Follow when joints and target are heard from now on."""
         if self._follower is not None:
-            self._follower = Follower(self._law, self._settings(self.parameters))
+            self._follower = self._new_follower(self.parameters)
+            self._port.begin()
         for sources in self._speakers.values():
             sources.forget()
 
@@ -143,7 +157,17 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         follows = follower is not None and follower.follows and not fault
         counts = {} if follower is None else dict(follower.counts.figures())
         sentence = "the robot follows" if follows else fault or self._trouble
-        return follows, sentence, {"fault": fault, **self.clock_figures(), **counts}
+        port = {
+            "feedback_energy": f"{self._port.given:.3g}",
+            "feedback_changed": str(self._port.changed),
+        }
+        return follows, sentence, {"fault": fault, **self.clock_figures(), **counts, **port}
+
+    def apply_parameters(self, parameters: FollowerParameters) -> None:
+        """Take new parameters: those of the feedback act from now on."""
+        super().apply_parameters(parameters)
+        if self._follower is not None:
+            self._port.settings = self._feedback(parameters)
 
     def _new_law(self, parameters: FollowerParameters) -> OperationalLaw:
         gains = Gains(
@@ -155,6 +179,19 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         limits = numbers_in("torque_limits", parameters.torque_limits)
         point = parameters.robot_point
         return OperationalLaw(self._mechanism, point, gains, torque_limits=limits)
+
+    def _new_follower(self, parameters: FollowerParameters) -> Follower:
+        return Follower(self._law, self._settings(parameters), self._sensor)
+
+    def _feedback(self, parameters: FollowerParameters) -> FeedbackSettings:
+        return FeedbackSettings(
+            self.period_s,
+            parameters.feedback,
+            parameters.feedback_force,
+            parameters.feedback_torque,
+            parameters.feedback_passivity,
+            parameters.feedback_allowance,
+        )
 
     def _settings(self, parameters: FollowerParameters) -> FollowerSettings:
         return FollowerSettings(
@@ -170,10 +207,8 @@ class RobotFollower(ClockedActor[FollowerParameters]):
 
     def _send(self, order: Order, now_ns: int) -> None:
         self._commands.publish(self._message(order))
-        share = self.parameters.feedback
-        felt = limited(
-            share * order.contact, self.parameters.feedback_force, self.parameters.feedback_torque
-        )
+        fresh = now_ns - self._twist_ns <= self.parameters.target_timeout * NANOSECONDS
+        felt = self._port.wrench(order.contact, self._twist if fresh else NO_TWIST)
         # Zero once, and then silence: a wrench that stands is taken away by its timeout as well.
         if felt.any() or self._told_contact:
             self._told_contact = bool(felt.any())
@@ -221,6 +256,14 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         if self._follower is not None:
             self._follower.hear_wrench(wrench, stamp / NANOSECONDS)
+
+    def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        del request
+        return self.failures.answer(TARE_SENSOR, self._tare, response, "the sensor is tared")
+
+    def _tare(self) -> None:
+        if self._follower is not None:
+            self._follower.tare()
 
     def _refuse_two(self, topic: str, now_ns: int) -> None:
         """Refuse what comes from two publishers where one may speak: the robot stops."""

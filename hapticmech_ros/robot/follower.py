@@ -24,13 +24,14 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import Clutch, engage
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
 from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
 from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 
 _NOTHING = np.zeros(6)
 _NEVER = -np.inf
@@ -128,13 +129,17 @@ class Follower:
     Args:
         law: of the robot.
         settings: of it.
+        sensor: what its wrenches are corrected by; None: by nothing.
 
     Attributes:
         counts: what has happened so far.
     """
 
-    def __init__(self, law: OperationalLaw, settings: FollowerSettings) -> None:
+    def __init__(
+        self, law: OperationalLaw, settings: FollowerSettings, sensor: WrenchSensor | None = None
+    ) -> None:
         self._law, self._settings = law, settings
+        self._sensor = WrenchSensor() if sensor is None else sensor
         self._virtual = VirtualRobot(law, settings.period, settings.leash)
         self._observer = DisturbanceObserver(law.mechanism, settings.observer_rate, settings.period)
         self.counts = Counts()
@@ -182,10 +187,22 @@ class Follower:
         """Take a sample of the wrench sensor.
 
         Args:
-            wrench: (6,) by the environment on the robot, N and N m, axes of the point's frame.
+            wrench: (6,) as measured, on the robot, N and N m, axes of the point's frame.
             time: that it stands for, s.
         """
         self._wrench, self._wrench_at = wrench, time
+        self._sensor.record(wrench)
+
+    def tare(self) -> None:
+        """Take what the sensor measures now as nothing: no tool's weight and no contact.
+
+        Raises:
+            HapticMechError: joints were not heard, too few samples, or a robot that moves.
+        """
+        if self._joints_at == _NEVER:
+            raise HapticMechError("no joint states have come")
+        state = self._law.state(self._q, self._v)
+        self._sensor.tare(state.point.pose.rotation, self._v)
 
     def let_go(self) -> None:
         """Follow no more, until all samples are fresh again."""
@@ -249,7 +266,8 @@ class Follower:
         self._torques = [state.bias_force, state.bias_force]
 
     def _follow(self, state: RobotState, target: Target) -> Order:
-        measured = turned(self._wrench, state.point.pose.rotation)
+        rotation = state.point.pose.rotation
+        measured = turned(self._sensor.contact(self._wrench, rotation), rotation)
         contact = measured if self._settings.has_sensor else _NOTHING
         felt = contact
         if self._settings.observer_rate:

@@ -16,6 +16,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hapticmech_ros import Mechanism, load_scene
@@ -136,6 +137,25 @@ def test_the_hand_feels_what_the_robot_touches(domain: int, peer: Peer) -> None:
             assert time.monotonic() < end, (seen.handle, seen.tool, seen.counts())
         assert all(math.isfinite(value) for message in seen.felt for value in six(message))
         assert max(abs(six(message)[0]) for message in seen.felt) <= 20.0
+
+
+def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
+    with graph(domain, "effort", wrench_topic="robot/wrench"):
+        seen = Watched(peer)
+        peer.until(seen.follows, "a robot that follows")
+        peer.until(lambda: seen.joints and max(map(abs, seen.joints[-1].velocity)) < 1e-3, "rest")
+        done = peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
+        assert (done.success, done.message) == (True, "the sensor is tared")
+        push = peer.publisher(f"mechanism/{POINT}/external_cf", WrenchStamped)
+
+        def moves() -> bool:
+            push.publish(peer.wrench(1.0, 1.0, 0.0, 0.0, 0.0, 0.0))
+            return max(map(abs, seen.joints[-1].velocity)) > 0.1
+
+        peer.until(moves, "a robot that moves")
+        refused = peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
+        assert not refused.success
+        assert "the robot moves" in refused.message
 
 
 def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
