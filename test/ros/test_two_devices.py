@@ -197,6 +197,7 @@ def test_the_record_of_a_bag_is_that_of_the_session(tmp_path: Path) -> None:
         replay(again, private_environment(next_domain()), lambda: False)
 
 
+@pytest.mark.alone
 def test_hands_wait_for_the_recorder_and_start_together(tmp_path: Path) -> None:
     """A parameter of one kind of node reaches it in each user's namespace."""
     copy_scene("two_users", tmp_path / "two_users.yaml", ("device.safety.command_timeout=0.5",))
