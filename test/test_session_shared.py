@@ -7,6 +7,7 @@ import pytest
 
 from hapticmech_ros import InvalidInputError, Session, SharedSession, Simulator, load_scene
 from hapticmech_ros.analysis.impedance import amplitudes, multisine
+from hapticmech_ros.control import control_for
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.operational.coupling import by_others, coupling, transmission
@@ -271,6 +272,17 @@ def test_behind_50_ms_each_nothing_is_given_that_was_not_got(impedance):
     assert lowest > -2.0 * (passivity.allowance + passivity.slack)
     assert max(speeds[1000:1300]) > 0.03
     assert max(speeds[4700:]) < 0.05 * max(speeds)
+
+
+def test_a_law_of_ones_own_is_not_corrected_for_others():
+    """How it answers F_c is not known; the other user's device is corrected all the same."""
+    scene = shared({"point": "a", "hand": HOLDS | {"waypoints": [{"time": 0.0}, WAY]}}, HOLD_B)
+    law = control_for(scene.held_at("a"), lambda seen: (np.zeros(6), seen.device.hand_wrench))
+    session = SharedSession(scene, controls={"a": law})
+    session.run(200)
+    others = {point: session.user(point)._parts.others for point in "ab"}
+    assert not others["a"].any()
+    assert others["b"].any()
 
 
 def test_loops_are_switched_for_all():

@@ -79,7 +79,10 @@ class SharedSession:
         self._contact_wrenches = ContactWrenches(mechanism)
         # Of each user: C3 of those whose wrenches its device gets at once, what it knows of them,
         # and H of the answers that do not act yet.
-        self._direct = {p: heard_directly(scene, p, self.points) for p in self.points}
+        self._direct = {
+            point: {} if user.answers_in_python else heard_directly(scene, point, self.points)
+            for point, user in self._users.items()
+        }
         self._period_ns, self._delay = nanoseconds(self.period), command_delay
         self._others = {p: OtherHands(self._direct[p], self._period_ns) for p in self.points}
         self._gains: dict[str, deque[dict[str, Array]]] = {p: deque() for p in self.points}

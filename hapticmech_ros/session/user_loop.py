@@ -77,6 +77,11 @@ class UserLoop(SessionLoop):
         return coupling_gain(settings, model, self.time, transmitted, share)
 
     @property
+    def answers_in_python(self) -> bool:
+        """Whether a control law of one's own answers, whose dependence on F_c is not known."""
+        return self._control.answers_in_python
+
+    @property
     def analysis(self) -> OperationalAnalysis:
         """Analysis of the operational point at this tick, once it is answered."""
         found = self._parts.observation.copy()
