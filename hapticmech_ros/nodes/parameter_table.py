@@ -8,18 +8,17 @@ from hapticmech_ros.nodes.parameters import (
     AnalyserParameters,
     ControllerParameters,
     DeviceParameters,
-    FollowerParameters,
     HaplyParameters,
     LiveParameters,
     MechanismParameters,
     NodeParameters,
     RelayParameters,
-    SimulatedRobotParameters,
     ViewerParameters,
     changes_of,
     choices_of,
     range_of,
 )
+from hapticmech_ros.nodes.robot_parameters import FollowerParameters, SimulatedRobotParameters
 
 MODELS: dict[str, type[NodeParameters]] = {
     "haptic_device": DeviceParameters,

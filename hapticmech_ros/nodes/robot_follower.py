@@ -27,8 +27,8 @@ from hapticmech_ros.nodes.messages import (
     read_wrench,
     set_stamp,
 )
-from hapticmech_ros.nodes.parameters import FollowerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.robot_parameters import FollowerParameters
 from hapticmech_ros.robot.arm_scene import load_arm
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
