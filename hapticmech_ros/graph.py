@@ -89,6 +89,9 @@ class Graph:
             not printed by the nodes.
     """
 
+    # Of a file with parameters of single nodes, if there are such.
+    _folder: TemporaryDirectory[str] | None = None
+
     def __init__(
         self,
         scene: str,
@@ -111,11 +114,8 @@ class Graph:
         compile_ahead()
         given = {"scene": scene, **(parameters or {})}
         of_all = {name: value for name, value in given.items() if "." not in name}
-        self._folder = TemporaryDirectory(prefix="hapticmech_ros_")
-        file = Path(self._folder.name) / "parameters.yaml"
         of_nodes = {name: value for name, value in given.items() if "." in name}
-        file.write_text(parameter_file(of_nodes), encoding="utf-8")
-        settings = ["--params-file", str(file)] if of_nodes else []
+        settings = self._parameter_file(of_nodes) if of_nodes else []
         try:
             for name, group, ros in _plan(of_all, namespace, composed, nodes, hold):
                 command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", group, *ros]
@@ -124,6 +124,13 @@ class Graph:
         except BaseException:
             self.stop()
             raise
+
+    def _parameter_file(self, parameters: Mapping[str, object]) -> list[str]:
+        """Write a file with parameters of single nodes, and return the arguments that name it."""
+        self._folder = TemporaryDirectory(prefix="hapticmech_ros_")
+        file = Path(self._folder.name) / "parameters.yaml"
+        file.write_text(parameter_file(parameters), encoding="utf-8")
+        return ["--params-file", str(file)]
 
     def check(self) -> None:
         """Raise NodeDiedError if a node has ended that is not the live page."""
@@ -192,7 +199,8 @@ class Graph:
         if self._readiness.is_open:
             self._readiness.pids()
             self._readiness.close()
-        self._folder.cleanup()
+        if self._folder is not None:
+            self._folder.cleanup()
         return codes
 
     def __enter__(self) -> Graph:
