@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
 from hapticmech_ros.arrays import Array
@@ -68,6 +68,7 @@ TYPES: dict[str, Any] = {
     WRENCH: WrenchStamped,
     ARRAY: Float64MultiArray,
     "sensor_msgs/msg/JointState": JointState,
+    "sensor_msgs/msg/Joy": Joy,
     "std_msgs/msg/UInt8": UInt8,
     "std_msgs/msg/UInt8MultiArray": UInt8MultiArray,
 }
@@ -176,6 +177,7 @@ class Examples:
             table.CONSTRAINT_WRENCHES: _matrix("wrench", "constraint", wrenches),
             table.SPECTRUM: _matrix("mu", "value", analysis.spectrum.mu.reshape(-1, 1)),
             table.COUNT: _constant(UInt8(data=sample.count)),
+            table.DEVICE_BUTTONS: _header(Joy()),
             **{topic: _constant(TYPES[topic.type]()) for topic in STATES},
         }
 
