@@ -36,9 +36,9 @@ from hapticmech_ros.wire.topics import (
     EMERGENCY_STOP,
 )
 
-# s: until the first pose, of each look, of a command, until a force has ended, between commands,
-# and how old a stamp may be.
-_PATIENCE, _LOOK, _PUSH, _ZERO, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.02, 0.002, 0.25
+# s: until the first pose or a force, of each look, of a command, until a force has ended, how long
+# before that it was given, between commands, and how old a stamp may be.
+_PATIENCE, _LOOK, _PUSH, _ZERO, _BEFORE, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.02, 0.1, 0.002, 0.25
 # Hz that poses come at least with, a force that counts as none (N), and shares and slacks of what
 # is compared: of forces (N), and of velocities (m/s).
 _SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
@@ -215,10 +215,24 @@ class DriverTest:
 
     def _check_end(self) -> Check:
         """Tell how long a force lasts when commands end."""
-        self._spin(_PUSH, lambda: self._command(self._force))
+        self._push()
         end = time.monotonic()
         self._spin(_LOOK)
         return self._ended(f"no force {1e3 * _ZERO:g} ms after the last command", end)
+
+    def _push(self) -> None:
+        """Command the force for a while, and until it is given: it may have been held just now."""
+        patience = time.monotonic() + _PATIENCE
+        self._spin(_PUSH, lambda: self._command(self._force))
+        while not self._given_lately() and time.monotonic() < patience:
+            self._spin(_ZERO, lambda: self._command(self._force))
+
+    def _given_lately(self) -> bool:
+        """Tell whether a force was heard of that is no older than one may be before an end."""
+        if not self._forces:
+            return False
+        at, message = self._forces[-1]
+        return time.monotonic() - at < _BEFORE and _is_force(message)
 
     def _check_refused(self, rule: str, force: float, age: float) -> Check:
         start = time.monotonic()
@@ -229,7 +243,7 @@ class DriverTest:
         rule = f"no force {1e3 * _ZERO:g} ms after {EMERGENCY_STOP}"
         if not self._stop.wait_for_service(timeout_sec=1.0):
             return Check(rule, "there is no such service", None)
-        self._spin(_PUSH, lambda: self._command(self._force))
+        self._push()
         end = time.monotonic()
         answer = self._stop.call_async(SetBool.Request(data=True))
         # Commands go on: it must not obey them.
@@ -241,9 +255,9 @@ class DriverTest:
 
     def _ended(self, rule: str, end: float) -> Check:
         """Tell whether a force that was given until a time has ended soon after it, for good."""
-        heard = [(at, bool(np.linalg.norm(_force(m)) > _NONE)) for at, m in self._forces]
+        heard = [(at, _is_force(m)) for at, m in self._forces]
         before = [at for at, given in heard if given and at < end]
-        if not before or end - before[-1] > 5.0 * _ZERO:
+        if not before or end - before[-1] > _BEFORE:
             return Check(rule, "there was no force before", None)
         last = max((at for at, given in heard if given and at >= end), default=end)
         after = [at for at, given in heard if not given and at > last]
@@ -268,6 +282,10 @@ def _three(vector: Any) -> tuple[float, float, float]:
 
 def _force(message: WrenchStamped) -> Array:
     return np.array(_three(message.wrench.force))
+
+
+def _is_force(message: WrenchStamped) -> bool:
+    return bool(np.linalg.norm(_force(message)) > _NONE)
 
 
 def _seven(message: PoseStamped) -> tuple[float, ...]:
