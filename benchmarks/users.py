@@ -3,7 +3,8 @@
 """``python -m benchmarks.users``: what one user feels while another holds the mechanism.
 
 Of three shipped scenes, held at two links or at both ends of one: a free hand pushes at one, a firm
-arm holds the other; see ``analysis/beside_others.py``.
+arm holds the other, with a mass that is rigidly on its device or without; see
+``analysis/beside_others.py``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from hapticmech_ros.analysis.beside_others import FREQUENCIES_HZ, felt_beside_ot
 from hapticmech_ros.analysis.users import Row
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.hand import ArmHand, SpringDamperHand
 
 PERIODS_S = (1e-3, 5e-4, 2.5e-4)
 PUSHER, HOLDER = "a", "b"
@@ -34,8 +36,15 @@ POINTS = {
 BARELY = 1e-9
 
 
-def held_scene(name: str, period: float, late: bool = False) -> Scene:
-    """Return a scene held at two points, by nobody and by an arm; ``late``: without exchange."""
+def held_scene(name: str, period: float, late: bool = False, massless: bool = False) -> Scene:
+    """Return a scene held at two points, by nobody and by an arm.
+
+    Args:
+        name: of the shipped scene.
+        period: s.
+        late: without exchange of the hands' wrenches.
+        massless: the arm is the spring and the damper alone.
+    """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
     if places is None:
@@ -45,9 +54,13 @@ def held_scene(name: str, period: float, late: bool = False) -> Scene:
         {"name": label, "link": link, "origin": {"xyz": list(xyz)}}
         for label, (link, xyz) in zip((PUSHER, HOLDER), places, strict=True)
     ]
+    arm = {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}
+    if massless:
+        firm = ArmHand.model_validate(arm).model_dump()
+        arm = {key: firm[key] for key in SpringDamperHand.model_fields} | {"kind": "spring_damper"}
     hands = [
         {"point": PUSHER, "hand": {"kind": "constant_wrench"}},
-        {"point": HOLDER, "hand": {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}},
+        {"point": HOLDER, "hand": arm},
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
@@ -79,13 +92,16 @@ def users(
     late: Annotated[
         bool, typer.Option("--late", help="devices do not hear each other's hands; 1 kHz only")
     ] = False,
+    massless: Annotated[
+        bool, typer.Option("--massless", help="the arm has no mass that is rigidly on its device")
+    ] = False,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, late), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, late, massless), PUSHER)
     ]
     print(table(rows))
 

@@ -9,7 +9,7 @@ mechanism alone between points, and b all points that the others hold, desired i
     v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
 
 Y is that of the simulator's own step, linearised (``analysis/linear_point.py``), of which the
-continuous system is taken: arms act on the mechanism all the time, the push is held over a period.
+continuous system is taken: the push and the arms act all the time.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, expm, logm
+from scipy.linalg import block_diag, logm
 
 from hapticmech_ros.analysis.impedance import (
     PUSH_N_PER_HZ,
     amplitudes,
+    faded_in,
     free_directions,
     multisine,
 )
 from hapticmech_ros.analysis.linear_point import linear_point
+from hapticmech_ros.analysis.scripted_push import ROWS, fine_times, samples_of, scripted
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import Analyser
@@ -42,8 +44,9 @@ from hapticmech_ros.session.shared_session import SharedSession
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
-# Until what the start has set in motion has died away, and how long is looked at, s.
-SETTLING_S, WINDOW_S = 4.0, 1.0
+# In which the push fades in, until what that has set in motion has died away, and how long is
+# looked at, s.
+FADING_S, SETTLING_S, WINDOW_S = 0.5, 4.0, 1.0
 _NOBODY = ConstantWrenchHand(kind="constant_wrench")
 
 
@@ -98,13 +101,15 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     terms = simulator.evaluate(simulator.initial_state())
     directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
     desired, alone = _admittances(still, simulator, point, frequencies)
-    times = np.arange(round((SETTLING_S + WINDOW_S) / period)) * period
-    push = multisine(times, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
+    fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period))
+    push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
+    push *= faded_in(fine, FADING_S)
+    times = samples_of(fine)
     last = slice(times.size - samples, None)
-    given = amplitudes(times[last], push[last], frequencies)
-    calm, found = _twists(still, point, np.zeros((times.size, 6))), []
+    given = amplitudes(times[last], samples_of(push)[last], frequencies)
+    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6))), []
     for direction in directions:
-        moved = (_twists(still, point, push[:, None] * direction) - calm) @ direction
+        moved = (_twists(still, point, fine, push[:, None] * direction) - calm) @ direction
         felt = given / amplitudes(times[last], moved[last], frequencies)
         wanted, free = (
             1.0 / np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, alone)
@@ -155,18 +160,21 @@ def _impedance(hand: Hand) -> tuple[Array, Array, Array]:
     return m, d, k
 
 
-def _twists(scene: Scene, point: str, pushes: Array) -> Array:
-    """Return twists (n, 6) of the device that is pushed."""
-    session = SharedSession(scene)
-    return np.array(
-        [session.tick(hand_wrenches={point: one})[point].device.twist for one in pushes]
-    )
+def _twists(scene: Scene, point: str, times: Array, pushes: Array) -> Array:
+    """Return twists (n, 6) of the device that is pushed, given the rows of a hand's script."""
+    with scripted(times, pushes) as hand:
+        hands = [
+            one.model_copy(update={"hand": hand}) if one.point == point else one
+            for one in scene.hands
+        ]
+        session = SharedSession(scene.model_copy(update={"hands": tuple(hands)}))
+    return session.run(len(pushes) // ROWS)[point]["device_true_twist"]
 
 
 def _admittances(
     scene: Scene, simulator: Simulator, point: str, frequencies: Array
 ) -> tuple[Array, Array]:
-    """Return (k, 6, 6) of a point, of a push that is held: with the others' arms, and without."""
+    """Return (k, 6, 6) of a point: with the others' arms, and without."""
     names = [point, *(name for name in scene.held_points if name != point)]
     state, period = simulator.initial_state(), simulator.period
     points = [linear_point(simulator, state, name) for name in names]
@@ -189,18 +197,13 @@ def _admittances(
     pushed = np.vstack([own + others @ by_push, np.zeros((len(m), 6))])
     read = np.hstack([shown[:6], np.zeros((6, len(m)))])
     return (
-        _sampled(joined, pushed, read, frequencies, period),
-        _sampled(a, own, shown[:6], frequencies, period),
+        _response(joined, pushed, read, frequencies),
+        _response(a, own, shown[:6], frequencies),
     )
 
 
-def _sampled(a: Array, b: Array, c: Array, frequencies: Array, period: float) -> Array:
-    """Return C (z - A_d)⁻¹ B_d (k, ...) at z = exp(i ω T) of ẋ = A x + B u with u held."""
-    size, width = b.shape
-    whole = np.zeros((size + width, size + width))
-    whole[:size, :size], whole[:size, size:] = a, b
-    step = expm(period * whole)
-    turns = np.exp(2j * np.pi * period * frequencies)
-    one = np.eye(size)
-    answers = [np.linalg.solve(z * one - step[:size, :size], step[:size, size:]) for z in turns]
+def _response(a: Array, b: Array, c: Array, frequencies: Array) -> Array:
+    """Return C (s - A)⁻¹ B (k, ...) at s = i ω of ẋ = A x + B u."""
+    one = np.eye(len(b))
+    answers = [np.linalg.solve(s * one - a, b) for s in 2j * np.pi * frequencies]
     return np.array([c @ answer for answer in answers])

@@ -4,12 +4,13 @@
 
 With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods from measuring to acting:
 
-    device      V_d⁺ = A V_d + A_u (F_h + u),  p_d⁺ = p_d + A_p V_d + A_q (F_h + u)
+    device      V_d⁺ = A V_d + A_u (F̄_h + u),  p_d⁺ = p_d + A_p V_d + A_q (F̄_h + u)
     mechanism   x⁺ = A_m x + B_m w,  (p, V, a) = C x
-    in flight   V̂ = V + d T a + T X S W,  p̂ = p + d T V̂
+    in flight   V̂ = V + (d + ½) T a + T X (S W + ½ C3 F_h),  p̂ = p + (d + ½) T V̂
     controller  c = C (p_d - p̂, V_d - V̂),  W = C3 F_h + C1 c,
                 U = G F_h + Λ_d a - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + (1 - z⁻ᵈ) (G F_h - k P_c p_d - b P_c V_d)
+                    + G (1 + (1 + G)⁶)⁻¹ (½ (1 - z⁻¹) + 5/12 (1 - z⁻¹)²) F_h
 
 and G = (1 + C6) Λ_d X - 1 + (1 - β) Π. X and a are X_τ and a_τ of
 ``operational/delay_compensation``, and c_d is c with C as it acts on the device. A force channel
@@ -17,6 +18,9 @@ that is closed by the controller has neither what is in flight nor the correctio
 and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c. Limits,
 ramps and encoder steps are left out, as is what a push bends: small motions of a device at full
 force.
+
+A hand's wrench varies within a period. On the device acts its mean F̄_h, while commands answer the
+sample F_h at the period's start; both are inputs here.
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ from hapticmech_ros.analysis.linear_point import LinearPoint, LinearSystem, line
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
-from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.force_gain import force_gain, lead_gain
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
@@ -40,8 +44,9 @@ class FeltModel(LinearSystem):
     """Device, mechanism and controller as one linear system, from F_h to the device's twist.
 
     Attributes:
+        push: (n, 6) B, of the mean of F_h over the period, as the hand acts on the device.
         mechanism: what should be felt.
-        sampled: (n, 6) part of B by the samples of F_h alone, that the commands answer.
+        sampled: (n, 6) of the sample of F_h at the period's start, which the commands answer.
     """
 
     mechanism: LinearPoint
@@ -50,20 +55,7 @@ class FeltModel(LinearSystem):
     def ratio(self, direction: Array, frequencies: Array) -> Array:
         """Return felt over desired impedance along a push, (k,) complex: 1 is right.
 
-        Args:
-            direction: (6,) of the push, N and N m, world axes; velocities are seen along it.
-            frequencies: (k,) Hz, below half the sample rate.
-        """
-        felt, desired = self.admittance(frequencies), self.mechanism.admittance(frequencies)
-        along = [np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, felt)]
-        return np.asarray(along[0] / along[1])
-
-    def varying_ratio(self, direction: Array, frequencies: Array) -> Array:
-        """Return the same, (k,) complex, of a hand whose wrench varies within a period.
-
-        On device and mechanism acts its mean over the period, F̄ = F (e^sT - 1) / (s T), while
-        commands answer the sample F at its start, half a period before. For a mass m on a device
-        m_d the error is ω T / 2 (m / m_d - 1).
+        Its mean over a period is F̄ = F (e^sT - 1) / (s T).
 
         Args:
             direction: (6,) of the push, N and N m, world axes; velocities are seen along it.
@@ -74,10 +66,19 @@ class FeltModel(LinearSystem):
         desired, one = self.mechanism.admittance(frequencies), np.eye(len(self.step))
         found = []
         for turn, share, alone in zip(turns, mean, desired, strict=True):
-            push = self.push * share + self.sampled * (1.0 - share)
+            push = self.push * share + self.sampled
             felt = self.twist @ np.linalg.solve(np.exp(turn) * one - self.step, push)
             found.append(share * (direction @ alone @ direction) / (direction @ felt @ direction))
         return np.array(found)
+
+    def run_with(self, samples: Array, means: Array) -> Array:
+        """Return twists (k, 6) of the device, m/s and rad/s, from rest under a hand's wrench.
+
+        Args:
+            samples: (k, 6) F_h at each period's start, N and N m, world axes at the point.
+            means: (k, 6) its mean over each period, likewise.
+        """
+        return self.driven(means @ self.push.T + samples @ self.sampled.T)
 
 
 def felt_model(scene: Scene, point: str = "", delay: int = 1) -> FeltModel:
@@ -112,11 +113,12 @@ def loop_model(
     size = loop.size
     columns = np.hstack((np.eye(size), np.zeros((size, 6))))
     pushes = np.hstack((np.zeros((6, size)), np.eye(6)))
-    after = loop.next(columns, pushes, pushes)
-    sampled = loop.next(columns, pushes, np.zeros_like(pushes))[:, size:]
+    nothing = np.zeros_like(pushes)
+    after, sampled = loop.next(columns, nothing, pushes), loop.next(columns, pushes, nothing)
     twist = np.zeros((6, size))
     twist[:, 6:12] = np.eye(6)
-    return FeltModel(mechanism.period, after[:, :size], after[:, size:], twist, mechanism, sampled)
+    step, acting = after[:, :size], after[:, size:]
+    return FeltModel(mechanism.period, step, acting, twist, mechanism, sampled[:, size:])
 
 
 class _Loop:
@@ -140,6 +142,7 @@ class _Loop:
             control.device_inertia, self._inverse_inertia, self._share, beta, feedback
         )
         self._gain = task * gain * task.T
+        self._lead = lead_gain(self._gain)
         joint = control.gains.joint_constraint
         projector = task * mechanism.analysis.constraint_projector * task.T
         self._rigid = joint.stiffness * projector, joint.damping * projector
@@ -148,22 +151,26 @@ class _Loop:
         cut_off = 2.0 * np.pi * device.velocity_filter * mechanism.period
         self._filter = None if ideal else cut_off / (1.0 + cut_off)
         n = len(mechanism.step)
-        # Pose, twist and measured twist of the device, state of the mechanism, and d times W, U,
-        # F_h, pose and measured twist, newest first.
-        self._splits = np.cumsum([6, 6, 6, n, *[6 * delay] * 4])
-        self.size = 18 + n + 30 * delay
+        # Pose, twist and measured twist of the device, state of the mechanism, the last two F_h,
+        # and d times W, U, F_h, pose and measured twist, newest first.
+        self._splits = np.cumsum([6, 6, 6, n, 12, *[6 * delay] * 4])
+        self.size = 30 + n + 30 * delay
 
     def next(self, state: Array, hand: Array, acting_hand: Array) -> Array:
         """Return states (size, k) a period on, with F_h (6, k) as sampled and as it acts."""
-        pose, twist, seen, x, told, sent, answered, places, rates = np.split(state, self._splits)
+        parts = np.split(state, self._splits)
+        pose, twist, seen, x, before, told, sent, answered, places, rates = parts
         if self._filter is None:
             seen = twist
         to_mechanism, to_device = self._answer(pose, seen, x, told, hand)
         told, acting = self._passed_on(told, to_mechanism)
         sent, command = self._passed_on(sent, to_device)
         answered, then = self._passed_on(answered, hand)
+        last, earlier = np.split(before, 2)
+        before = np.vstack((hand, last))
         if self._local:
-            command = command + self._gain @ (hand - then)
+            carried = 0.5 * (hand - last) + 5.0 / 12.0 * (hand - 2.0 * last + earlier)
+            command = command + self._gain @ (hand - then) + self._lead @ carried
         places, place = self._passed_on(places, pose)
         rates, rate = self._passed_on(rates, seen)
         if self._rigid_local:
@@ -176,7 +183,8 @@ class _Loop:
         if self._filter is not None:
             seen = seen + self._filter * ((new_pose - pose) / self._period - seen)
         new_x = self._mechanism.step @ x + self._mechanism.push @ acting
-        return np.vstack((new_pose, new_twist, seen, new_x, told, sent, answered, places, rates))
+        mine = new_pose, new_twist, seen, new_x, before
+        return np.vstack((*mine, told, sent, answered, places, rates))
 
     def _answer(
         self, pose: Array, twist: Array, x: Array, told: Array, hand: Array
@@ -187,13 +195,14 @@ class _Loop:
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
         free = mechanism.acceleration @ x
-        if self._local and self._delay:
-            ahead = self._delay * self._period
-            impulse = self._period * told.reshape(self._delay, 6, -1).sum(axis=0)
+        hand = task * hand
+        if self._local:
+            ahead = (self._delay + 0.5) * self._period
+            impulse = 0.5 * self._period * channels.force.hand * hand
+            impulse = impulse + self._period * told.reshape(self._delay, *hand.shape).sum(axis=0)
             speed = speed + ahead * free + self._inverse_inertia @ impulse
             point = point + ahead * speed
         error, rate = task * (pose - point), task * (twist - speed)
-        hand = task * hand
         coupling = channels.stiffness[:, None] * error + channels.damping[:, None] * rate
         held = channels.held_stiffness[:, None] * error + channels.held_damping[:, None] * rate
         spring, damper = self._rigid
@@ -209,13 +218,20 @@ class _Loop:
 
 
 def _device_period(device: Device, period: float, task: Array) -> tuple[Array, Array, Array, Array]:
-    """Return A, A_u, A_p and A_q of a device, (6, 1) each, over all of its substeps."""
+    """Return A, A_u, A_p and A_q of a device, (6, 1) each, over all of its substeps.
+
+    Each moves by the mean of the twists at its ends, and its damper is by that mean.
+    """
     inertia = np.array([[device.mass]] * 3 + [[device.inertia]] * 3)
     damping = np.array([[device.damping]] * 3 + [[device.angular_damping]] * 3)
     step = period / device.substeps
     gain = step * task / inertia
+    lost = 0.5 * gain * damping
+    share, gain = (1.0 - lost) / (1.0 + lost), gain / (1.0 + lost)
     kept, gained, moved, pushed = np.ones((6, 1)), np.zeros((6, 1)), *np.zeros((2, 6, 1))
     for _ in range(device.substeps):
-        kept, gained = kept - gain * damping * kept, gained + gain * (1.0 - damping * gained)
-        moved, pushed = moved + step * kept, pushed + step * gained
+        before = kept, gained
+        kept, gained = share * kept, share * gained + gain
+        moved = moved + 0.5 * step * (before[0] + kept)
+        pushed = pushed + 0.5 * step * (before[1] + gained)
     return kept, gained, moved, pushed

@@ -4,17 +4,25 @@
 
 A small multisine wrench acts on the device of a session and, in a second run, on the operational
 point of the mechanism alone, which gives the desired impedance: same scene, start and sampling. The
+wrench varies within a period, as a hand's does; on the mechanism alone acts its mean of each. The
 same runs without the wrench are subtracted, which removes motion that is not caused by it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hapticmech_ros.analysis.felt_model import felt_model
+from hapticmech_ros.analysis.scripted_push import (
+    ROWS,
+    fine_times,
+    means_of,
+    samples_of,
+    scripted,
+)
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
@@ -43,8 +51,6 @@ class Felt:
         ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
         predicted: (k,) the ratio by the model of analysis/felt_model.py for the same wrench.
         steady: (k,) the ratio by the model in steady state, without the initial transient.
-        varying: (k,) the same of a hand whose wrench varies within a period, as people's do; the
-            wrench of the others is held over each period.
     """
 
     direction: Array
@@ -53,7 +59,6 @@ class Felt:
     ratio: Array
     predicted: Array
     steady: Array
-    varying: Array
 
     def error(self, frequency: float) -> float:
         """Return the largest |ratio - 1| up to a frequency, Hz."""
@@ -62,10 +67,6 @@ class Felt:
     def steady_error(self, frequency: float) -> float:
         """Return the largest |steady - 1| up to a frequency, Hz."""
         return float(np.abs(self.steady - 1.0)[self.frequencies <= frequency].max())
-
-    def varying_error(self, frequency: float) -> float:
-        """Return the largest |varying - 1| up to a frequency, Hz."""
-        return float(np.abs(self.varying - 1.0)[self.frequencies <= frequency].max())
 
     def model_error(self, frequency: float) -> float:
         """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
@@ -99,15 +100,16 @@ def felt(scene: Scene, point: str = "", delay: int = 1) -> list[Felt]:
     # After the first command has arrived.
     ratios = measured_ratios(Setup(free, point, delay), frequencies, wait=delay)
     model, times = felt_model(free, point, delay), _times(free.simulation.period)
-    shape = multisine(times, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)[:, None]
+    shape = _push(free.simulation.period, frequencies)
     found = []
     for direction, ratio in ratios:
-        alike = (one.run(shape * direction) @ direction for one in (model.mechanism, model))
-        predicted = np.divide(*(_answer(times, one, frequencies) for one in alike))
+        push = shape * direction
+        means = means_of(push)
+        alike = model.mechanism.run(means), model.run_with(samples_of(push), means)
+        predicted = np.divide(*(_answer(times, one @ direction, frequencies) for one in alike))
         steady = model.ratio(direction, frequencies)
         mass = 1.0 / float(direction @ analysis.inverse_inertia @ direction)
-        varying = model.varying_ratio(direction, frequencies)
-        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady, varying))
+        found.append(Felt(direction, mass, frequencies, ratio, predicted, steady))
     return found
 
 
@@ -115,7 +117,7 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
     """Return each free direction (6,) and felt over desired impedance (k,) along it, complex.
 
     Args:
-        setup: of the sessions, whose hand exerts no wrench.
+        setup: of the sessions; instead of its hand one pushes.
         frequencies: (k,) of the wrench, Hz.
         wait: ticks before the wrench begins.
 
@@ -129,13 +131,14 @@ def measured_ratios(setup: Setup, frequencies: Array, wait: int = 0) -> list[tup
         rule = f"must divide {WINDOW_S:g} s and be below {0.25 / highest:.4f} s"
         raise InvalidInputError("simulation.period", period, rule)
     times = _times(period)
-    push = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)[:, None]
-    still = np.zeros((times.size, 6))
-    calm = _device(setup, still, wait), mechanism_twists(setup, still, wait)
+    push = _push(period, frequencies)
+    still = np.zeros((len(push), 6))
+    calm = _device(setup, still, wait), mechanism_twists(setup, means_of(still), wait)
     found = []
     for direction in free_directions(Session(setup.scene, setup.point).tick().analysis):
-        device = (_device(setup, push * direction, wait) - calm[0]) @ direction
-        desired = (mechanism_twists(setup, push * direction, wait) - calm[1]) @ direction
+        along = push * direction
+        device = (_device(setup, along, wait) - calm[0]) @ direction
+        desired = (mechanism_twists(setup, means_of(along), wait) - calm[1]) @ direction
         ratio = _answer(times, desired, frequencies) / _answer(times, device, frequencies)
         found.append((direction, ratio))
     return found
@@ -177,6 +180,19 @@ def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) 
     return push
 
 
+def faded_in(times: Array, duration: float) -> Array:
+    """Return a factor (n,) that goes from 0 to 1 within a duration, by a raised cosine.
+
+    A push that begins with a step is none that a hand could exert, nor one to carry on.
+
+    Args:
+        times: (n,) s from the start.
+        duration: s.
+    """
+    share = np.minimum(times / duration, 1.0)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * share))
+
+
 def amplitudes(times: Array, values: Array, frequencies: Sequence[float] | Array) -> Array:
     """Return the complex amplitudes (k,) of values (n,) at frequencies (k,), linear drift removed.
 
@@ -215,6 +231,13 @@ def alone(scene: Scene) -> Scene:
     return scene.model_copy(update={"hand": nobody, "controller": at_once})
 
 
+def _push(period: float, frequencies: Array) -> Array:
+    """Return the size (k, 1) of the push in a script's rows; it fades in until it settles."""
+    times = fine_times(period, _times(period).size)
+    push = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)
+    return np.asarray((faded_in(times, SETTLING_S) * push)[:, None])
+
+
 def _times(period: float) -> Array:
     return period * np.arange(round((SETTLING_S + WINDOW_S) / period))
 
@@ -226,7 +249,9 @@ def _answer(times: Array, velocity: Array, frequencies: Array) -> Array:
 
 
 def _device(setup: Setup, pushes: Array, wait: int) -> Array:
-    """Return twists (n, 6) of the device in a session."""
-    session = setup.session()
-    session.run(wait, every=max(wait, 1))
-    return np.array([session.tick(hand_wrench=push).device.twist for push in pushes])
+    """Return twists (n, 6) of the device in a session, under pushes in a script's rows."""
+    period, periods = setup.scene.simulation.period, len(pushes) // ROWS
+    times = wait * period + fine_times(period, periods)
+    with scripted(times, pushes) as hand:
+        pushed = replace(setup, scene=setup.scene.model_copy(update={"hand": hand}))
+        return pushed.session().run(wait + periods)["device_true_twist"][wait:]

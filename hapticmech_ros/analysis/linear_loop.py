@@ -10,10 +10,11 @@
 G, K and B are the controllers' linear laws at the position; the device closes the parts N_k and N_b
 of K and B itself. Sampling, hold and delay by whole periods are those of :class:`Session`. The
 model includes the device's substeps, the velocity filter of its encoders, the correction of
-commands by the change of the hand's wrench, and the prediction with commands in flight; it excludes
-limits, encoder steps and Coulomb friction. The loop is unstable if the matrix of one tick has an
-eigenvalue outside the unit circle. :mod:`hapticmech_ros.control.loop_stability` is the special case
-without hand, device damping and encoders.
+commands by the change of the hand's wrench, its lead until the next sample, and the prediction with
+commands in flight; it excludes limits, encoder steps and Coulomb friction. The loop is unstable if
+the matrix of one tick has an eigenvalue outside the unit circle.
+:mod:`hapticmech_ros.control.loop_stability` is the special case without hand, device damping and
+encoders.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
-from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.force_gain import force_gain, lead_gain
 from hapticmech_ros.control.loop_stability import ON_CIRCLE
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
@@ -96,7 +97,10 @@ def diverges(matrix: Array) -> bool:
 
 
 class _Loop:
-    """State: x, ẋ, p, ṗ, measured ẋ, F_h of the hand's mass, then commands, oldest first."""
+    """State: x, ẋ, p, ṗ, measured ẋ, F_h of the hand's mass, the last two F_h, then commands.
+
+    They are oldest first, those to the device before those to the mechanism.
+    """
 
     def __init__(
         self, scene: Scene, law: Law, inverse_inertia: Array, rows: Array, delay: int, held: Held
@@ -113,24 +117,27 @@ class _Loop:
         self._pull, self._drag = cut(law.pull), cut(law.drag)
         self._near = cut(law.near[0]), cut(law.near[1])
         self._spring, self._grip, self._mass = map(cut, (held.stiffness, held.damping, held.mass))
+        self._lead = lead_gain(self._force)
         self._gain = np.linalg.inv(cut(device_inertia(device)) + self._mass)
-        self._loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
+        loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
+        self._lost = 0.5 * self._period / self._substeps * self._gain @ loss
         coarse = device.position_resolution > 0.0 or device.angle_resolution > 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * self._period
         self._filter = cut_off / (1.0 + cut_off) if coarse else None
-        self.size = self._n * (6 + 2 * delay)
+        self.size = self._n * (8 + 2 * delay)
 
     def tick(self, states: Array) -> Array:
         """Return states (size, k) a period later."""
         period, parts = self._period, states.reshape(-1, self._n, states.shape[1])
-        x, rate, p, p_rate, seen, inert = parts[:6]
-        to_device = list(parts[6 : 6 + self._delay])
-        to_mechanism = list(parts[6 + self._delay :])
+        x, rate, p, p_rate, seen, inert, last, earlier = parts[:8]
+        to_device = list(parts[8 : 8 + self._delay])
+        to_mechanism = list(parts[8 + self._delay :])
         force = inert - self._spring @ x - self._grip @ rate
-        ahead = p_rate
-        if self._local and self._delay:
-            ahead = p_rate + period * self._x_inverse @ np.sum(to_mechanism, axis=0)
-        predicted = p + self._delay * period * ahead if self._local else p
+        ahead, predicted = p_rate, p
+        if self._local:
+            told = sum(to_mechanism, 0.5 * self._hand @ force)
+            ahead = p_rate + period * self._x_inverse @ told
+            predicted = p + (self._delay + 0.5) * period * ahead
         error, error_rate = x - predicted, seen - ahead
         command = -self._stiffness @ error - self._damping @ error_rate
         # Closed in the device: the value at the sample is replaced by the current one.
@@ -140,24 +147,33 @@ class _Loop:
         to_device.append(command if self._local else command + self._force @ force)
         mechanism = self._hand @ force + self._pull @ error + self._drag @ error_rate
         to_mechanism.append(mechanism)
-        act = to_device.pop(0) - near + (self._force @ force if self._local else 0.0)
+        act = to_device.pop(0) - near
+        if self._local:
+            carried = 0.5 * (force - last) + 5.0 / 12.0 * (force - 2.0 * last + earlier)
+            act = act + self._force @ force + self._lead @ carried
         push = self._x_inverse @ to_mechanism.pop(0)
-        x_next, rate_next = self._device(x, rate, act)
+        x_next, rate_next, inert_next = self._device(x, rate, act)
         seen_next = rate_next
         if self._filter is not None:
             seen_next = seen + self._filter * ((x_next - x) / period - seen)
-        inert_next = -self._mass @ (rate_next - rate) / period
         p_next = p + period * p_rate + 0.5 * period**2 * push
         new = (x_next, rate_next, p_next, p_rate + period * push, seen_next, inert_next)
-        return np.concatenate((*new, *to_device, *to_mechanism))
+        return np.concatenate((*new, force, last, *to_device, *to_mechanism))
 
-    def _device(self, x: Array, rate: Array, act: Array) -> tuple[Array, Array]:
-        step = self._period / self._substeps
+    def _device(self, x: Array, rate: Array, act: Array) -> tuple[Array, Array, Array]:
+        """Return x, ẋ and F_h of the hand's mass a period later; see ``device/kernels``."""
+        step, one = self._period / self._substeps, np.eye(self._n)
+        kept, given = one - self._lost, np.linalg.inv(one + self._lost)
+        acceleration, own = np.zeros_like(x), -self._spring @ x - self._grip @ rate
         for _ in range(self._substeps):
-            force = act - self._spring @ x - self._grip @ rate - self._loss @ rate
-            rate = rate + step * self._gain @ force
-            x = x + step * rate
-        return x, rate
+            change = step * self._gain @ (act + own)
+            seen = rate + 0.5 * change - self._lost @ rate
+            own = -self._spring @ (x + 0.5 * step * rate) - self._grip @ seen
+            later = given @ (kept @ rate + step * self._gain @ (act + own))
+            x = x + 0.5 * step * (rate + later)
+            acceleration, rate = (later - rate) / step, later
+        end = -self._spring @ x - self._grip @ rate
+        return x, rate, -self._mass @ (acceleration + self._gain @ (end - own))
 
 
 @dataclass(frozen=True, slots=True)

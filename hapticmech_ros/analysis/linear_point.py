@@ -61,7 +61,14 @@ class LinearSystem:
         Args:
             external: (k, 6) N and N m, world axes at the point.
         """
-        driven = np.asarray(external, dtype=float) @ self.push.T
+        return self.driven(np.asarray(external, dtype=float) @ self.push.T)
+
+    def driven(self, driven: Array) -> Array:
+        """Return twists (k, 6), m/s and rad/s, from rest.
+
+        Args:
+            driven: (k, n) B F of each period.
+        """
         states = np.zeros((len(driven), len(self.step)))
         for index in range(len(driven) - 1):
             states[index + 1] = self.step @ states[index] + driven[index]

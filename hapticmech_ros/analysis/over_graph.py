@@ -3,9 +3,9 @@
 """Felt impedance over a graph of nodes, with a scripted hand and a recorded device.
 
 The twist of the device is fitted at the excitation's frequencies, also if a busy machine missed
-samples, and so is that of the mechanism alone under the same F_h, which gives the desired
-impedance: the push moves the mechanism by centimetres, so that a model linearised at its start
-would be off by some percent.
+samples, and so is that of the mechanism alone under the same F_h, the means of its samples, which
+gives the desired impedance: the push moves the mechanism by centimetres, so that a model linearised
+at its start would be off by some percent.
 
 The excitation has equal amplitudes at all frequencies: when a sample is missed, the device keeps an
 old command meanwhile, and changes of F_h act as noise on a light device.
@@ -27,6 +27,7 @@ from hapticmech_ros.analysis.impedance import (
     mechanism_twists,
     multisine,
 )
+from hapticmech_ros.analysis.scripted_push import fine_times, write_script
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
@@ -72,12 +73,12 @@ def felt_over_graph(scene: Scene, composed: bool) -> list[Felt]:
             times, forces, twists = _recorded(scene, direction, composed, Path(folder))
         felt = _amplitudes(times, twists @ direction, frequencies)
         every, pushes = _without_gaps(times, forces, scene.simulation.period)
-        alone = mechanism_twists(Setup(scene, "", 1), pushes)
+        later = np.concatenate((pushes[1:], pushes[-1:]))
+        alone = mechanism_twists(Setup(scene, "", 1), 0.5 * (pushes + later))
         wanted = _amplitudes(every, alone @ direction, frequencies)
         steady = model.ratio(direction, frequencies)
-        varying = model.varying_ratio(direction, frequencies)
         mass = 1.0 / float(direction @ sample.analysis.inverse_inertia @ direction)
-        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady, varying))
+        found.append(Felt(direction, mass, frequencies, wanted / felt, steady, steady))
     return found
 
 
@@ -105,13 +106,12 @@ def _recorded(
 ) -> tuple[Array, Array, Array]:
     """Return times (n,), s, from the push on, F_h and twists (n, 6) of a graph."""
     period, seconds = scene.simulation.period, SETTLING_S + WINDOW_S + SPARE_S
-    time = period * np.arange(round(seconds / period))
+    time = fine_times(period, round(seconds / period))
     push = multisine(time, FREQUENCIES_HZ, np.full(len(FREQUENCIES_HZ), PUSH_N))
-    rows = np.column_stack((time, push[:, None] * direction))
     script = folder / "push.csv"
-    np.savetxt(script, rows, "%.17g", ",", header="time,fx,fy,fz,tx,ty,tz", comments="")
+    write_script(script, time, push[:, None] * direction)
     document = document_of(scene)
-    document["hand"] = {"kind": "scripted", "file": script.name, "interpolation": "held"}
+    document["hand"] = {"kind": "scripted", "file": script.name}
     path = folder / "felt.yaml"
     # JSON is YAML.
     path.write_text(json.dumps(document), encoding="utf-8")

@@ -83,7 +83,7 @@ def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]
     They are half of the limit gains for the ratio of b to k with the largest stable k.
 
     Args:
-        scene: whose device's substeps and period are used.
+        scene: whose period is used.
         loop: (n, n) A; without unit for k in 1/s² and b in 1/s, in 1/kg for N/m and N s/m.
         delay: whole periods from measuring to acting.
 
@@ -100,7 +100,7 @@ def stiffest_gains(scene: Scene, loop: Array, delay: int) -> tuple[float, float]
         def stable(gain: float, ratio: float = ratio) -> bool:
             late = gain * loop, gain * ratio * loop
             terms = LoopTerms(late, (np.zeros_like(loop), np.zeros_like(loop)))
-            return spectral_radius(terms, period, delay, scene.device.substeps) < 1.0
+            return spectral_radius(terms, period, delay) < 1.0
 
         guess = 0.25 / latency**2 / float(np.trace(loop))
         most = frontier(stable, guess, 1e-6 * guess, 1e3 * guess, FINE)

@@ -67,7 +67,7 @@ class Row:
         found = self.felt
         complex_columns = {
             f"{name}_{part}": getattr(getattr(found, name), part[:4]).tolist()
-            for name in ("ratio", "predicted", "steady", "varying")
+            for name in ("ratio", "predicted", "steady")
             for part in ("real", "imaginary")
         }
         return {
@@ -81,7 +81,6 @@ class Row:
             "error_to_10_hz": found.error(10.0),
             "error_to_30_hz": found.error(30.0),
             "steady_error_to_10_hz": found.steady_error(10.0),
-            "varying_error_to_10_hz": found.varying_error(10.0),
             "model_error_to_30_hz": found.model_error(30.0),
             "bandwidth_hz": found.bandwidth,
         }
@@ -115,14 +114,13 @@ class Transparency(Results):
                     _percent(max(one.error(30.0) for one in found)),
                     f"{min(one.bandwidth for one in found):g}",
                     _percent(max(one.steady_error(10.0) for one in found)),
-                    _percent(max(one.varying_error(10.0) for one in found)),
                     _percent(max(one.model_error(30.0) for one in found)),
                 )
             )
         headings = ("scene", "loop in", "delay", "directions", "to 10 Hz", "to 30 Hz", "3 dB, Hz")
         yield Sheet(
             "error of felt impedance, worst direction",
-            (*headings, "steady", "varying", "model"),
+            (*headings, "steady", "model"),
             tuple(lines),
             ("loop in",),
             TABLE_CAPTION,

@@ -47,9 +47,6 @@ SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 TOUCH_SPEED = 2e-5
 # m/s; a decaying oscillation stays near the speed of the touch.
 LOST_SPEED = 20.0 * TOUCH_SPEED
-# The rules are for a device in continuous time. Semi-implicit substeps shorten the hold by
-# T / (2 n): with the 4 substeps of the scenes, limits would be 7 to 33 % too high.
-SUBSTEPS = 32
 # Length of the response: cycles of the wall's oscillation, multiples of the loop's delay, and its
 # bounds in ticks.
 CYCLES, DELAYS = 10.0, 60
@@ -98,7 +95,7 @@ class Wall:
         point: operational point; the first one if empty.
 
     Attributes:
-        scene: without ramp and position channels, with fine substeps of the device.
+        scene: without ramp and position channels.
         mass: of the device along the direction with the largest gain, 1 / λ_max(Λ_d⁻¹ P_c), kg.
         physical: damping of the device along it, N s/m per unit of P_c.
         local: whether the device closes the wall.
@@ -108,10 +105,7 @@ class Wall:
     """
 
     def __init__(self, scene: Scene, point: str = "") -> None:
-        substeps = max(scene.device.substeps, SUBSTEPS)
-        device = scene.device.model_copy(update={"substeps": substeps})
-        continuous = scene.model_copy(update={"device": device})
-        self.scene, self._point = without_channel(at_once(continuous)), point
+        self.scene, self._point = without_channel(at_once(scene)), point
         self.local = scene.controller.joint_constraint.local
         found = directions(self.scene, point)
         self._analysis, self._normals = found.analysis, found.held

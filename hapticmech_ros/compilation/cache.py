@@ -80,6 +80,7 @@ _SOURCES = (
     "control/loop_layout.py",
     "control/account_kernels.py",
     "control/device_side_kernels.py",
+    "control/hand_lead_kernels.py",
     "control/render_kernels.py",
     "control/channel_kernels.py",
     "session/data.py",

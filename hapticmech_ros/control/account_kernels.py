@@ -33,6 +33,7 @@ from hapticmech_ros.control.kernels import (
     answer_measurements,
     brake,
     force_let_through,
+    hand_on_mechanism,
     let_through,
 )
 from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
@@ -151,21 +152,35 @@ def account_for_springs(
 
 
 @inner
-def predict(account: Array, queue: Array, operational_model: Array, predicted: Array) -> float:
+def predict(
+    account: Array,
+    settings: Array,
+    queue: Array,
+    device: Array,
+    operational_model: Array,
+    time: float,
+    predicted: Array,
+) -> float:
     """Fill an operational model once what is in the queue has acted; return how long it takes, s.
 
-    The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
+    And half a period more of what the mechanism is told now of F_h and F_c: it gets F_h of the
+    samples, held over a period, and the device as it varies, half a period earlier in the mean. The
+    pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
 
     Args:
         account: (account,) of the controller; see ``loop_layout``.
+        settings: (59,) of the controllers.
         queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
+        device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
+        time: s.
         predicted: (139,) to fill, likewise.
     """
     put(predicted, operational_model)
-    duration, impulse = queue.shape[0] * account[PERIOD], local(6)
+    duration, impulse = (queue.shape[0] + 0.5) * account[PERIOD], local(6)
+    hand_on_mechanism(settings, device, operational_model, time, impulse)
     for i in range(6):
-        total = 0.0
+        total = 0.5 * impulse[i]
         for row in range(queue.shape[0]):
             total += queue[row, i]
         impulse[i] = account[PERIOD] * total + duration * operational_model[CONTACT + i]
@@ -279,9 +294,11 @@ def give_answer(
 ) -> None:
     """Answer a sample; see :func:`answer_sample`."""
     out = shaped(answer[WRENCHES:], (6, 6))
-    if locality[FORCE_LOCAL] != 0.0 and queue.shape[0] > 0:
+    if locality[FORCE_LOCAL] != 0.0:
         predicted = local(MODEL_SIZE)
-        later = ahead + predict(account, queue, operational_model, predicted)
+        later = ahead + predict(
+            account, settings, queue, device, operational_model, time, predicted
+        )
         answer_measurements(settings, device, predicted, time, later, out)
     else:
         answer_measurements(settings, device, operational_model, time, ahead, out)

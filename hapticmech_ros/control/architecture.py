@@ -86,7 +86,6 @@ class ControlArchitecture:
     def __init__(self, scene: Scene) -> None:
         self.limits = (scene.device.force_limit, scene.device.torque_limit)
         self.device_inertia = device_inertia(scene.device)
-        self.substeps = scene.device.substeps
         self.acts = np.array(scene.device.acts)
         self.delay = scene.connection.designed
         self._period = scene.simulation.period

@@ -3,9 +3,9 @@
 """The delay τ of a loop that ``operational/delay_compensation`` compensates for.
 
 A command computed from a state acts d periods later, on average half a period longer for being
-held. Where the device closes the force channel, the mechanism's state is d periods late besides: it
-learns of F_h that much later than the device. A controller that closes it tells both at once. A
-connection between device and controller makes both ways longer.
+held. Where the device closes the force channel, the mechanism's state is as late besides: it learns
+of F_h that much later than the device, and in samples that are held. A controller that closes it
+tells both at once. A connection between device and controller makes both ways longer.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ def jitter_allowance(connection: Connection) -> float:
 
 
 def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
-    """Return τ in s: 2 t_c + (2 d + ½) T with the force channel closed in the device, else half.
+    """Return τ in s: 2 t_c + (2 d + 1) T with the force channel closed in the device.
 
-    Closed in the controller it is t_c + (d + ½) T, t_c the delay of the connection.
+    Closed in the controller it is half of that, t_c the delay of the connection.
 
     Args:
         scene: its period, and what closes the force channel.
@@ -39,4 +39,4 @@ def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
     if delay < 0:
         raise InvalidInputError("delay", delay, "must be 0 or more periods")
     times = 2 if scene.controller.force_channel.local else 1
-    return times * scene.connection.designed + (times * delay + 0.5) * scene.simulation.period
+    return times * (scene.connection.designed + (delay + 0.5) * scene.simulation.period)

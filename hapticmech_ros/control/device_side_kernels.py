@@ -4,11 +4,12 @@
 
 A command answers a sample of some time ago. With G, K and B as it comes with them
 
-    u = u' + G (F_h - F_h') - K ξ - B (v - v')
+    u = u' + G (F_h - F_h') - K ξ - B (v - v') + Σ H_j (F_j - F_j') + a lead
 
-is the controllers' answer to the device as it is now. What is then given is held to what there is,
-as :mod:`~hapticmech_ros.control.passivity` says. Arrays are laid out as
-:mod:`~hapticmech_ros.control.loop_layout` says.
+is the controllers' answer to the device as it is now, and to what hands do until the next sample
+(:mod:`~hapticmech_ros.control.hand_lead_kernels`, :mod:`~hapticmech_ros.control.other_hands`). What
+is then given is held to what there is, as :mod:`~hapticmech_ros.control.passivity` says. Arrays are
+laid out as :mod:`~hapticmech_ros.control.loop_layout` says.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import PUSH
+from hapticmech_ros.control.hand_lead_kernels import lead
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
@@ -201,7 +203,16 @@ def allow(account: Array, safety: Array, command: Array, sample: Array, added: A
 
 
 @inner
-def correct(command: Array, model: Array, answered: Array, now: Array, found: Array) -> None:
+def correct(
+    command: Array,
+    model: Array,
+    answered: Array,
+    now: Array,
+    hand: Array,
+    period: float,
+    others: Array,
+    found: Array,
+) -> None:
     """Fill a command (6,) for the device as it is now; see :func:`correct_command`."""
     way = local(6)
     displacement(answered, now, way)
@@ -212,7 +223,8 @@ def correct(command: Array, model: Array, answered: Array, now: Array, found: Ar
             total += model[at] * (now[PUSH + j] - answered[PUSH + j])
             total -= model[36 + at] * way[j]
             total -= model[72 + at] * (now[SPEED + j] - answered[SPEED + j])
-        found[i] = command[i] + total
+        found[i] = command[i] + total + others[i]
+    lead(hand, period, model[:36], others[6:], found)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
@@ -280,9 +292,19 @@ def enforce_passivity(account: Array, command: Array, sample: Array, added: Arra
     enforce(account, command, sample, added)
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64,"
+    " float64[::1], float64[::1])"
+)
 def correct_command(
-    command: Array, model: Array, answered: Array, now: Array, found: Array
+    command: Array,
+    model: Array,
+    answered: Array,
+    now: Array,
+    hand: Array,
+    period: float,
+    others: Array,
+    found: Array,
 ) -> None:
     """Fill a command for the device as it is now.
 
@@ -291,6 +313,9 @@ def correct_command(
         model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
         answered: (19,) the device's sample that the command answers, in SI units.
         now: (19,) its newest sample, likewise.
+        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
+        period: T, s, over which the command is held.
+        others: (12,) for other hands, until now and until the next sample; see ``other_hands``.
         found: (6,) to fill, N and N m, world axes.
     """
-    correct(command, model, answered, now, found)
+    correct(command, model, answered, now, hand, period, others, found)

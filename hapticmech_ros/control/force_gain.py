@@ -34,3 +34,15 @@ def force_gain(
     """
     moved = (1.0 + feedback) * (device_inertia @ inverse_inertia)
     return np.asarray(moved + (1.0 - feedforward) * wrench_projector - np.eye(6))
+
+
+def lead_gain(gain: Array) -> Array:
+    """Return G W (6, 6), of what a hand's wrench changes by until the next sample.
+
+    W = (1 + (1 + G)⁶)⁻¹; see :mod:`~hapticmech_ros.control.hand_lead_kernels`.
+
+    Args:
+        gain: (n, n) G, or its rows and columns of the task space.
+    """
+    one = np.eye(len(gain))
+    return np.asarray(gain @ np.linalg.inv(one + np.linalg.matrix_power(one + gain, 6)))

@@ -92,6 +92,17 @@ def force_let_through(settings: Array, time: float) -> float:
 
 
 @inner
+def hand_on_mechanism(
+    settings: Array, device: Array, operational_model: Array, time: float, told: Array
+) -> None:
+    """Fill what the mechanism is told (6,) of measured forces: s (C3 F_h + C5 F_c)."""
+    through = force_let_through(settings, time)
+    for i in range(6):
+        hand, touch = device[PUSH + i], operational_model[CONTACT + i]
+        told[i] = through * settings[i] * (settings[C3] * hand + settings[C5] * touch)
+
+
+@inner
 def parts(
     settings: Array, device: Array, operational_model: Array, time: float, out: Array
 ) -> None:
@@ -103,13 +114,13 @@ def parts(
     beta, spring = settings[FEEDFORWARD], settings[JOINT_STIFFNESS]
     damper = settings[JOINT_DAMPING]
     force_limit, torque_limit = settings[JOINT_FORCE_LIMIT], settings[JOINT_TORQUE_LIMIT]
-    c1, c2, c3 = settings[C1], settings[C2], settings[C3]
-    c4, c5, c6 = settings[C4], settings[C5], settings[C6]
+    c1, c2, c4, c6 = settings[C1], settings[C2], settings[C4], settings[C6]
     x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
     share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
     twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
     ramp, through = let_through(settings, time), force_let_through(settings, time)
     damper *= brake(settings, time, inertia[0], damper)
+    hand_on_mechanism(settings, device, operational_model, time, out[ON_MECHANISM])
     room = shaped(local(30), (5, 6))
     push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
     error = out[POSE_ERROR]
@@ -125,14 +136,13 @@ def parts(
         slow = brake(settings, time, inertia[i], held_damping[i]) * held_damping[i]
         held[i] = ramp * held_stiffness[i] * error[i] + slow * rate
     for i in range(6):
-        hand, touch = task[i] * device[PUSH + i], task[i] * contact[i]
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         joined = ramp * (1.0 - beta) * dot(share[i], push)
-        out[ON_MECHANISM, i] = through * (c3 * hand + c5 * touch) + c1 * coupling[i]
+        out[ON_MECHANISM, i] += c1 * coupling[i]
         out[IMPEDANCE, i] = task[i] * (through * (motion - push[i]) + joined)
         out[JOINT_CONSTRAINT, i] = -dot(p_c[i], pull)
         in_range = c4 * (held[i] - dot(share[i], held))
-        out[FOUR_CHANNEL, i] = through * (c2 * touch) - in_range
+        out[FOUR_CHANNEL, i] = through * (c2 * (task[i] * contact[i])) - in_range
     if through > 0.0:
         scale_within(out[JOINT_CONSTRAINT], through * force_limit, through * torque_limit)
 
@@ -176,3 +186,19 @@ def control_wrenches(
         return False
     answer_measurements(settings, device, operational_model, time, ahead, out)
     return True
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64[::1])")
+def forces_on_mechanism(
+    settings: Array, device: Array, operational_model: Array, time: float, told: Array
+) -> None:
+    """Fill what the mechanism is told of measured forces, C3 F_h + C5 F_c.
+
+    Args:
+        settings: (59,) what the scene and the clutch fix; see ``loop_layout``.
+        device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        time: s.
+        told: (6,) to fill, N and N m, world axes.
+    """
+    hand_on_mechanism(settings, device, operational_model, time, told)

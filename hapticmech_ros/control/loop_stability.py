@@ -118,22 +118,21 @@ def loop_terms(control: ControlArchitecture, model: OperationalModel, rows: Arra
     return LoopTerms((late[0] + rigid[0], late[1] + rigid[1]), (nothing, nothing))
 
 
-def spectral_radius(terms: LoopTerms, period: float, delay: int, substeps: int) -> float:
+def spectral_radius(terms: LoopTerms, period: float, delay: int) -> float:
     """Return the spectral radius of the transition matrix of one period.
 
     Args:
         terms: stiffness and damping.
         period: s.
         delay: whole periods from measuring to acting.
-        substeps: of the device in a period.
     """
     (stiff, damp), local = terms
     n = len(stiff)
     size = n * (2 + delay)
     step = np.zeros((size, size))
     one = np.eye(n)
-    # Change of position by a held acceleration over semi-implicit substeps.
-    moved = 0.5 * period**2 * (1.0 + 1.0 / substeps)
+    # Change of position by a held acceleration.
+    moved = 0.5 * period**2
     step[:n, :n], step[:n, n : 2 * n] = one, period * one
     step[n : 2 * n, n : 2 * n] = one
     step[: 2 * n, : 2 * n] += _acting(-np.hstack(local), moved, period)
@@ -174,8 +173,7 @@ def loop_margins(
     terms = loop_terms(control, model, rows)
 
     def stable(gain: float, periods: int) -> bool:
-        radius = spectral_radius(terms.scaled(gain), period, periods, control.substeps)
-        return radius < 1.0 + ON_CIRCLE
+        return spectral_radius(terms.scaled(gain), period, periods) < 1.0 + ON_CIRCLE
 
     periods = -1
     while periods < most_periods and stable(1.0, periods + 1):

@@ -6,11 +6,13 @@ F_c of a command holds what the other hands did when their last commands were co
 before the sample that the command answers, and so two periods before the command acts. A device
 that has their newest samples F_j corrects its command, as it does for its own hand's:
 
-    u = u' + Σ H_j (F_j(t + T/2) - F_j(t' - T)),    H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
+    u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + W (1 - (1 + G)²) Σ H_j (F̄_j - F_j(t)),
+    H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
 
 t' is the time of the sample answered, Y_ij F_j the wrench at the own point that accelerates it as
 F_j does (:mod:`~hapticmech_ros.operational.coupling`), and C3_j the other's gain to the mechanism.
-A command is held over a period T: F_j is carried on to its middle by the last two samples.
+A command is held over a period: F̄_j is the mean over it, and what is before that is the weight of a
+lead (:mod:`~hapticmech_ros.control.hand_lead_kernels`).
 """
 
 from __future__ import annotations
@@ -22,13 +24,23 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.account_kernels import command_response
+from hapticmech_ros.control.hand_lead_kernels import (
+    MEMORY_SIZE,
+    MOST,
+    mean_change,
+    remember_wrench,
+)
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.times import NANOSECONDS
 
 # Samples of another hand that are remembered.
 REMEMBERED = 64
 # Of a hand that has said nothing for so many periods nothing is known, and nothing corrected; and
-# for how many at most its wrench is carried on.
-SILENT, FARTHEST = 12, 1.5
+# how many at most a period may begin after the sample from which its wrench is carried on.
+SILENT, FARTHEST = 12, 1.0
+# What corrects a command that needs nothing for other hands.
+NO_OTHERS = np.zeros(12)
+NO_OTHERS.flags.writeable = False
 
 
 def heard_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[str, float]:
@@ -110,33 +122,38 @@ class OtherHands:
         return bool(samples) and samples[-1][0] >= stamp_ns
 
     def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
-        """Return (6,) what is to be added to a command, N and N m, world axes at the own point.
+        """Return (12,) both sums of the module, N and N m, world axes at the own point.
 
         Args:
             gains: H_j (6, 6) by operational point; see the module.
             answered_ns: t', stamp of the sample that the command answers, ns.
             now_ns: t, from which it is held, ns.
         """
-        added = np.zeros(6)
+        added = np.zeros((2, 6))
         for name, gain in gains.items():
-            added += gain @ self._change(name, answered_ns, now_ns)
-        return added
+            added += self._changes(name, answered_ns, now_ns) @ gain.T
+        return added.ravel()
 
-    def _change(self, name: str, answered_ns: int, now_ns: int) -> Array:
-        """Return (6,) F_j(t + T/2) - F_j(t' - T), as far as it is known."""
+    def _changes(self, name: str, answered_ns: int, now_ns: int) -> Array:
+        """Return (2, 6) F_j(t) - F_j(t' - T) and F̄_j - F_j(t), as far as they are known."""
         samples, period = self._samples[name], self._period_ns
         at = len(samples) - 1
         while at >= 0 and samples[at][0] > now_ns:
             at -= 1
         if at < 0 or now_ns - samples[at][0] > SILENT * period:
-            return np.zeros(6)
+            return np.zeros((2, 6))
         stamp_ns, wrench = samples[at]
         change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
-        if at > 0:
-            before_ns, before = samples[at - 1]
-            apart = (now_ns + period / 2 - stamp_ns) / (stamp_ns - before_ns)
-            change += min(apart, FARTHEST) * (wrench - before)
-        return np.asarray(change)
+        memory, carried = np.zeros(MEMORY_SIZE), np.empty(6)
+        first = max(at + 1 - MOST, 0)
+        before_ns = samples[first][0]
+        for number in range(first, at + 1):
+            known_ns, known = samples[number]
+            remember_wrench(memory, (known_ns - before_ns) / NANOSECONDS, known)
+            before_ns = known_ns
+        since = min(now_ns - stamp_ns, FARTHEST * period)
+        mean_change(memory, since / NANOSECONDS, period / NANOSECONDS, carried)
+        return np.array([change, carried])
 
     @staticmethod
     def _nearest(samples: deque[tuple[int, Array]], at: int, time_ns: int) -> int:

@@ -37,6 +37,7 @@ from hapticmech_ros.control.device_side_kernels import (
     take_energy,
 )
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
+from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
@@ -58,7 +59,6 @@ class PassivityController:
         bounds: what may be given.
         inertia: (6,) diagonal of Λ_d, kg and kg m².
         period: s, over which a command is held.
-        substeps: of the device in a period.
         limits: force and torque that the actuators have, N and N m.
         acts: (6,) 1 where there are actuators; everywhere if left out.
         filtered: whether the twist of samples lags: what was moved over the last period then counts
@@ -75,7 +75,6 @@ class PassivityController:
         bounds: Passivity,
         inertia: Array,
         period: float,
-        substeps: int,
         limits: tuple[float, float],
         acts: Array | None = None,
         filtered: bool = False,
@@ -90,10 +89,9 @@ class PassivityController:
             "period": period,
             # Mean share, over a period, of what actuators gave before.
             "kept": lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0,
-            # What is predicted, s, and what a held wrench moves in it, per acceleration, over
-            # semi-implicit steps.
+            # What is predicted, s, and what a held wrench moves in it, per acceleration.
             "ahead": ahead,
-            "moved": 0.5 * ahead**2 * (1.0 + 1.0 / substeps),
+            "moved": 0.5 * ahead**2,
             "most_damping": MOST_DAMPING / period,
             "filtered": filtered,
             "passive": bounds.control,
@@ -176,17 +174,28 @@ class PassivityController:
         return held
 
 
-def corrected(command: Array, model: Array, answered: Array, now: Array) -> Array:
-    """Return a command (6,) for the device as it is now, u = u' + G ΔF_h - K ξ - B Δv.
+def corrected(
+    command: Array,
+    model: Array,
+    answered: Array,
+    now: Array,
+    hand: Array,
+    period: float,
+    others: Array = NO_OTHERS,
+) -> Array:
+    """Return a command (6,) for the device as it is now; see ``device_side_kernels``.
 
     Args:
         command: (6,) of the controller, N and N m, world axes.
         model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
         answered: (19,) the device's sample that the command answers, in SI units.
         now: (19,) its newest sample, likewise.
+        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
+        period: T, s, over which the command is held.
+        others: (12,) for other hands, until now and until the next sample; see ``other_hands``.
     """
     found = np.empty(6)
-    correct_command(command, model, answered, now, found)
+    correct_command(command, model, answered, now, hand, period, others, found)
     return found
 
 
@@ -200,6 +209,4 @@ def passivity_for(scene: Scene) -> PassivityController:
     bandwidth = 2.0 * math.pi * device.actuator_bandwidth
     lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
-    return PassivityController(
-        bounds, inertia, period, device.substeps, limits, acts, filtered, lag
-    )
+    return PassivityController(bounds, inertia, period, limits, acts, filtered, lag)

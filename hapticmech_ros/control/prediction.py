@@ -19,7 +19,10 @@ from hapticmech_ros.control.measurements import PointMeasurement
 
 
 class InFlight(NamedTuple):
-    """Commands to the mechanism that have not acted yet.
+    """Commands to the mechanism that have not acted yet, and half of the one that is made now.
+
+    The mechanism gets a hand's wrench of the samples, held over a period: half a period later, in
+    the mean, than the device on which it acts.
 
     Attributes:
         duration: s, for which they will act, one after the other.

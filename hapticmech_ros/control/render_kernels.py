@@ -12,17 +12,20 @@ from hapticmech_ros.control.account_kernels import (
     GIVEN_THEN,
     IS_ANSWER,
     MODELLED,
+    PUSH,
     WRENCHES,
     passive_wrench,
     queue_wrench,
 )
 from hapticmech_ros.control.device_side_kernels import (
+    PERIOD,
     QUEUE_AT,
     account_for_actuators,
     allow,
     correct,
     take_energy,
 )
+from hapticmech_ros.control.hand_lead_kernels import remember
 from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM, TOLD
 
 
@@ -46,6 +49,7 @@ def act(
     safety: Array,
     answers: Array,
     sample: Array,
+    hand: Array,
     applied: Array,
     added: Array,
     others: Array,
@@ -62,9 +66,10 @@ def act(
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
             that has arrived.
         sample: (19,) of the device.
+        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
         applied: (6,) by the actuators until now.
         added: (6,) by the device's driver, to the next command.
-        others: (6,) what a command is corrected by for other hands; see ``other_hands``.
+        others: (12,) for other hands, until now and until the next sample; see ``other_hands``.
         wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
             the mechanism is told.
     """
@@ -73,6 +78,7 @@ def act(
     queue_wrench(controller, told, wrenches[TOLD], wrenches[ON_MECHANISM])
     now = answers[queue_answer(device, answers[:rows], answers[rows])]
     account_for_actuators(device, sample, applied)
+    remember(hand, device[PERIOD], sample[PUSH : PUSH + 6])
     if now[IS_ANSWER] == 0.0:
         wrenches[ON_HAND] = 0.0
     else:
@@ -82,7 +88,6 @@ def act(
             put(wrenches[ON_HAND], command)
         else:
             model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
-            correct(command, model, answered, sample, wrenches[ON_HAND])
-            for i in range(6):
-                wrenches[ON_HAND, i] += others[i]
+            found = wrenches[ON_HAND]
+            correct(command, model, answered, sample, hand, device[PERIOD], others, found)
     allow(device, safety, wrenches[ON_HAND], sample, added)

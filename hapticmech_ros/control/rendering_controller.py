@@ -19,6 +19,7 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.channel import Channel
 from hapticmech_ros.control.clutch import Clutch
+from hapticmech_ros.control.kernels import forces_on_mechanism
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
     CONTROLLER_ACCOUNT,
@@ -264,10 +265,11 @@ class RenderingController:
         numbers = np.zeros(ANSWER.size)
         queue, ahead = self._queue_of(inputs.ahead, locality)
         if control.answers_in_python:
-            flying = self._in_flight(queue) if locality[FORCE_LOCAL] != 0.0 else None
+            settings, flying = control.settings_at(time, clutch), None
+            if locality[FORCE_LOCAL] != 0.0:
+                flying = self._in_flight(queue, settings, device, operational_model, time)
             found = control.answer(time, clutch, device, operational_model, ahead, flying)
             numbers[_WRENCHES] = found.ravel()
-            settings = control.settings_at(time, clutch)
             account_for_answer(
                 self.account, settings, device, operational_model, time, locality, numbers
             )
@@ -278,13 +280,27 @@ class RenderingController:
             answer_sample(self.account, *known, locality, numbers)
         return ControllerCommand(numbers, stamp_ns)
 
-    def in_flight(self) -> InFlight | None:
-        """Return what the mechanism was told, and a device that corrects commands has done."""
-        return self._in_flight(self.queue)
+    def in_flight(
+        self, settings: Array, device: Array, operational_model: Array, time: float
+    ) -> InFlight:
+        """Return what the mechanism was told, and a device that corrects commands has done.
 
-    def _in_flight(self, queue: Array) -> InFlight | None:
-        delay, period = len(queue), float(self.account[_PERIOD])
-        return InFlight(delay * period, period * queue.sum(axis=0)) if delay else None
+        Args:
+            settings: (59,) of the controllers; see ``loop_layout``.
+            device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            time: s, of the controllers.
+        """
+        return self._in_flight(self.queue, settings, device, operational_model, time)
+
+    def _in_flight(
+        self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
+    ) -> InFlight:
+        """Return the same of a queue: with half a period of what is told now, as ``predict``."""
+        told, period = np.empty(6), float(self.account[_PERIOD])
+        forces_on_mechanism(settings, device, operational_model, time, told)
+        impulse = period * (queue.sum(axis=0) + 0.5 * told)
+        return InFlight((len(queue) + 0.5) * period, impulse)
 
     def _queue_of(self, ahead: float, locality: Array) -> tuple[Array, float]:
         """Return what a state of the mechanism has not been moved by yet, and the rest of ahead.

@@ -5,10 +5,12 @@
 Both are implicit in the speed at the end of a step h, so that neither adds energy at any stiffness
 or friction; g = h / m, or h / I of rotation.
 
-End stop, along the way out n, where d is the distance beyond the limit: the force
-f = k (d + h v⁺) + b v⁺, if positive, gives
+End stop, along the way out n, where d is the distance beyond the limit in the middle of the step:
+the force f = k (d + ½ h v⁺) + b v⁺, if positive, gives
 
-    v⁺ = (v - g k d) / (1 + g (b + h k))
+    v⁺ = (v - g k d) / (1 + g (b + ½ h k))
+
+without b where the speed turns round, since work is done by the mean of both speeds.
 
 Coulomb friction takes up to g F_c of the speed, never more than there is:
 
@@ -27,16 +29,21 @@ from hapticmech_ros.mechanism.kernels.small_matrices import dot
 
 
 @inner
-def stop(end: Array, away: Array, rate: Array, gain: float, step: float) -> None:
-    """Slow a rate (3,) of ``away`` (3,) down at the end of the workspace."""
+def stop(end: Array, away: Array, rate: Array, gain: float, left: float) -> None:
+    """Slow a rate (3,) of ``away`` (3,) down at the end of the workspace.
+
+    ``left`` s are left of the step.
+    """
     distance = np.sqrt(dot(away, away))
     if distance == 0.0:
         return
     beyond = distance - end[0]
     speed = dot(away, rate) / distance
-    if beyond + step * speed <= 0.0:
+    if beyond + left * speed <= 0.0:
         return
-    after = (speed - gain * end[1] * beyond) / (1.0 + gain * (end[2] + step * end[1]))
+    pushed = speed - gain * end[1] * beyond
+    damping = end[2] if pushed * speed >= 0.0 else 0.0
+    after = pushed / (1.0 + gain * (damping + left * end[1]))
     if after < speed:
         for i in range(3):
             rate[i] += (after - speed) / distance * away[i]

@@ -42,8 +42,8 @@ class ImpedanceDevice:
         period: s.
         planar: whether it moves in x, y and about z only.
         hand: of the scene; None if there is none.
-        law: of a hand of one's own, in place of that one's; called at every substep in which it
-            holds, and at the ends of periods.
+        law: of a hand of one's own, in place of that one's; called at the start of periods, in the
+            middle of every substep in which it holds, and at the ends of periods.
         schedule: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
 
     Attributes:
@@ -159,11 +159,14 @@ class ImpedanceDevice:
 
     def _advance_by(self, law: HandLaw, state: DeviceState, ticks: int, flat: Array) -> None:
         """Advance a period that has begun, with the hand's wrench by a law in Python."""
-        before, now, held = np.empty(6), DeviceState(flat), False
-        self._push(law, kernels.time_of(self.data, ticks, 0), now)
-        for index in range(self.device.substeps):
-            held = kernels.advance_substep(self.data, ticks, index, flat, before)
-            self._push(law, kernels.time_of(self.data, ticks, index + 1), now)
+        before, now, held = np.empty(kernels.BEFORE_SIZE), DeviceState(flat), False
+        data, substeps = self.data, self.device.substeps
+        self._push(law, kernels.time_of(data, ticks, 0), now)
+        for index in range(substeps):
+            kernels.half_substep(data, flat, before)
+            self._push(law, kernels.middle_of(data, ticks, index), now)
+            held = kernels.end_substep(data, ticks, index, flat, before)
+        self._push(law, kernels.time_of(data, ticks, substeps), now)
         kernels.finish(self.data, state.flat, held, before, flat)
 
     def _push(self, law: HandLaw, elapsed: float, state: DeviceState) -> None:

@@ -10,6 +10,14 @@ all through the period, and its own mass Λ_a while it holds. w is weight, f end
 friction (:mod:`~hapticmech_ros.device.friction_kernels`). F_h, between device and hand, is
 F_s - Λ_a ẍ.
 
+A substep of length h drifts for h/2, changes the twist by the forces there, and drifts for h/2 with
+the new one (position Verlet), so that a wrench acts by its mean over the substep to second order:
+
+    p' = p + h/2 v,     v⁺ = v + h (Λ_d + Λ_a)⁻¹ (F_s(p', v') + ... - b (v + v⁺)/2)
+    p⁺ = p' + h/2 v⁺
+
+with v' = v + h/2 (Λ_d + Λ_a)⁻¹ (F_s + ... - b v) by the hand's wrench of the time before.
+
 What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
 laid out as :mod:`~hapticmech_ros.device.device_layout` says. Behind the device in ``data`` is its
 hand, as :mod:`~hapticmech_ros.device.hand_kernels` says.
@@ -56,20 +64,18 @@ SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
 )
 HOME, ANCHOR, WINDOW, OWN = DEVICE_STATE.starts("home", "anchor", "window", "own")
 PUBLISHED_SIZE = BODY
+# Of a substep: the twist at its start, all forces but the hand's, and the hand's in its middle.
+BEFORE_SIZE = 18
 
 
 @inner
-def _move(data: Array, gain: Array, force: Array, home: Array, body: Array, work: Array) -> None:
-    """Advance a body (18,) by one substep under hand and actuators: ``force`` (6,)."""
+def _drift(data: Array, body: Array, work: Array) -> None:
+    """Carry the pose of a body (18,) on by half a substep."""
     turn, turned = shaped(work[3:12], (3, 3)), shaped(work[12:21], (3, 3))
-    step, twist = data[STEP], body[12:]
-    for i in range(6):
-        net = force[i] - data[DAMPING + i] * twist[i]
-        twist[i] += gain[i] * net
-    _resist(data, gain, home, body, work)
+    half, twist = 0.5 * data[STEP], body[12:]
     for i in range(3):
-        body[i] += step * twist[i]
-        work[i] = step * twist[3 + i]
+        body[i] += half * twist[i]
+        work[i] = half * twist[3 + i]
     exp3(work[:3], turn)
     multiply(turn, shaped(body[3:12], (3, 3)), turned)
     put(body[3:12], work[12:21])
@@ -77,17 +83,17 @@ def _move(data: Array, gain: Array, force: Array, home: Array, body: Array, work
 
 @inner
 def _resist(data: Array, gain: Array, home: Array, body: Array, work: Array) -> None:
-    """Let end stops and friction act on a body's twist."""
-    step, rate, spin = data[STEP], body[12:15], body[15:18]
+    """Let end stops and friction act on a body's twist in the middle of a substep."""
+    left, rate, spin = 0.5 * data[STEP], body[12:15], body[15:18]
     if data[STOP] > 0.0:
         for i in range(3):
             work[i] = body[i] - home[i]
-        stop(data[STOP:TURN_STOP], work[:3], rate, gain[0], step)
+        stop(data[STOP:TURN_STOP], work[:3], rate, gain[0], left)
     if data[TURN_STOP] > 0.0:
         turn = shaped(work[3:12], (3, 3))
         multiply_transposed(shaped(body[3:12], (3, 3)), shaped(home[3:12], (3, 3)), turn)
         log3(turn, work[:3])
-        stop(data[TURN_STOP:DAMPING], work[:3], spin, gain[5], step)
+        stop(data[TURN_STOP:DAMPING], work[:3], spin, gain[5], left)
     if data[FRICTION] > 0.0:
         rub(rate, gain[0] * data[FRICTION])
     if data[TURN_FRICTION] > 0.0:
@@ -117,6 +123,13 @@ def time_of(data: Array, ticks: int, index: int) -> float:
 
 
 @inner
+def middle_of(data: Array, ticks: int, index: int) -> float:
+    """Return s since the hand could take hold, in the middle of substep ``index`` of a period."""
+    elapsed: float = ticks * data[PERIOD] + (index + 0.5) * data[STEP]
+    return elapsed
+
+
+@inner
 def _take(data: Array, ticks: int, index: int, out: Array) -> None:
     """Fill the window in which the hand holds, and from where."""
     window = OPEN if ticks < 0 else grasp_window(data[HAND:], time_of(data, ticks, index))
@@ -129,13 +142,13 @@ def _take(data: Array, ticks: int, index: int, out: Array) -> None:
 
 
 @inner
-def _push(data: Array, ticks: int, index: int, out: Array, work: Array) -> None:
-    """Fill the wrench of the scene's hand, if it holds."""
+def _push(data: Array, elapsed: float, out: Array, work: Array) -> None:
+    """Fill the wrench of the scene's hand, ``elapsed`` (s) since it could hold, if it holds."""
     if out[WINDOW] == OPEN:
         out[OWN:] = 0.0
     else:
         body, anchor = out[BODY:SEEN], out[ANCHOR:WINDOW]
-        hand_wrench(data[HAND:], time_of(data, ticks, index), body, anchor, out[OWN:], work)
+        hand_wrench(data[HAND:], elapsed, body, anchor, out[OWN:], work)
 
 
 @inner
@@ -190,23 +203,45 @@ def _begin(data: Array, state: Array, ticks: int, out: Array) -> None:
 
 
 @inner
-def _advance_substep(
+def _half_substep(data: Array, out: Array, before: Array, work: Array) -> None:
+    """Move ``out`` to the middle of a substep, with the twist that is predicted there.
+
+    ``before`` (18,) is filled with the twist at its start, and all forces but the hand's.
+    """
+    body, own, given = out[BODY:SEEN], out[OWN:], work[:6]
+    _give(data, data[COMMAND:WEIGHT], out[APPLIED:PUBLISHED_SIZE], given)
+    put(before[:6], body[12:])
+    _drift(data, body, work[6:])
+    start = HELD_GAIN if out[WINDOW] != OPEN else GAIN
+    for i in range(6):
+        before[6 + i] = data[PUSH + i] + data[WEIGHT + i] + given[i]
+        net = before[6 + i] + own[i] - data[DAMPING + i] * before[i]
+        body[12 + i] += 0.5 * data[start + i] * net
+
+
+@inner
+def _end_substep(
     data: Array, ticks: int, index: int, out: Array, before: Array, work: Array
 ) -> bool:
-    """Move ``out`` on by substep ``index``, at the end of which the hand lets go or takes hold.
+    """End substep ``index`` from its middle; then the hand lets go or takes hold.
 
-    ``before`` (6,) is filled with the twist at its start. Return whether the hand held.
+    ``before`` (18,) is as of :func:`_half_substep`, and is filled with the hand's wrench (6,) in
+    the middle. Return whether the hand held.
     """
-    force, given, rest = work[:6], work[6:12], work[12:]
     body, own = out[BODY:SEEN], out[OWN:]
-    _give(data, data[COMMAND:WEIGHT], out[APPLIED:PUBLISHED_SIZE], given)
-    for i in range(6):
-        force[i] = data[PUSH + i] + data[WEIGHT + i] + own[i] + given[i]
-    put(before, body[12:])
     held: bool = out[WINDOW] != OPEN
     start = HELD_GAIN if held else GAIN
-    _move(data, data[start : start + 6], force, out[HOME:ANCHOR], body, rest)
+    gain = data[start : start + 6]
+    for i in range(6):
+        lost = 0.5 * gain[i] * data[DAMPING + i]
+        pushed = gain[i] * (before[6 + i] + own[i])
+        body[12 + i] = ((1.0 - lost) * before[i] + pushed) / (1.0 + lost)
+    put(before[12:], own)
+    _resist(data, gain, out[HOME:ANCHOR], body, work)
+    _drift(data, body, work)
     _take(data, ticks, index + 1, out)
+    if out[WINDOW] == OPEN:
+        own[:] = 0.0
     return held
 
 
@@ -218,14 +253,16 @@ def _finish(data: Array, state: Array, held: bool, before: Array, out: Array, wo
         data: the device.
         state: at the period's start.
         held: whether the hand held in the last substep.
-        before: (6,) twist at the start of that.
+        before: (18,) as of :func:`_end_substep`, of that.
         out: at its end; of the hand's wrench its own mass takes its part away.
         work: (36,) scratch.
     """
     body, own = out[BODY:SEEN], out[OWN:]
     if data[ARM] + data[ARM + 3] > 0.0 and held and out[WINDOW] != OPEN:
         for i in range(6):
-            own[i] -= data[ARM + i] * ((body[12 + i] - before[i]) / data[STEP])
+            # In the middle of the substep, and by how much the hand's wrench changes it since.
+            rate = body[12 + i] - before[i] + data[HELD_GAIN + i] * (own[i] - before[12 + i])
+            own[i] -= data[ARM + i] * (rate / data[STEP])
     put(out[REPORTED:APPLIED], own)
     _measure(data, state, out, work)
     if data[SENSES_ITSELF] != MEASURED:
@@ -235,13 +272,16 @@ def _finish(data: Array, state: Array, held: bool, before: Array, out: Array, wo
 @inner
 def move_device(data: Array, state: Array, ticks: int, out: Array) -> None:
     """Fill ``out`` with the state one period after ``state``; see :func:`advance`."""
-    scratch, held = local(6 + WORK_SIZE), False
-    before, work = scratch[:6], scratch[6:]
+    scratch, held = local(BEFORE_SIZE + WORK_SIZE), False
+    before, work = scratch[:BEFORE_SIZE], scratch[BEFORE_SIZE:]
+    substeps = int(data[SUBSTEPS])
     _begin(data, state, ticks, out)
-    _push(data, ticks, 0, out, work)
-    for index in range(int(data[SUBSTEPS])):
-        held = _advance_substep(data, ticks, index, out, before, work)
-        _push(data, ticks, index + 1, out, work)
+    _push(data, time_of(data, ticks, 0), out, work)
+    for index in range(substeps):
+        _half_substep(data, out, before, work)
+        _push(data, middle_of(data, ticks, index), out, work)
+        held = _end_substep(data, ticks, index, out, before, work)
+    _push(data, time_of(data, ticks, substeps), out, work)
     _finish(data, state, held, before, out, work)
 
 
@@ -274,8 +314,8 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
 def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, out: Array) -> None:
     """Begin a period, arguments as of :func:`advance`, whose hand is not the scene's.
 
-    Before each of the substeps that follow, and before :func:`finish`, the hand's wrench is to be
-    put into ``out``: zero unless it holds.
+    Then, in the middle of each of the substeps that follow, and before :func:`finish`, the hand's
+    wrench is to be put into ``out``: zero unless it holds.
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
@@ -289,31 +329,41 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
     _begin(data, state, ticks, out)
 
 
-@kernel("boolean(float64[::1], int64, int64, float64[::1], float64[::1])")
-def advance_substep(data: Array, ticks: int, index: int, out: Array, before: Array) -> bool:
-    """Move ``out`` on by substep ``index``; return whether the hand held.
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def half_substep(data: Array, out: Array, before: Array) -> None:
+    """Move ``out`` to the middle of a substep; its twist is the one predicted there.
 
-    ``before`` (6,) is filled with the twist at its start.
+    Args:
+        data: (numbers,) the device; see ``device_layout``.
+        out: (83,) state, changed.
+        before: (18,) to fill in part, for :func:`end_substep`.
+    """
+    _half_substep(data, out, before, local(WORK_SIZE))
+
+
+@kernel("boolean(float64[::1], int64, int64, float64[::1], float64[::1])")
+def end_substep(data: Array, ticks: int, index: int, out: Array, before: Array) -> bool:
+    """Move ``out`` from the middle of substep ``index`` to its end; return whether the hand held.
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         index: of the substep.
         out: (83,) state, changed.
-        before: (6,) to fill with the twist at the substep's start, m/s and rad/s.
+        before: (18,) of :func:`half_substep`, completed for :func:`finish`.
     """
-    return _advance_substep(data, ticks, index, out, before, local(WORK_SIZE))
+    return _end_substep(data, ticks, index, out, before, local(WORK_SIZE))
 
 
 @kernel("void(float64[::1], float64[::1], boolean, float64[::1], float64[::1])")
 def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> None:
-    """End a period that began at ``state``: fill what is measured; see :func:`advance_substep`.
+    """End a period that began at ``state``: fill what is measured; see :func:`end_substep`.
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
         state: (83,) at the period's start.
         held: whether the hand held in the last substep.
-        before: (6,) twist at the start of the last substep, m/s and rad/s.
+        before: (18,) of the last substep; see :func:`end_substep`.
         out: (83,) state, completed.
     """
     _finish(data, state, held, before, out, local(WORK_SIZE))
@@ -330,7 +380,7 @@ def stand(data: Array, holds: bool, out: Array) -> None:
     """
     work = local(WORK_SIZE)
     out[WINDOW] = grasp_window(data[HAND:], 0.0) if holds else OPEN
-    _push(data, 0, 0, out, work)
+    _push(data, 0.0, out, work)
     _quantise(data, out[BODY:SEEN], out[:3], out[SEEN:HOME], work)
     quaternion_of(shaped(out[SEEN:HOME], (3, 3)), out[3:SPEED])
     if data[SENSES_ITSELF] == MEASURED:

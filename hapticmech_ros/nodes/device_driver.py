@@ -148,7 +148,7 @@ class DeviceDriver(ClockedActor[D]):
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
         others = None if self._users is None else self._users.begin()
-        return LocalLoop(gain_bounds(self.limits), paired, others)
+        return LocalLoop(self.period_s, gain_bounds(self.limits), paired, others)
 
     @property
     def _is_local(self) -> bool:

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.other_hands import OtherHands
+from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
+from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
@@ -21,6 +23,7 @@ from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices
 from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, gain_bounds, unpack_gain
 
+_HAND = DEVICE_SAMPLE.slice("hand_wrench")
 # A gain older than this says nothing of where the mechanism is now.
 FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
@@ -44,6 +47,7 @@ class LocalLoop:
     """Remembers samples, and corrects commands that answer them.
 
     Args:
+        period: T, s, over which a command is held.
         bounds: of the gains that it is told.
         paired: whether a gain comes with every command, as it does over a declared network. There a
             command that has lost its gain would be corrected by one of another time for long:
@@ -58,10 +62,13 @@ class LocalLoop:
 
     def __init__(
         self,
+        period: float,
         bounds: Bounds | None = None,
         paired: bool = False,
         others: OtherHands | None = None,
     ) -> None:
+        self._period = period
+        self._hand = np.zeros(MEMORY_SIZE)
         self.others = others
         self._coupling: Latest[CouplingMatrices] = Latest()
         self.couplings: Stamped[CouplingMatrices] = Stamped()
@@ -86,6 +93,7 @@ class LocalLoop:
             stamp_ns: its stamp, ns.
         """
         self._samples[stamp_ns // _MICROSECOND] = sample.copy()
+        remember_wrench(self._hand, (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
         self._newest_ns = stamp_ns
         if len(self._samples) > REMEMBERED:
             self._samples.popitem(last=False)
@@ -205,7 +213,8 @@ class LocalLoop:
             return command
         coupling = self._coupling
         told = coupling.value if coupling.fresh(now_ns, FRESH_NS) else None
-        return self._for_others(self._corrected(command, gain, answered_ns), told, answered_ns)
+        others = self._for_others(told, answered_ns)
+        return self._corrected(command, gain, answered_ns, others)
 
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
         """Return a command (6,) corrected by the gain that goes with it.
@@ -216,19 +225,25 @@ class LocalLoop:
         """
         gain = self.gains.take(stamp_ns)
         self._told, self._before = gain.to_mechanism, 0.0
-        own = self._corrected(command, gain, gain.answered_ns)
         told = None if self.others is None else self.couplings.take(stamp_ns)
-        return self._for_others(own, told, gain.answered_ns)
+        others = self._for_others(told, gain.answered_ns)
+        return self._corrected(command, gain, gain.answered_ns, others)
 
-    def _for_others(self, command: Array, told: CouplingMatrices | None, answered_ns: int) -> Array:
-        """Return a command (6,) corrected for what other hands do; see ``control.other_hands``."""
+    def _for_others(self, told: CouplingMatrices | None, answered_ns: int) -> Array:
+        """Return (12,) what corrects a command for other hands; see ``control.other_hands``."""
         if self.others is None or told is None:
-            return command
-        correction = self.others.correction(told.by_point, answered_ns, self._newest_ns)
-        return np.asarray(command + correction)
+            return NO_OTHERS
+        return self.others.correction(told.by_point, answered_ns, self._newest_ns)
 
-    def _corrected(self, command: Array, gain: LocalFeedbackGain, answered_ns: int) -> Array:
+    def _corrected(
+        self,
+        command: Array,
+        gain: LocalFeedbackGain,
+        answered_ns: int,
+        others: Array = NO_OTHERS,
+    ) -> Array:
         then = self._samples.get(answered_ns // _MICROSECOND)
         if then is None:
             return command
-        return corrected(command, gain.model, then, next(reversed(self._samples.values())))
+        now = next(reversed(self._samples.values()))
+        return corrected(command, gain.model, then, now, self._hand, self._period, others)

@@ -77,13 +77,15 @@ class SessionData(Structure):
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
         locality: (3,) see ``loop_layout.LOCALITY``.
         added: (6,) by the device's driver.
-        others: (6,) what a command is corrected by for other hands, N and N m, world axes.
+        others: (12,) what a command is corrected by for other hands, until now and until the next
+            sample; N and N m, world axes.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
         totals: (13,) see ``TOTALS``.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
+        hand: (22,) its last wrenches, see ``hand_lead_kernels``.
         forth, back: messages on the way to the controller, and back; the last parts, as no sample
             has them.
     """
@@ -102,7 +104,8 @@ class SessionData(Structure):
     locality, added, others, given = Part(22, 1), Part(23, 1), Part(24, 1), Part(25, 1)
     q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
     began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
-    forth, back = Part(33, 2), Part(34, 2)
+    hand = Part(33, 1)
+    forth, back = Part(34, 2), Part(35, 2)
 
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but the messages on the way."""

@@ -16,6 +16,7 @@ from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
 from hapticmech_ros.control.device_side import DeviceSide
+from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
     FORCE_LOCAL,
@@ -215,7 +216,8 @@ class SessionLoop:
             "later": state,
             "counter": self._counter.numbers,
             "wrenches": np.zeros((TOLD + 1, 6)),
-            **dict.fromkeys(("external", "push", "contact", "added", "others"), np.zeros(6)),
+            **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
+            "others": np.zeros(12),
             "locality": np.zeros(LOCALITY.size),
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
@@ -227,6 +229,7 @@ class SessionLoop:
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
             "began_totals": np.zeros(TOTALS.size),
+            "hand": np.zeros(MEMORY_SIZE),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -409,8 +412,9 @@ class SessionLoop:
         """Let a control law that is written in Python answer what was heard."""
         data, side = self._parts, self._side
         heard = data.sample if side.is_ideal else data.forth[-1]
-        flying = side.in_flight() if data.locality[FORCE_LOCAL] != 0.0 else None
-        operational_model = data.observation[:_MODEL_SIZE]
+        operational_model, flying = data.observation[:_MODEL_SIZE], None
+        if data.locality[FORCE_LOCAL] != 0.0:
+            flying = side.in_flight(data.settings, heard, operational_model, time)
         found = self._control.answer(
             time, clutch, heard.copy(), operational_model.copy(), 0.0, flying
         )

@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.other_hands import OtherHands, heard_directly
+from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, heard_directly
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
@@ -233,10 +233,10 @@ class SharedSession:
                 known.measured(point, wrench, self._ticks * self._period_ns)
 
     def _correction(self, point: str) -> Array:
-        """Return (6,) what the command that acts now is corrected by, N and N m, world axes."""
+        """Return (12,) what the command that acts now is corrected by; see ``other_hands``."""
         gains = self._gains[point]
         if len(gains) < max(self._delay, 1):
-            return np.zeros(6)
+            return NO_OTHERS
         now_ns = self._ticks * self._period_ns
         answered_ns = now_ns - self._delay * self._period_ns
         return self._others[point].correction(gains[0], answered_ns, now_ns)

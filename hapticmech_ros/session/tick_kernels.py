@@ -204,6 +204,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         data.safety,
         answers,
         data.sample,
+        data.hand,
         data.state[APPLIED:BODY],
         data.added,
         data.others,

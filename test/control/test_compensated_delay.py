@@ -17,9 +17,9 @@ def test_a_device_that_corrects_commands_is_ahead_of_the_mechanism_by_the_delay(
     with_it, without = (
         compensated_loop_delay(with_loop(scene, local), delay) for local in (True, False)
     )
-    # Half a period for the hold, whoever closes the loop.
+    # Half a period for the hold of what acts, and of what the mechanism learns of the hand.
     assert without == (delay + 0.5) * period
-    assert with_it - without == pytest.approx(delay * period, abs=1e-15)
+    assert with_it == pytest.approx(2.0 * without, abs=1e-15)
 
 
 def test_a_negative_delay_is_refused():

@@ -9,11 +9,15 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.prediction import InFlight, predicted_twist
 from oracles.control import ReadableControl
 from oracles.local_model import local_model
+
+# Of a hand whose wrench was never measured before: nothing is carried on.
+NO_MEMORY = np.zeros(MEMORY_SIZE)
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
@@ -40,7 +44,7 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
 
     gains = local_model(control, time, clutch, model)
     then, now = flat_device(measured(first)), flat_device(measured(second))
-    found = corrected(answer(first), gains.numbers, then, now)
+    found = corrected(answer(first), gains.numbers, then, now, NO_MEMORY, 1e-3)
     assert np.abs(found - answer(second)).max() < 1e-13
     # And it does correct something.
     assert np.abs(answer(second) - answer(first)).max() > 1e-3

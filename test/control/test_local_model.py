@@ -10,11 +10,15 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.control.pose_kernels import displacement
 from oracles.control import ReadableControl
 from oracles.local_model import NO_MODEL, local_model
+
+# Of a hand whose wrench was never measured before: nothing is carried on.
+NO_MEMORY = np.zeros(MEMORY_SIZE)
 
 
 def place(pose):
@@ -77,7 +81,7 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name):
     then, now = (measured(*state) for state in zip(ways, twists, strict=True))
     old, new = (control.compute(5.0, clutch, one, seen, model).device for one in (then, now))
     gains = local_model(control, 5.0, clutch, model)
-    found = corrected(old, gains.numbers, flat_device(then), flat_device(now))
+    found = corrected(old, gains.numbers, flat_device(then), flat_device(now), NO_MEMORY, 1e-3)
     # log6's second order in steps of 1e-5 rad and m, on 2000 N/m.
     assert np.abs(found - new).max() < 1e-6
     assert scene.name == "spatial_arm" or np.abs(new - old).max() > 1e-3
@@ -97,4 +101,6 @@ def test_what_is_not_local_is_not_corrected():
     assert all(not matrix.any() for matrix in model)
     command = np.ones(6)
     then = np.eye(19)[6]
-    assert np.array_equal(corrected(command, NO_MODEL.numbers, then, np.ones(19)), command)
+    assert np.array_equal(
+        corrected(command, NO_MODEL.numbers, then, np.ones(19), NO_MEMORY, 1e-3), command
+    )

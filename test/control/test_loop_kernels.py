@@ -136,7 +136,7 @@ def test_commands_are_held_as_by_the_readable_account(lag, filtered):
     changed = 0
     for _ in range(20):
         bounds = Passivity(allowance=10.0 ** rng.uniform(-6, -3), slack=10.0 ** rng.uniform(-4, 0))
-        constants = (bounds, inertia, 1e-3, 4, (3.0, 0.1), acts, filtered, lag)
+        constants = (bounds, inertia, 1e-3, (3.0, 0.1), acts, filtered, lag)
         found, expected = PassivityController(*constants), ReadablePassivity(*constants)
         applied = np.zeros(6)
         for _ in range(100):

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated device against what a rigid body does; its actuators and its encoders."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import ImpedanceDevice
+from hapticmech_ros.device import GraspSchedule, ImpedanceDevice
 from hapticmech_ros.scene.device import Device
 from oracles.device.hand import no_hand
 
@@ -34,11 +36,10 @@ def test_a_free_device_under_a_constant_force_falls_by_the_book():
     device = Device(mass=0.25, substeps=4)
     force = np.array([1.0, -2.0, 0.5])
     end = run(device, 400, pushing([*force, 0, 0, 0]))[-1]
-    time, step = 0.4, PERIOD / 4
+    time = 0.4
     assert np.abs(end.twist[:3] - force / 0.25 * time).max() < 1e-12
-    # Semi-implicit Euler leads the parabola by exactly ½ a t h.
-    lead = end.pose.translation - START.translation - 0.5 * force / 0.25 * time**2
-    assert np.abs(lead - 0.5 * force / 0.25 * time * step).max() < 1e-12
+    way = end.pose.translation - START.translation
+    assert np.abs(way - 0.5 * force / 0.25 * time**2).max() < 1e-12
     assert np.abs(end.pose.rotation - START.rotation).max() < 1e-15
 
 
@@ -46,14 +47,14 @@ def test_a_constant_torque_turns_it_about_the_axis_in_the_world():
     device = Device(inertia=1e-3, substeps=4)
     torque = np.array([0.002, 0.001, -0.002])
     end = run(device, 300, pushing([0, 0, 0, *torque]))[-1]
-    time, step = 0.3, PERIOD / 4
+    time = 0.3
     assert np.abs(end.twist[3:] - torque / 1e-3 * time).max() < 1e-12
-    angle = 0.5 * torque / 1e-3 * (time**2 + time * step)
-    # 1200 products of rotations, each rounded.
+    angle = 0.5 * torque / 1e-3 * time**2
+    # 2400 products of rotations, each rounded.
     assert np.abs(end.pose.rotation - pin.exp3(angle) @ START.rotation).max() < 1e-12
 
 
-def test_damping_decays_exponentially_and_with_first_order():
+def test_damping_decays_exponentially_and_with_second_order():
     errors = []
     for substeps in (5, 10, 20):
         device = Device(
@@ -63,9 +64,9 @@ def test_damping_decays_exponentially_and_with_first_order():
         rates = np.array([4.0 / 0.5, 0.01 / 2e-3])
         errors.append(np.abs(end.twist[[0, 5]] - np.exp(-rates * 0.2)))
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.abs(orders - 1.0).max() < 0.15
-    # Explicit Euler: relative error ½ (rate)² t h at first order; 5 % for the higher ones.
-    bound = 0.5 * rates**2 * 0.2 * PERIOD / 20 * np.exp(-rates * 0.2)
+    assert np.abs(orders - 2.0).max() < 0.02
+    # The damper acts by the mean of both ends' speeds: relative error rate³ t h² / 12.
+    bound = rates**3 * 0.2 * (PERIOD / 20) ** 2 / 12.0 * np.exp(-rates * 0.2)
     assert (errors[-1] < 1.05 * bound).all()
 
 
@@ -104,11 +105,41 @@ def test_a_command_is_held_over_the_period_while_the_hand_acts_all_through_it(su
     end = run(device, 2, watching, command)[-1]
     # The impulse is command times period, however the period is divided.
     assert abs(end.twist[0] - 2.0 * PERIOD / 0.5) < 1e-15
-    # Measured at the ends of periods, and acting all through them.
-    measured = np.array(seen[:: substeps + 1])
-    del seen[:: substeps + 1]
-    assert np.abs(measured - np.arange(3) * PERIOD).max() < 1e-15
-    assert np.abs(np.array(seen) - np.arange(2 * substeps) * PERIOD / substeps).max() < 1e-15
+    # At rest; then, in each period, at its start, in the middle of each substep, and at its end.
+    asked = np.array(seen[1:]).reshape(2, substeps + 2)
+    starts = np.array([0.0, PERIOD])
+    assert seen[0] == 0.0
+    assert np.abs(asked[:, 0] - starts).max() < 1e-15
+    assert np.abs(asked[:, -1] - starts - PERIOD).max() < 1e-15
+    middles = (np.arange(substeps) + 0.5) * PERIOD / substeps
+    assert np.abs(asked[:, 1:-1] - starts[:, None] - middles).max() < 1e-15
+
+
+@pytest.mark.parametrize("mass", [0.0, 1.5])
+def test_what_a_hand_does_within_a_period_acts_by_its_mean_and_is_told_in_time(mass):
+    """A hand that moves to and fro: speed and F_h converge with the second order of substeps."""
+    size, rate, periods = 2.0, 2.0 * np.pi * 20.0, 40
+    schedule = GraspSchedule(start=0.0, switches=(), mass=mass, inertia=0.0)
+
+    def swinging(elapsed, pose, twist, held):
+        return np.array([size * np.cos(rate * elapsed), 0, 0, 0, 0, 0])
+
+    time, errors = periods * PERIOD, []
+    for substeps in (1, 2, 4):
+        device = Device(mass=0.5, substeps=substeps)
+        body = ImpedanceDevice(device, PERIOD, False, law=swinging, schedule=schedule)
+        state = held = body.at_rest(START, held=True)
+        for tick in range(periods):
+            state = body.step(state, np.zeros(6), held, tick)
+        acceleration = size * np.cos(rate * time) / (0.5 + mass)
+        speed = size / rate * np.sin(rate * time) / (0.5 + mass)
+        found = np.array([state.twist[0], state.hand_wrench[0]])
+        errors.append(np.abs(found - (speed, 0.5 * acceleration)))
+    assert (errors[0] < 2e-3).all()
+    for coarse, fine in pairwise(errors):
+        # What is told of a hand without a mass is exact.
+        assert coarse[0] / fine[0] == pytest.approx(4.0, rel=0.02)
+        assert fine[1] < max(0.3 * coarse[1], 1e-14)
 
 
 def test_a_step_leaves_the_state_it_started_from_alone():

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from hapticmech_ros.control.force_gain import lead_gain
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
@@ -34,22 +35,39 @@ def message(stamp, times=1.0, answered=None, energy=0.25):
 
 def filled(samples, lockstep=False):
     """Return a loop that has measured F_h = k at each period k, and was given G at time 0."""
-    loop = LocalLoop()
+    loop = LocalLoop(1e-3)
     for number in range(samples):
         loop.measured(sample(number), number * PERIOD_NS)
     loop.take(message(7), 0, lockstep)
     return loop
 
 
+def corrected(command, times, periods):
+    """Return the command along x after so many periods: F_h rises by 1, and goes on by a half."""
+    led = lead_gain(times * GAIN)[0, 0]
+    return pytest.approx(command + times * 2.0 * periods + 0.5 * led, rel=1e-12)
+
+
 def test_a_command_is_corrected_by_what_has_changed_since_its_sample():
     found = filled(10).correct(COMMAND, 6 * PERIOD_NS, 100)
-    assert found.tolist() == [0.5 + 2.0 * 3.0, 0.5, 0.5, 0.5, 0.5, 0.5 + 3.0 * 3.0]
-    # The newest sample's own answer needs nothing.
-    assert filled(10).correct(COMMAND, 9 * PERIOD_NS, 100).tolist() == COMMAND.tolist()
+    assert found[0] == corrected(0.5, 1.0, 3)
+    assert found[1:5].tolist() == [0.5] * 4
+    assert found[5] == pytest.approx(0.5 + 3.0 * 3.0 + 0.5 * lead_gain(GAIN)[5, 5], rel=1e-12)
+    # The newest sample's own answer needs what the hand does until the next one.
+    assert filled(10).correct(COMMAND, 9 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 0)
+
+
+def test_samples_that_a_busy_machine_left_out_are_carried_on_by_their_own_time():
+    """F_h rises by 1 in each period, also where no sample tells so."""
+    loop = LocalLoop(1e-3)
+    for number in (0, 1, 4, 6):
+        loop.measured(sample(number), number * PERIOD_NS)
+    loop.take(message(7), 0, lockstep=False)
+    assert loop.correct(COMMAND, 1 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 5)
 
 
 def test_without_gain_or_with_an_old_one_nothing_is_corrected():
-    loop = LocalLoop()
+    loop = LocalLoop(1e-3)
     loop.measured(sample(1), 1)
     assert loop.correct(COMMAND, 1, 5) is COMMAND
     assert loop.to_mechanism is None
@@ -67,14 +85,14 @@ def test_a_gain_for_a_sample_from_before_the_device_let_go_is_none():
     loop.take(message(11, answered=8), 100, lockstep=False)
     assert loop.correct(COMMAND, 6 * PERIOD_NS, 200) is COMMAND
     loop.take(message(12, answered=9), 100, lockstep=False)
-    assert loop.correct(COMMAND, 6 * PERIOD_NS, 200)[0] == 0.5 + 2.0 * 3.0
+    assert loop.correct(COMMAND, 6 * PERIOD_NS, 200)[0] == corrected(0.5, 1.0, 3)
 
 
 def test_a_gain_that_a_newer_one_has_overtaken_is_dropped():
     loop = filled(10)
     loop.take(message(9, 2.0), 100, lockstep=False)
     loop.take(message(8, 5.0, energy=3.0), 200, lockstep=False)
-    assert loop.correct(COMMAND, 8 * PERIOD_NS, 300)[0] == 0.5 + 4.0
+    assert loop.correct(COMMAND, 8 * PERIOD_NS, 300)[0] == corrected(0.5, 2.0, 1)
     assert loop.order.overtaken == 1
     assert loop.to_mechanism == 0.0
 
@@ -96,7 +114,7 @@ def test_the_account_counts_from_when_the_device_obeys():
 
 
 def paired():
-    loop = LocalLoop(paired=True)
+    loop = LocalLoop(1e-3, paired=True)
     for number in range(100):
         loop.measured(sample(number), number * PERIOD_NS)
     return loop
@@ -110,22 +128,22 @@ def test_over_a_network_a_command_is_corrected_by_its_own_gain():
     loop = paired()
     loop.take(gain_of(90, 1.0), 0, lockstep=False)
     loop.take(gain_of(91, 5.0), 0, lockstep=False)
-    assert loop.correct(COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 9.0
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 9)
     # As long as it stands.
-    assert loop.correct(COMMAND, 90 * PERIOD_NS, 200)[0] == 0.5 + 2.0 * 9.0
-    assert loop.correct(2.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 1.0 + 10.0 * 8.0
+    assert loop.correct(COMMAND, 90 * PERIOD_NS, 200)[0] == corrected(0.5, 1.0, 9)
+    assert loop.correct(2.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == corrected(1.0, 5.0, 8)
 
 
 def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
     loop = paired()
     loop.take(gain_of(70, 1.0), 0, lockstep=False)
-    assert loop.correct(COMMAND, 70 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
-    assert loop.correct(9.0 * COMMAND, 90 * PERIOD_NS, 100)[0] == 0.5 + 2.0 * 29.0
+    assert loop.correct(COMMAND, 70 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 29)
+    assert loop.correct(9.0 * COMMAND, 90 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 29)
     # Not for ever: then by the newest gain.
-    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 100)[0] == 4.5 + 2.0 * 8.0
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 100)[0] == corrected(4.5, 1.0, 8)
     # A gain that comes after its command still belongs to it.
     loop.take(gain_of(91, 3.0), 100, lockstep=False)
-    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == 4.5 + 6.0 * 8.0
+    assert loop.correct(9.0 * COMMAND, 91 * PERIOD_NS, 200)[0] == corrected(4.5, 3.0, 8)
     loop.forget(91 * PERIOD_NS)
     assert loop.correct(COMMAND, 91 * PERIOD_NS, 300) is COMMAND
 
@@ -138,7 +156,7 @@ def test_gains_that_wait_for_lost_commands_are_forgotten():
 
 
 def test_answers_to_one_sample_may_be_told_apart_by_nanoseconds():
-    assert filled(10).correct(COMMAND, 6 * PERIOD_NS + 999, 100)[0] == 0.5 + 2.0 * 3.0
+    assert filled(10).correct(COMMAND, 6 * PERIOD_NS + 999, 100)[0] == corrected(0.5, 1.0, 3)
 
 
 def test_samples_that_were_never_measured_or_long_ago_are_no_ground():
@@ -149,20 +167,20 @@ def test_samples_that_were_never_measured_or_long_ago_are_no_ground():
 
 
 def test_what_is_measured_may_be_overwritten():
-    loop, numbers = LocalLoop(), sample(0)
+    loop, numbers = LocalLoop(1e-3), sample(0)
     for number in range(3):
         numbers[13:] = number
         loop.measured(numbers, number * PERIOD_NS)
     loop.take(message(0), 0, lockstep=False)
-    assert loop.correct(COMMAND, 0, 1)[0] == 0.5 + 2.0 * 2.0
+    assert loop.correct(COMMAND, 0, 1)[0] == corrected(0.5, 1.0, 2)
 
 
 def test_in_lockstep_the_gain_of_the_same_command_counts_and_names_its_sample():
     loop = filled(10, lockstep=True)
     loop.take(message(8, 2.0, answered=5, energy=0.5), 0, lockstep=True)
-    assert loop.correct_in_lockstep(COMMAND, 7)[0] == 0.5 + 2.0 * 2.0
+    assert loop.correct_in_lockstep(COMMAND, 7)[0] == corrected(0.5, 1.0, 2)
     assert loop.to_mechanism == 0.25
-    assert loop.correct_in_lockstep(COMMAND, 8)[0] == 0.5 + 4.0 * 4.0
+    assert loop.correct_in_lockstep(COMMAND, 8)[0] == corrected(0.5, 2.0, 4)
     assert loop.to_mechanism == 0.5
 
 
@@ -177,7 +195,7 @@ def test_a_message_is_what_was_packed():
 @pytest.mark.parametrize("data", [np.zeros(112), np.full(113, np.nan)])
 def test_gains_that_are_none_are_refused(data):
     with pytest.raises(InvalidInputError, match="gain message"):
-        LocalLoop().take(data, 0, lockstep=False)
+        LocalLoop(1e-3).take(data, 0, lockstep=False)
 
 
 @pytest.mark.parametrize("which", ["stamp_ns", "answered_ns"])
@@ -198,12 +216,12 @@ def test_a_gain_whose_stamps_are_too_far_from_now_is_refused(which, sign):
 
 @pytest.mark.parametrize("paired", [False, True])
 def test_a_last_zero_is_obeyed_as_it_is_whatever_gain_stands(paired):
-    loop = LocalLoop(paired=paired)
+    loop = LocalLoop(1e-3, paired=paired)
     for number in range(10):
         loop.measured(sample(number), number * PERIOD_NS)
     answered = 6 * PERIOD_NS
     loop.take(pack_gain(LocalFeedbackGain(answered, answered, 0.0, model(GAIN))), 0, False)
-    assert loop.correct(COMMAND, answered, 100)[0] == 0.5 + 2.0 * 3.0
+    assert loop.correct(COMMAND, answered, 100)[0] == corrected(0.5, 1.0, 3)
     # As the controller stamps it: after its last answer, with no sample at that time.
     zero = loop.correct(np.zeros(6), answered + ZERO_AFTER_NS, 100)
     assert not zero.any()

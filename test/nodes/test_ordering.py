@@ -92,7 +92,7 @@ def test_without_a_network_the_clock_of_the_host_counts():
 
 
 def device(count):
-    loop = LocalLoop()
+    loop = LocalLoop(1e-3)
     for number in range(count):
         loop.measured(np.zeros(19), number * MS)
     return loop, Answers(loop)
@@ -134,7 +134,7 @@ def test_who_answers_no_sample_is_obeyed_again_at_once():
 
 
 def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
-    loop = LocalLoop(paired=True)
+    loop = LocalLoop(1e-3, paired=True)
     for number in range(200):
         loop.measured(np.zeros(19), number * MS)
     answers = Answers(loop)

@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a command would be for the device as it is now: loops closed in the device itself.
 
-    u = u' + G (F_h - F_h') - K ξ - B (v - v'),      K = k P_c,   B = b P_c
+    u = u' + G (F_h - F_h') - K ξ - B (v - v') + G W (F̄_h - F_h),      K = k P_c,   B = b P_c
 
 is the controllers' answer to the device as it is now, found from their answer u' to a sample some
 time ago, ξ the displacement since then. G closes the force channel, K and B the joint-constraint
 controller: along constrained directions the operational point stays where it is, so that nothing
 but the device's own motion is missing in an answer that is late. Both are exact for any delay, as
-long as X has not changed in it and no limit is met.
+long as X has not changed in it and no limit is met. F̄_h is the mean of F_h until the next sample,
+as far as it can be carried on.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +75,13 @@ def local_model(
     return LocalModel(gain, spring, damper)
 
 
-def corrected(command: Array, model: LocalModel, answered: Array, now: Array) -> Array:
+def corrected(
+    command: Array,
+    model: LocalModel,
+    answered: Array,
+    now: Array,
+    hand: Sequence[Array] = (),
+) -> Array:
     """Return a command (6,) for the device as it is now.
 
     Args:
@@ -81,13 +89,27 @@ def corrected(command: Array, model: LocalModel, answered: Array, now: Array) ->
         model: how it depends on the device.
         answered: (19,) the device's sample that the command answers.
         now: (19,) its newest sample.
+        hand: (6,) F_h of the samples before, newest first, a period apart.
     """
     if model is NO_MODEL:
         return command
     push = model.force @ (now[FORCE] - answered[FORCE])
     spring = model.stiffness @ displacement(answered, now)
     damper = model.damping @ (now[TWIST] - answered[TWIST])
-    return np.asarray(command + push - spring - damper)
+    return np.asarray(command + push - spring - damper + led(model.force, [now[FORCE], *hand]))
+
+
+def led(gain: Array, hand: Sequence[Array]) -> Array:
+    """Return G (1 + (1 + G)⁶)⁻¹ (F̄ - F), (6,), by the weights of Adams and Bashforth.
+
+    Args:
+        gain: (6, 6) G.
+        hand: (6,) F_h, newest first, a period apart.
+    """
+    weights = {1: (0.0,), 2: (0.5, -0.5)}.get(len(hand), (11.0 / 12.0, -16.0 / 12.0, 5.0 / 12.0))
+    change = sum(weight * one for weight, one in zip(weights, hand, strict=False))
+    sixth = np.linalg.matrix_power(np.eye(6) + gain, 6)
+    return np.asarray(gain @ np.linalg.solve(np.eye(6) + sixth, change))
 
 
 def displacement(start: Array, end: Array) -> Array:

@@ -47,7 +47,6 @@ class PassivityController:
         bounds: what may be given.
         inertia: (6,) diagonal of Λ_d, kg and kg m².
         period: s, over which a command is held.
-        substeps: of the device in a period.
         limits: force and torque that the actuators have, N and N m.
         acts: (6,) 1 where there are actuators; everywhere if left out.
         filtered: whether the twist of samples lags: what was moved over the last period then counts
@@ -67,7 +66,6 @@ class PassivityController:
         bounds: Passivity,
         inertia: Array,
         period: float,
-        substeps: int,
         limits: tuple[float, float],
         acts: Array | None = None,
         filtered: bool = False,
@@ -80,10 +78,9 @@ class PassivityController:
         self._kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
         self._acts = np.ones(6) if acts is None else acts
         self._inertia, self._period = inertia, period
-        # What is foreseen, s, and what a held wrench moves in it, per acceleration, over
-        # semi-implicit steps.
+        # What is foreseen, s, and what a held wrench moves in it, per acceleration.
         self._ahead = period + lag
-        self._moved = 0.5 * self._ahead**2 * (1.0 + 1.0 / substeps)
+        self._moved = 0.5 * self._ahead**2
         self._most = MOST_DAMPING / period
         self.begin()
 
@@ -203,9 +200,7 @@ def passivity_for(scene: Scene) -> PassivityController:
     bandwidth = 2.0 * math.pi * device.actuator_bandwidth
     lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
-    return PassivityController(
-        bounds, inertia, period, device.substeps, limits, acts, filtered, lag
-    )
+    return PassivityController(bounds, inertia, period, limits, acts, filtered, lag)
 
 
 def _least_root(square: float, slope: float, constant: float) -> float:

@@ -19,11 +19,11 @@ from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection
 from oracles.delay_line import DelayLine
 from oracles.energy_ledger import EnergyLedger
-from oracles.local_model import NO_MODEL, LocalModel, local_model
+from oracles.local_model import FORCE, NO_MODEL, LocalModel, local_model
 from oracles.port_passivity import PortPassivity
 
 _NO_WRENCH = np.zeros(6)
-_TWIST = OPERATIONAL_MODEL.slice("twist")
+_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 
 
 class ControllerCommand(NamedTuple):
@@ -152,7 +152,9 @@ class RenderingController:
         with_model: bool,
     ) -> ControllerCommand:
         control, operational_model = self.control, inputs.operational_model
-        flying = self._in_flight() if corrects and control.gains.force_channel.local else None
+        flying = None
+        if corrects and control.gains.force_channel.local:
+            flying = self._in_flight(inputs.time, clutch, seen.device, operational_model)
         wrenches = control.answer(
             inputs.time, clutch, seen.device, operational_model, inputs.ahead, flying
         )
@@ -165,9 +167,16 @@ class RenderingController:
         given = self.ledger.entry.to_mechanism
         return ControllerCommand(wrenches, model, seen.device, seen.stamp_ns, given)
 
-    def _in_flight(self) -> InFlight | None:
-        """Return what the mechanism was told, and a device that corrects commands has done."""
-        if not self._told:
-            return None
-        impulse = self._period * np.sum(self._told, axis=0)
-        return InFlight(len(self._told) * self._period, impulse)
+    def _in_flight(
+        self, time: float, clutch: Clutch, device: Array, operational_model: Array
+    ) -> InFlight:
+        """Return what the mechanism was told, and a device that corrects commands has done.
+
+        And half a period of what it is told now of measured forces.
+        """
+        gains, task = self.control.gains.force_channel, self.control.task
+        hand, contact = device[FORCE], operational_model[_CONTACT]
+        forces = gains.hand * hand + gains.mechanism_feedback * contact
+        told = np.sum(self._told, axis=0) if self._told else np.zeros(6)
+        told = told + 0.5 * clutch.force_ramp(time) * task * forces
+        return InFlight((len(self._told) + 0.5) * self._period, self._period * told)

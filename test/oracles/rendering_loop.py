@@ -17,7 +17,7 @@ from hapticmech_ros.control.rendering_controller import ControllerInput
 from hapticmech_ros.device.safety import safety_limits
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import nanoseconds
-from oracles.local_model import corrected
+from oracles.local_model import FORCE, corrected
 from oracles.passivity import NO_WRENCH, PassivityController, passivity_for
 from oracles.rendering_controller import ControllerCommand, RenderingController
 from oracles.safety import SafetyEnvelope
@@ -59,6 +59,7 @@ class RenderingLoop:
         self._on_the_way: deque[ControllerCommand | None] = deque([None] * delay)
         self._arrived: ControllerCommand | None = None
         self._tick = 0
+        self._hand: deque[Array] = deque(maxlen=2)
 
     @property
     def output(self) -> ControlOutput:
@@ -97,7 +98,9 @@ class RenderingLoop:
         wrench = NO_WRENCH
         if answer is not None:
             self.passivity.set_mechanism_energy(answer.to_mechanism)
-            wrench = corrected(answer.wrenches[0], answer.model, answer.answered, device)
+            answered = answer.model, answer.answered, device
+            wrench = corrected(answer.wrenches[0], *answered, list(self._hand))
+        self._hand.appendleft(device[FORCE].copy())
         safe = self.envelope.apply(self._limits, wrench, device[:3])
         passive = self.passivity.enforce(safe, device, added)
         if passive is not safe:

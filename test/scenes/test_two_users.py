@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two users on the five-bar, against its Lagrange equations in independent coordinates."""
 
+from contextlib import ExitStack
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from hapticmech_ros import SharedSession, Simulator, load_scene
 from hapticmech_ros.analysis.scene_variants import of_first_user
+from hapticmech_ros.analysis.scripted_push import scripted
 from hapticmech_ros.operational.coupling import coupling
 from hapticmech_ros.plan.step_accuracy import experiment_run
 from hapticmech_ros.scene.arm_impedances import ARM_IMPEDANCES
@@ -100,13 +102,23 @@ def test_links_1_and_2_in_line_take_a_direction_from_right_alone():
 
 def errors_of_accelerations(pushing, period):
     """Return how far points and devices are from Σ X_ij F_j, relative to its largest part."""
-    idle = [{"point": point, "hand": IDLE} for point in LINKS]
-    session = SharedSession(undamped(hands=idle, simulation={"period": period}))
-    session.run(round(0.7 / period))
-    bar, pushes = linkage(session.mechanism.q), {point: PUSHES[point] for point in pushing}
+    idle, begins = [{"point": point, "hand": IDLE} for point in LINKS], 0.7
+    scene = undamped(hands=idle, simulation={"period": period})
+    pushes = {point: PUSHES[point] for point in pushing}
+    # In a ramp: a jump, or one at each sample, is none that a device can carry on.
+    times = begins + np.array([0.0, 0.01, 0.1])
+    with ExitStack() as scripts:
+        hands = []
+        for held in scene.hands:
+            push = np.outer([0.0, 1.0, 1.0], pushes.get(held.point, np.zeros(6)))
+            hand = scripts.enter_context(scripted(times, push))
+            hands.append(held.model_copy(update={"hand": hand}))
+        session = SharedSession(scene.model_copy(update={"hands": tuple(hands)}))
+    session.run(round(begins / period))
+    bar = linkage(session.mechanism.q)
     count, late = round(0.05 / period), slice(round(0.02 / period), None)
-    samples = [session.tick(hand_wrenches=pushes) for _ in range(count)]
     times = period * np.arange(count)
+    samples = [session.tick() for _ in range(count)]
     # What the push has set in motion on the springs along constrained directions moves no rate of
     # the linkage, if seen by the device's inertia.
     inertia = np.diag([session.scene.device.mass] * 2 + [session.scene.device.inertia])
@@ -127,12 +139,11 @@ def errors_of_accelerations(pushing, period):
 
 @pytest.mark.parametrize("pushing", [("left",), ("right",), ("left", "right")], ids="+".join)
 def test_both_are_accelerated_by_what_either_pushes(pushing):
-    """To the order of the period: the other's part is late by two, and the channel makes it up."""
+    """Of points to 0.03 %, of devices to 0.15 % and the second order of the period."""
     errors = [errors_of_accelerations(pushing, period) for period in (1e-3, 5e-4, 2.5e-4)]
     worst = np.array([one.max(axis=0) for one in errors])
-    # Of points, and of devices, which are late by the other's part of F_c twice more.
-    assert (worst[0] < (0.005, 0.04)).all()
-    assert (worst[1:] < 0.55 * worst[:-1]).all()
+    assert (worst[0] < (3e-4, 1.5e-3)).all()
+    assert (worst[1:, 1] < 0.4 * worst[:-1, 1]).all()
 
 
 def test_right_feels_the_spring_of_the_left_arm_and_then_the_inertia_alone():
@@ -163,12 +174,15 @@ def test_right_feels_the_spring_of_the_left_arm_and_then_the_inertia_alone():
         felt = right["external"][rest][[0, 1, 5]]
         assert own @ felt == pytest.approx(-wanted, abs=1e-3 * np.abs(wanted).max())
         late = time > 6.015
-        # But for what joins left's device, which nobody holds, to its point.
-        assert np.abs(right["external"][late]).max() < 1e-3 * np.abs(wrench).max()
+        # But for what joins left's device, which nobody holds, to its point: its arm's wrench ends
+        # with a jump at a sample, of which half a period too much is carried on.
+        device, channel = session.scene.device, session.scene.controller.position_channel
+        led = 0.5 * period * np.linalg.norm(wrench) / device.mass * channel.damping
+        assert np.abs(right["external"][late]).max() < led
         gained = np.polyfit(time[late], right["twist"][late][:, [0, 1, 5]], 1)[0]
         errors.append(np.abs(gained - wanted).max() / np.abs(wanted).max())
-    assert errors[0] < 0.03
-    assert errors[1] < 0.6 * errors[0]
+    assert errors[0] < 0.02
+    assert errors[1] < 0.7 * errors[0]
 
 
 def test_the_experiment_is_what_its_description_says():
@@ -190,7 +204,7 @@ def test_the_experiment_is_what_its_description_says():
     # After left has let go, its hand does nothing, and right feels nothing of it.
     after = time > 5.01
     assert not rows["left"]["device_hand_wrench"][after].any()
-    assert np.abs(rows["right"]["external"][after]).max() < 0.2
+    assert np.abs(rows["right"]["external"][after]).max() < 0.25
     before = (time > 4.8) & (time < 4.99)
     assert np.abs(rows["right"]["external"][before][:, 0]).min() > 5.0
 

@@ -5,10 +5,12 @@
 Both are implicit in the speed at the end of a step h, so that neither adds energy at any stiffness
 or friction; g = h / m, or h / I of rotation.
 
-End stop, along the way out n, where d is the distance beyond the limit: the force
-f = k (d + h v⁺) + b v⁺, if positive, gives
+End stop, along the way out n, where d is the distance beyond the limit with a time t of the step
+left: the force f = k (d + t v⁺) + b v⁺, if positive, gives
 
-    v⁺ = (v - g k d) / (1 + g (b + h k))
+    v⁺ = (v - g k d) / (1 + g (b + t k))
+
+and has no damper where the speed turns round in the step.
 
 Coulomb friction takes up to g F_c of the speed, never more than there is:
 
@@ -41,14 +43,14 @@ class EndStop:
     stiffness: float
     damping: float
 
-    def stopped(self, away: Array, rate: Array, gain: float, step: float) -> Array:
+    def stopped(self, away: Array, rate: Array, gain: float, left: float) -> Array:
         """Return the rate (3,) after a step.
 
         Args:
             away: (3,) from where the device started.
             rate: (3,) of ``away``, with all other forces of the step in it.
             gain: change of the rate per force or torque in a step.
-            step: s.
+            left: s, of the step.
         """
         distance = math.sqrt(away @ away)
         if self.limit == 0.0 or distance == 0.0:
@@ -56,11 +58,11 @@ class EndStop:
         beyond = distance - self.limit
         out = away / distance
         speed = float(out @ rate)
-        if beyond + step * speed <= 0.0:
+        if beyond + left * speed <= 0.0:
             return rate
-        after = (speed - gain * self.stiffness * beyond) / (
-            1.0 + gain * (self.damping + step * self.stiffness)
-        )
+        pushed = speed - gain * self.stiffness * beyond
+        resistance = left * self.stiffness + (self.damping if pushed * speed >= 0.0 else 0.0)
+        after = pushed / (1.0 + gain * resistance)
         return np.asarray(rate + (after - speed) * out) if after < speed else rate
 
 
@@ -75,7 +77,7 @@ class Friction:
 
     Args:
         device: of the scene.
-        step: s.
+        left: s, of a step, when they act.
 
     Attributes:
         stops: of translation and of rotation.
@@ -83,7 +85,7 @@ class Friction:
         some: whether there is any of it.
     """
 
-    def __init__(self, device: Device, step: float) -> None:
+    def __init__(self, device: Device, left: float) -> None:
         space = device.workspace
         self.stops = (
             EndStop(space.radius, space.stiffness, space.damping),
@@ -91,7 +93,7 @@ class Friction:
         )
         self.friction = (device.coulomb_friction, device.angular_coulomb_friction)
         self.some = any(self.friction) or any(stop.limit for stop in self.stops)
-        self._step = step
+        self._left = left
 
     def resisted(self, home: pin.SE3, pose: pin.SE3, twist: Array, gain: Array) -> Array:
         """Return the twist (6,) at the end of a step.
@@ -107,9 +109,9 @@ class Friction:
         # A planar device has no gain along z, nor about x and y.
         linear, angular = gain[0], gain[5]
         away = pose.translation - home.translation
-        rate = self.stops[0].stopped(away, twist[:3], linear, self._step)
+        rate = self.stops[0].stopped(away, twist[:3], linear, self._left)
         turn = pin.log3(pose.rotation @ home.rotation.T)
-        spin = self.stops[1].stopped(turn, twist[3:], angular, self._step)
+        spin = self.stops[1].stopped(turn, twist[3:], angular, self._left)
         rate = rubbed(rate, linear * self.friction[0]) if self.friction[0] else rate
         spin = rubbed(spin, angular * self.friction[1]) if self.friction[1] else spin
         return np.concatenate((rate, spin))

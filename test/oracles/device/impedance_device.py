@@ -8,6 +8,8 @@ u follows the command, limited by the actuators and held over a sample period (z
 with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
 all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
 friction (:mod:`~oracles.device.friction`). F_h, between device and hand, is F_s - Λ_a ẍ.
+
+Substeps are those of position Verlet: half a drift, the change of the twist, half a drift.
 """
 
 from __future__ import annotations
@@ -60,7 +62,7 @@ class ReadableDevice:
         self._gain = self._step * task / body
         self._held_gain = self._step * task / (body + self._arm)
         self._lag = _lag(device.actuator_bandwidth, self._step)
-        self._resistance = Friction(device, self._step)
+        self._resistance = Friction(device, 0.5 * self._step)
         self._driver = DeviceDriver(device, period, task)
         self._ideal = device.position_resolution == 0.0 and device.angle_resolution == 0.0
         cut_off = 2.0 * np.pi * device.velocity_filter * period
@@ -124,25 +126,31 @@ class ReadableDevice:
         actuators = limited(asked, self.device.force_limit, self.device.torque_limit)
         step, push = self._step, self._weighed(push)
         pose, twist, applied = state.pose, state.twist, state.applied
-        window, anchor, before = OPEN, state.anchor, state.twist
+        window, anchor = self._taken(ticks * self.period, pose, held, state.window, state.anchor)
+        own = self._hand_wrench(ticks * self.period, pose, twist, anchor, window)
+        before, middle, carried = twist, own, False
         for index in range(self.device.substeps):
-            elapsed = ticks * self.period + index * step
-            old = state.window if index == 0 else window
-            window, anchor = self._taken(elapsed, pose, held, old, anchor)
-            own = self._hand_wrench(elapsed, pose, twist, anchor, window)
             given, applied = self._given(applied, actuators)
-            gain = self._gain if window == OPEN else self._held_gain
-            force = push + own + given - self._damping * twist
-            before = twist
-            twist = self._resistance.resisted(state.home, pose, twist + gain * force, gain)
-            pose = pin.SE3(
-                pin.exp3(step * twist[3:]) @ pose.rotation, pose.translation + step * twist[:3]
-            )
-        elapsed, carried = (ticks + 1) * self.period, window != OPEN
-        window, anchor = self._taken(elapsed, pose, held, window, anchor)
-        own = self._hand_wrench(elapsed, pose, twist, anchor, window)
+            carried = window != OPEN
+            gain = self._held_gain if carried else self._gain
+            before, rest = twist, push + given
+            pose = self._drifted(pose, before)
+            seen = before + 0.5 * gain * (rest + own - self._damping * before)
+            elapsed = ticks * self.period + (index + 0.5) * step
+            middle = self._hand_wrench(elapsed, pose, seen, anchor, window)
+            # v⁺ - v = g (F - b (v + v⁺) / 2), solved for v⁺.
+            lost = 0.5 * gain * self._damping
+            twist = (before + gain * (rest + middle) - lost * before) / (1.0 + lost)
+            twist = self._resistance.resisted(state.home, pose, twist, gain)
+            pose, elapsed = self._drifted(pose, twist), ticks * self.period + (index + 1) * step
+            if index + 1 == self.device.substeps:
+                elapsed = (ticks + 1) * self.period
+            window, anchor = self._taken(elapsed, pose, held, window, anchor)
+            own = NO_WRENCH if window == OPEN else middle
+        own = self._hand_wrench((ticks + 1) * self.period, pose, twist, anchor, window)
         if self._arm.any() and carried and window != OPEN:
-            own = own - self._arm * ((twist - before) / step)
+            rate = (twist - before) / step + self._held_gain / step * (own - middle)
+            own = own - self._arm * rate
         measured = self._quantised(pose)
         estimated = twist if self._ideal else self._estimated(state, measured)
         reported = own
@@ -159,6 +167,12 @@ class ReadableDevice:
             anchor=anchor,
             window=window,
         )
+
+    def _drifted(self, pose: pin.SE3, twist: Array) -> pin.SE3:
+        """Return where a pose is after half a substep."""
+        half = 0.5 * self._step
+        turn = pin.exp3(half * twist[3:])
+        return pin.SE3(turn @ pose.rotation, pose.translation + half * twist[:3])
 
     def _taken(
         self, elapsed: float, pose: pin.SE3, held: DeviceState | None, window: int, anchor: pin.SE3
