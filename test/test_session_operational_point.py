@@ -67,7 +67,7 @@ def test_a_switch_at_a_metre_a_second_is_no_bump(frame, xyz, delay):
     samples = [session.tick() for _ in range(600)]
     wrenches = np.array([sample.output.device for sample in (last, *samples)])
     steps = np.linalg.norm(np.diff(wrenches[:, :3], axis=0), axis=1)
-    # Of the switch itself nothing is felt at all; while the grasp closes, no more than was promised.
+    # Of the switch itself nothing is felt at all; while the grasp closes, no more than promised.
     assert steps[0] <= 1e-12
     assert round(steps.max(), 2) <= BUMP_N
     assert np.linalg.norm(np.diff(wrenches[:, 3:], axis=0), axis=1).max() < 1e-3

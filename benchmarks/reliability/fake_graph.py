@@ -140,7 +140,7 @@ class Host:
 
     def resolve_topic_name(self, name: str) -> str:
         """Return the full name."""
-        return name if name.startswith("/") else f"/{name}"
+        return name if name.startswith("/") else f"{self.graph.namespace}/{name}"
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         """Return the topics that people push through."""
@@ -232,8 +232,10 @@ class FakeGraph:
         pushing: full names of topics through which people push.
         actors: which.
         parameters: by actor's name.
+        namespace: of all of them, such as ``/left``.
 
     Attributes:
+        namespace: as given.
         now_ns: the time.
         hosts: by actor's name.
         seen: what was wrong with what was sent.
@@ -246,7 +248,9 @@ class FakeGraph:
         pushing: Iterable[str] = (),
         actors: Iterable[type[Actor[Any]]] = ACTORS,
         parameters: Mapping[str, Mapping[str, object]] | None = None,
+        namespace: str = "",
     ) -> None:
+        self.namespace = namespace
         self.now_ns = START_NS
         self.exchange = Exchange()
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)

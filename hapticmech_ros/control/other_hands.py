@@ -97,10 +97,9 @@ class OtherHands:
             name: deque(maxlen=REMEMBERED) for name in names
         }
 
-    def forget(self) -> None:
-        """Forget all samples."""
-        for samples in self._samples.values():
-            samples.clear()
+    def forget(self, name: str) -> None:
+        """Forget all samples of a hand, by its operational point."""
+        self._samples[name].clear()
 
     def measured(self, name: str, wrench: Array, stamp_ns: int) -> None:
         """Remember a wrench.
@@ -121,6 +120,10 @@ class OtherHands:
         samples = self._samples[name]
         return bool(samples) and samples[-1][0] >= stamp_ns
 
+    def heard(self, name: str, now_ns: int) -> bool:
+        """Return whether it is known what a hand does at a time (ns)."""
+        return self._newest(self._samples[name], now_ns) is not None
+
     def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
         """Return (12,) both sums of the module, N and N m, world axes at the own point.
 
@@ -137,10 +140,8 @@ class OtherHands:
     def _changes(self, name: str, answered_ns: int, now_ns: int) -> Array:
         """Return (2, 6) F_j(t) - F_j(t' - T) and F̄_j - F_j(t), as far as they are known."""
         samples, period = self._samples[name], self._period_ns
-        at = len(samples) - 1
-        while at >= 0 and samples[at][0] > now_ns:
-            at -= 1
-        if at < 0 or now_ns - samples[at][0] > SILENT * period:
+        at = self._newest(samples, now_ns)
+        if at is None:
             return np.zeros((2, 6))
         stamp_ns, wrench = samples[at]
         change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
@@ -154,6 +155,15 @@ class OtherHands:
         since = min(now_ns - stamp_ns, FARTHEST * period)
         mean_change(memory, since / NANOSECONDS, period / NANOSECONDS, carried)
         return np.array([change, carried])
+
+    def _newest(self, samples: deque[tuple[int, Array]], now_ns: int) -> int | None:
+        """Return which sample is the newest at a time (ns); None if the hand is silent then."""
+        at = len(samples) - 1
+        while at >= 0 and samples[at][0] > now_ns:
+            at -= 1
+        if at < 0 or now_ns - samples[at][0] > SILENT * self._period_ns:
+            return None
+        return at
 
     @staticmethod
     def _nearest(samples: deque[tuple[int, Array]], at: int, time_ns: int) -> int:

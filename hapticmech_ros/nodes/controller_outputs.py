@@ -99,7 +99,7 @@ class ControllerOutputs:
             stamp_ns: of the sample that is answered.
         """
         if self._publish_coupling is not None:
-            told = self._coupling.pack(CouplingMatrices(stamp_ns, stamp_ns, gains))
+            told = self._coupling.pack(CouplingMatrices(stamp_ns, gains))
             self._publish_coupling.publish(self._coupling_encoder.encode(told))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:

@@ -72,7 +72,7 @@ class DeviceDriver(ClockedActor[D]):
         self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
         self._side = DeviceSide(self.scene, self._limits)
-        self._users = OtherUsers(self) if self._is_local else None
+        self._users = OtherUsers(self)
         self._loop = self._new_loop()
         self._answers = Answers(self._loop)
         self._device: SimulatedDevice = self.new_device()
@@ -123,8 +123,7 @@ class DeviceDriver(ClockedActor[D]):
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
-        if self._users is not None:
-            self._users.listen(lambda: self._loop)
+        self._users.listen(lambda: self._loop)
 
     def new_device(self) -> SimulatedDevice:
         """Return the device that is driven."""
@@ -147,7 +146,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
-        others = None if self._users is None else self._users.begin()
+        others = self._users.begin()
         return LocalLoop(self.period_s, gain_bounds(self.limits), paired, others)
 
     @property
@@ -218,6 +217,7 @@ class DeviceDriver(ClockedActor[D]):
         if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
             # Now, and not once all that was missed has been caught up.
             self._lose("servo_cf is lost")
+        self._users.drop_doubtful(self._loop, self.now_ns())
         if self._ticks or not self.lockstep:
             for known_ns, now_ns in self.steps(periods, deadline_ns):
                 self._move(self._standing_command(known_ns, now_ns))
@@ -260,8 +260,11 @@ class DeviceDriver(ClockedActor[D]):
         rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
         doing = f"pulled to a pose by {posed}" if posed else "rendering"
         sentence = doing if rendering else f"{fault or 'no commands'}: actuators at zero"
+        doubtful = self._users.fault(now)
+        if rendering and doubtful:
+            sentence += f", not corrected by what two say: {doubtful}"
         return (
-            rendering,
+            rendering and not doubtful,
             sentence,
             {
                 **self.clock_figures(),
@@ -270,6 +273,7 @@ class DeviceDriver(ClockedActor[D]):
                 "changed_by_passivity": str(self._side.passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
                 **self._answers.figures(),
+                **self._users.figures(self._loop, now),
                 **self.latency.summary("loop_latency"),
                 **self.figures(now),
             },

@@ -57,6 +57,8 @@ class LocalLoop:
     Attributes:
         gains, couplings: by stamp, in lockstep.
         others: as given.
+        corrected_for_others: commands that were corrected for other hands.
+        uncorrected_for_others: that were not, because a hand, or the gain, was not heard.
         order: of gains; what was overtaken is dropped.
     """
 
@@ -70,6 +72,7 @@ class LocalLoop:
         self._period = period
         self._hand = np.zeros(MEMORY_SIZE)
         self.others = others
+        self.corrected_for_others = self.uncorrected_for_others = 0
         self._coupling: Latest[CouplingMatrices] = Latest()
         self.couplings: Stamped[CouplingMatrices] = Stamped()
         self._newest_ns = NEVER
@@ -143,18 +146,29 @@ class LocalLoop:
             if gain.answered_ns > self._from_ns:
                 self._gain.put(gain, now_ns)
 
-    def take_coupling(self, found: CouplingMatrices, now_ns: int, lockstep: bool) -> None:
+    def take_coupling(
+        self, found: CouplingMatrices, now_ns: int, lockstep: bool, age_limit_ns: int = FOR_EVER
+    ) -> None:
         """Take a ``coupling_gain`` message.
 
         Args:
             found: the message.
             now_ns: present time, ns.
             lockstep: whether the graph runs in lockstep.
+            age_limit_ns: how far, ns, its stamp may be from now.
+
+        Raises:
+            InvalidInputError: its stamp is too far from now.
         """
+        check_age(found.stamp_ns, now_ns, age_limit_ns)
         if lockstep:
             self.couplings.put(found, found.stamp_ns)
-        elif found.answered_ns > self._from_ns:
+        elif found.stamp_ns > self._from_ns:
             self._coupling.put(found, now_ns)
+
+    def forget_coupling(self) -> None:
+        """Correct nothing for other hands until the next ``coupling_gain``."""
+        self._coupling = Latest()
 
     def knows_others(self, answered_ns: int, sampled_ns: int) -> bool:
         """Return whether all is there, in lockstep, that corrects a command for other hands.
@@ -231,9 +245,17 @@ class LocalLoop:
 
     def _for_others(self, told: CouplingMatrices | None, answered_ns: int) -> Array:
         """Return (12,) what corrects a command for other hands; see ``control.other_hands``."""
-        if self.others is None or told is None:
+        others, now_ns = self.others, self._newest_ns
+        if others is None:
             return NO_OTHERS
-        return self.others.correction(told.by_point, answered_ns, self._newest_ns)
+        if told is None:
+            self.uncorrected_for_others += 1
+            return NO_OTHERS
+        if not all(others.heard(name, now_ns) for name in told.by_point):
+            self.uncorrected_for_others += 1
+        elif told.by_point:
+            self.corrected_for_others += 1
+        return others.correction(told.by_point, answered_ns, now_ns)
 
     def _corrected(
         self,

@@ -152,7 +152,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
                 self._place(name, state.grasps[at])
             row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
             matrices = {name: transmission(found, row[at]) for name, at in holding.items()}
-        told = CouplingMatrices(state.stamp_ns, state.stamp_ns, matrices)
+        told = CouplingMatrices(state.stamp_ns, matrices)
         self._publish_transmission.publish(
             self._transmission_encoder.encode(self._coupling.pack(told))
         )

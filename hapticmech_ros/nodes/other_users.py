@@ -1,6 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a device hears of other users' devices on the same mechanism, and of what they do to it."""
+"""What a device hears of other users' devices on the same mechanism, and of what they do to it.
+
+Each of these topics has one publisher: see :mod:`~hapticmech_ros.nodes.coupling_guard`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.other_hands import OtherHands, heard_directly
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.coupling_guard import CouplingGuard
 from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.wire.coupling_wire import CouplingWire
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, device_bounds
 from hapticmech_ros.wire.readings import read_device
@@ -36,12 +41,16 @@ class OtherUsers:
         root, found, _ = topic.rpartition(f"/{actor.point}/{DEVICE_STATE.name}")
         points = actor.other_points if found else []
         names = heard_directly(actor.shared_scene, actor.point, points)
-        self._topics = {name: f"{root}/{name}/{DEVICE_STATE.name}" for name in names}
+        self._names = {f"{root}/{name}/{DEVICE_STATE.name}": name for name in names}
         self._wire = CouplingWire(actor.other_points, actor.limits)
+        self._guard = CouplingGuard(actor)
 
     def begin(self) -> OtherHands | None:
         """Return what will be known of their hands; None if there is nobody to hear of."""
-        return OtherHands(self._topics, self._actor.period_ns) if self._topics else None
+        self._guard.forget()
+        if not self._names:
+            return None
+        return OtherHands(self._names.values(), self._actor.period_ns)
 
     def listen(self, loop: Callable[[], LocalLoop]) -> None:
         """Subscribe.
@@ -49,25 +58,49 @@ class OtherUsers:
         Args:
             loop: returns what corrects commands now.
         """
-        if not self._topics:
+        if not self._names:
             return
-        actor, lockstep = self._actor, self._actor.lockstep
+        actor, lockstep, watch = self._actor, self._actor.lockstep, self._guard.watch
 
         def on_coupling(values: Array, now_ns: int) -> None:
-            loop().take_coupling(self._wire.unpack(values), now_ns, lockstep)
+            found = self._wire.unpack(values)
+            loop().take_coupling(found, now_ns, lockstep, actor.age_limit_ns)
             if lockstep:
                 actor.act(now_ns)
 
-        qos = actor.control_input
-        actor.input_array(DEVICE_COUPLING.name, qos, on_coupling, self._wire.fields)
-        for name, topic in self._topics.items():
-            actor.input_array(topic, qos, self._hears(name, loop), DEVICE_FIELDS)
+        qos, gains = actor.control_input, DEVICE_COUPLING.name
+        actor.input_array(gains, qos, on_coupling, self._wire.fields, watch(gains))
+        for topic, name in self._names.items():
+            actor.input_array(topic, qos, self._hears(name, loop), DEVICE_FIELDS, watch(topic))
+
+    def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> None:
+        """Forget what must not be used now (ns), since two say it."""
+        for topic in self._guard.doubtful(now_ns):
+            if topic == DEVICE_COUPLING.name:
+                loop.forget_coupling()
+            elif loop.others is not None:
+                loop.others.forget(self._names[topic])
+
+    def fault(self, now_ns: int) -> str:
+        """Return which two say what one may; empty if none do."""
+        return self._guard.fault(now_ns)
+
+    def figures(self, loop: LocalLoop, now_ns: int) -> dict[str, str]:
+        """Return what diagnostics say, where there are other users."""
+        if not self._names:
+            return {}
+        return {
+            "coupling_fault": self.fault(now_ns),
+            "corrected_for_others": str(loop.corrected_for_others),
+            "uncorrected_for_others": str(loop.uncorrected_for_others),
+        }
 
     def _hears(self, name: str, loop: Callable[[], LocalLoop]) -> Callable[[Array, int], None]:
         bounds = device_bounds(self._actor.shared_scene.held_at(name).limits)
 
         def on_state(values: Array, now_ns: int) -> None:
             found, others = read_device(values, bounds), loop().others
+            check_age(found.stamp_ns, now_ns, self._actor.age_limit_ns)
             if others is not None:
                 others.measured(name, found.measured[_FORCE], found.stamp_ns)
                 if self._actor.lockstep:

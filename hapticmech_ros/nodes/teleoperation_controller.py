@@ -25,14 +25,13 @@ from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
-from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.transmissions import Transmissions
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (
     OperationalModelReading,
@@ -45,7 +44,6 @@ from hapticmech_ros.wire.topics import (
     DEVICE_STATE,
     POINT_COMMAND,
     POINT_MODEL,
-    TRANSMISSION,
 )
 
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
@@ -120,13 +118,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
         # C3 of the hands whose wrenches the device gets at once, and what these do to the point.
         self._direct = heard_directly(self.shared_scene, self.point, self.other_points)
-        self._transmission: Latest[CouplingMatrices] = Latest()
-        self._transmissions: Stamped[CouplingMatrices] = Stamped()
-        self._coupling = CouplingWire(self.other_points, self.limits)
-        if self.other_points:
-            name = TRANSMISSION.of(self.point)
-            accept = self._on_transmission
-            self.input_array(name, self.control_input, accept, self._coupling.fields)
+        self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
         self._buttons = ButtonInput(self)
         self._log = EngagementLog(node.get_logger, self.now_ns)
@@ -181,7 +173,8 @@ class TeleoperationController(Actor[ControllerParameters]):
     def activate(self) -> None:
         """Wait for device and rendering; times count from now, to lose no digits."""
         self._last_ns = self._state_ns = NEVER
-        self._model, self._transmission = Latest(), Latest()
+        self._model = Latest()
+        self._transmissions.activate()
         self._crtk.forget()
         self._epoch_ns = self.now_ns()
         for sources in self._single:
@@ -199,7 +192,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.__dict__.pop("_control", None)
         self.apply_parameters(self.parameters)
         self._side = self._new_side()
-        self._devices, self._models, self._transmissions = Stamped(), Stamped(), Stamped()
+        self._devices, self._models = Stamped(), Stamped()
+        self._transmissions.reseat()
         self.activate()
         now = self.now_ns()
         self._outputs.zero(now, now)
@@ -221,15 +215,19 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
         if not fault and self._buttons.is_pressed(self.parameters.clutch_button):
             sentence = f"disengaged: {CLUTCHED}"
+        doubtful = self._transmissions.fault(now)
+        if engaged and doubtful:
+            sentence += f", tells no coupling gain: {doubtful}"
         figures = {
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
             "grasps": str(self.grasps),
             "fault": fault,
+            **({"coupling_fault": doubtful} if self.other_points else {}),
             **self._path.figures(self._tuned, self.parameters.soften, self.loop_warning),
             "lost_on_connection": str(self._side.lost),
         }
-        return engaged, sentence, figures
+        return engaged and not doubtful, sentence, figures
 
     def _lacks_of_device(self, now_ns: int) -> list[str]:
         """Return which of a device's topics are silent: of a driver that speaks CRTK those."""
@@ -256,10 +254,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Answer once device and rendering of one time are there, in lockstep."""
         if not (self._devices.has(stamp) and self._models.has(stamp)):
             return
-        if self.other_points:
-            if not self._transmissions.has(stamp):
-                return
-            self._transmission.put(self._transmissions.take(stamp), stamp)
+        if not self._transmissions.take(stamp):
+            return
         device, model = self._devices.take(stamp), self._models.take(stamp)
         self._last_ns = stamp
         self._answer_to(device, model, stamp, stamp)
@@ -357,18 +353,19 @@ class TeleoperationController(Actor[ControllerParameters]):
         with_model = self._local and (often or self._outputs.wants_gain(stamp))
         answer = self._side.tick(inputs, self._clutch, self._local, with_model)
         if with_model and self.other_points:
-            self._outputs.coupling(self._coupled(inputs, self._clutch), stamp)
+            self._outputs.coupling(self._coupled(inputs, self._clutch, now_ns), stamp)
         self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
 
-    def _coupled(self, inputs: ControllerInput, clutch: Clutch) -> dict[str, Array]:
+    def _coupled(
+        self, inputs: ControllerInput, clutch: Clutch, now_ns: int
+    ) -> dict[str, Array]:
         """Return H_j (6, 6) by point; see :mod:`~hapticmech_ros.control.other_hands`."""
-        told = self._transmission
-        known = told.value is not None and told.fresh(inputs.stamp_ns, FRESH_NS)
-        if not known or told.value is None or self._control.answers_in_python:
+        found = self._transmissions.at(inputs.stamp_ns, now_ns)
+        if not found or self._control.answers_in_python:
             return {}
         settings = self._control.settings_at(inputs.time, clutch)
-        found, now = told.value.by_point, (settings, inputs.operational_model, inputs.time)
+        now = settings, inputs.operational_model, inputs.time
         return {
             name: coupling_gain(*now, found[name], share)
             for name, share in self._direct.items()
@@ -451,15 +448,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         device_ns, mechanism_ns = self._told_ns
         # Later than what was told, and an answer to none of the device's samples: uncorrected.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
-
-    def _on_transmission(self, values: Array, now_ns: int) -> None:
-        found = self._coupling.unpack(values)
-        check_age(found.stamp_ns, now_ns, self.age_limit_ns)
-        if self.lockstep:
-            self._transmissions.put(found, found.stamp_ns)
-            self._answer_pair(found.stamp_ns)
-        else:
-            self._transmission.put(found, found.stamp_ns)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
         found = read_operational_model(values, self.bounds.model)

@@ -74,8 +74,18 @@ def test_what_was_overtaken_is_dropped_and_what_is_old_forgotten():
     # The oldest that is remembered stands for all before it.
     oldest, last = 2 * REMEMBERED, 3 * REMEMBERED - 1
     assert correction(many, 5, last)[0] == pytest.approx(2.0 * (last + 0.5 - oldest))
-    others.forget()
+    others.forget("b")
     assert not others.known_at("b", 0)
+
+
+def test_a_hand_is_heard_as_long_as_it_is_carried_on():
+    others = told(float, 10)
+    assert not others.heard("b", -1)
+    assert others.heard("b", 5 * PERIOD_NS)
+    assert others.heard("b", (9 + SILENT) * PERIOD_NS)
+    assert not others.heard("b", (9 + SILENT) * PERIOD_NS + 1)
+    others.forget("b")
+    assert not others.heard("b", 9 * PERIOD_NS)
 
 
 def held(*connections, **changes):
