@@ -357,9 +357,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._told_ns = stamp, model.stamp_ns if paced else stamp
         self._send(answer, *self._told_ns)
 
-    def _coupled(
-        self, inputs: ControllerInput, clutch: Clutch, now_ns: int
-    ) -> dict[str, Array]:
+    def _coupled(self, inputs: ControllerInput, clutch: Clutch, now_ns: int) -> dict[str, Array]:
         """Return H_j (6, 6) by point; see :mod:`~hapticmech_ros.control.other_hands`."""
         found = self._transmissions.at(inputs.stamp_ns, now_ns)
         if not found or self._control.answers_in_python:

@@ -14,6 +14,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
+from hapticmech_ros.nodes.message_info import WithInfo
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
@@ -89,6 +90,10 @@ class Left:
         """Bring a message of somebody who is in none of the graph's processes."""
         for listener in self.graph.within[topic]:
             listener(message, Origin(MIDDLEWARE, 7))
+        # In lockstep all comes through the middleware.
+        for one in self.graph.subscriptions[topic] if self.host.actor.lockstep else ():
+            watched = isinstance(one.callback, WithInfo)
+            one.callback(message, *([{"publication_sequence_number": 7}] if watched else []))
 
     @property
     def applied(self) -> np.ndarray:

@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
@@ -25,13 +27,16 @@ from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.replay import replay
+from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.share import shared
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topic import users_of
 from hapticmech_ros.wire.topics import DEVICE_STATE
-from ros.harness import Peer, next_domain, six
+from ros.harness import Peer, figures, next_domain, six
 
 pytestmark = pytest.mark.ros
 TRIO = [name for name in NODES if name != "mechanism_simulator"]
@@ -257,3 +262,107 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
         assert engaged("b")
         peer.until(lambda: np.any(gains[-1].data[2:]), "b to be corrected for a's hand again")
         graph.check()
+
+
+class Users:
+    """Both users' nodes, and what their diagnostics say."""
+
+    def __init__(self, graph: Graph, peer: Peer) -> None:
+        self.graph, self.peer = graph, peer
+        self.statuses = peer.statuses()
+
+    def engaged(self, point: str) -> bool:
+        """Return whether a user's controller renders."""
+        status = self.statuses.get(f"{point}/teleoperation_controller")
+        return status is not None and status.message == "engaged"
+
+    def device(self, key: str) -> str:
+        """Return a figure of b's device."""
+        status = self.statuses.get("b/haptic_device")
+        return "" if status is None else figures(status).get(key, "")
+
+    def corrects(self) -> bool:
+        """Return whether b's commands are corrected for a's hand: for a hundred more."""
+        before = int(self.device("corrected_for_others") or 0)
+        enough = before + 100
+        self.peer.until(lambda: int(self.device("corrected_for_others") or 0) > enough, "more")
+        return self.device("coupling_fault") == ""
+
+    def intrude(self, topic: str, first: str, message: Callable[[], Float64MultiArray]) -> None:
+        """Be a second publisher of a topic until b's device names both, and goes on without it."""
+        second = self.peer.publisher(topic, Float64MultiArray)
+
+        def told() -> bool:
+            second.publish(message())
+            fault = self.device("coupling_fault")
+            named = "/peer" in fault and first in fault
+            return named and f"more than one publisher of /{topic}: " in fault
+
+        self.peer.until(told, f"b to name both publishers of {topic}")
+        fault = self.device("coupling_fault")
+        status = self.statuses["b/haptic_device"]
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == f"rendering, not corrected by what two say: {fault}"
+        before = int(self.device("corrected_for_others"))
+        answers = "b/teleoperation_controller"
+        heard = int(figures(self.statuses[answers])["answers"])
+
+        def went_on() -> bool:
+            second.publish(message())
+            more = int(figures(self.statuses[answers])["answers"]) > heard + 200
+            return more and self.engaged("b")
+
+        self.peer.until(went_on, "b to go on")
+        assert self.device("fault") == ""
+        assert int(self.device("corrected_for_others")) == before
+
+
+@pytest.fixture
+def users(domain: int, peer: Peer, tmp_path: Path) -> Iterator[Users]:
+    patient = {
+        "teleoperation_controller.input_timeout": 0.2,
+        "haptic_device.command_timeout": 0.2,
+        "diagnostics_period": 0.1,
+    }
+    path, environment = str(two_hands(tmp_path)), private_environment(domain)
+    with Graph(path, True, parameters=patient, environment=environment, hold=("a", "b")) as graph:
+        found = Users(graph, peer)
+        peer.until(lambda: found.engaged("a") and found.engaged("b"), "both to engage", 40.0)
+        assert found.corrects()
+        yield found
+        graph.check()
+
+
+def test_a_second_publisher_of_the_coupling_gain_ends_no_more_than_the_correction(
+    users: Users, peer: Peer
+) -> None:
+    wire = CouplingWire(["a"], Limits())
+
+    def message() -> Float64MultiArray:
+        now = peer.node.get_clock().now().nanoseconds
+        found = wire.pack(CouplingMatrices(now, {"a": 20.0 * np.eye(6)}))
+        return Float64MultiArray(data=found.tolist())
+
+    users.intrude("b/device/coupling_gain", "/b/teleoperation_controller", message)
+    peer.until(lambda: users.engaged("a"), "a to be engaged still")
+    peer.until(lambda: users.device("coupling_fault") == "", "the second one to be forgotten")
+    assert users.corrects()
+
+
+def test_a_second_device_of_another_user_stops_that_user_alone(users: Users, peer: Peer) -> None:
+    sent = peer.listen("a/device/state", Float64MultiArray)
+    peer.until(lambda: sent, "a sample of a")
+
+    def message() -> Float64MultiArray:
+        values = np.array(sent[0].data)
+        values[:2] = divmod(peer.node.get_clock().now().nanoseconds, NANOSECONDS)
+        values[DEVICE_FIELDS.slice("hand_wrench")] = 3.0, -2.0, 1.0, 0.0, 0.0, 0.0
+        return Float64MultiArray(data=values.tolist())
+
+    users.intrude("a/device/state", "/a/haptic_device", message)
+    stopped = "disengaged: more than one publisher of /a/device/state: "
+    status = users.statuses["a/teleoperation_controller"]
+    assert status.message.startswith(stopped)
+    peer.until(lambda: users.device("coupling_fault") == "", "the second one to be forgotten")
+    peer.until(lambda: users.engaged("a"), "a to engage again", 40.0)
+    assert users.corrects()
