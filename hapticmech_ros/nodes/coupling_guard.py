@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether what commands are corrected for other hands by comes from one publisher each.
 
-Of two nobody knows which one is right, and what neither is used for costs nothing but the
-correction: without it a device renders as beside one whose connection is simulated. So the force
-is not set to zero, as it is for two who command, or tell how commands depend on the device itself.
+Of two nobody knows which one is right, so that neither is used. That costs no more than the
+correction: other hands are felt two periods late, as behind a connection. The force is not set to
+zero, as it is for two who command, or who tell how commands depend on the device itself: somebody
+else's second device must not stop this one.
 """
 
 from __future__ import annotations

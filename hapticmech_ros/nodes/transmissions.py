@@ -42,9 +42,8 @@ class Transmissions:
         self._guard.forget()
 
     def reseat(self) -> None:
-        """Forget all messages."""
+        """Forget what came in lockstep."""
         self._stamped = Stamped()
-        self.activate()
 
     def take(self, stamp_ns: int) -> bool:
         """Let the message of a time (ns) count, in lockstep; return whether it is there."""
