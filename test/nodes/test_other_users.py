@@ -26,11 +26,11 @@ SECOND_NS = 1_000_000_000
 COMMANDS, FEEDBACK = "/left/device/servo_cf", "/left/device/local_feedback_gain"
 OWN, OTHER, GAIN = "/left/device/state", "/right/device/state", "/left/device/coupling_gain"
 # H along x; the other hand's force grows by so much in a period, N. A command answers the sample
-# before the newest one, and is corrected from a period before that sample to the middle of its own.
+# before the newest one, and is corrected from a period before that sample on. To the middle of its
+# own period it is not: with G = 0 the mechanism is as heavy as the device.
 H, RISE = 2.0, 1e-3
-CORRECTION = 2.5 * H * RISE
-# Times in ns are rounded to 128 where they are floats.
-CLOSE = 5e-5
+CORRECTION = 2.0 * H * RISE
+CLOSE = 1e-9
 
 
 class Left:
