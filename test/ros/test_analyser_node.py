@@ -17,7 +17,7 @@ from ros.harness import Peer, refuses, running
 
 pytestmark = pytest.mark.ros
 # Of the scene's loop, with a period of 1 ms: 2 d + 1/2 periods, d being 1.
-COMPENSATED_DELAY = 0.0025
+COMPENSATED_DELAY = 0.003
 CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 

@@ -90,7 +90,9 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool, tmp_pat
     clutch = engage(0.0, pose, pose)
     told = np.zeros(6)
     # What the mechanism was told last is in flight when a device that corrects commands is answered
-    # again: the answer to measurements that stay comes to stay too.
+    # again, and half of what it is told now of the hand: the answer to measurements that stay comes
+    # to stay too.
+    hand = control.task * np.array(HAND)
     for _ in range(100 if packed else 1):
         period = SCENE.simulation.period
         expected = control.compute(
@@ -99,7 +101,7 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool, tmp_pat
             DeviceMeasurement(moved, np.zeros(6), np.array(HAND)),
             PointMeasurement(pose, np.zeros(6), np.zeros(6)),
             model,
-            InFlight(period, period * told) if packed else None,
+            InFlight(1.5 * period, period * (told + 0.5 * hand)) if packed else None,
         )
         told = expected.mechanism
     # On a busy machine this process may stand still for long: a timeout would engage anew, at the
