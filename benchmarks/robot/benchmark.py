@@ -16,13 +16,23 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 import typer
+from matplotlib.figure import Figure
 
 from benchmarks.goals import Verdict, goal_sheet, verdict
 from benchmarks.machine import MachineResults, machine
 from benchmarks.robot.bilateral import Felt, felt
+from benchmarks.robot.environment import (
+    DELAYS,
+    ENVIRONMENTS,
+    environment_figure,
+    environment_sheet,
+    loop,
+)
 from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
+from hapticmech_ros.analysis.environment import INTERFACES as TAKEN
+from hapticmech_ros.analysis.environment import FeltEnvironment, felt_environment
 from hapticmech_ros.analysis.study import Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -99,6 +109,7 @@ class RobotResults(MachineResults):
         chosen: settings of the laws.
         rows: what was measured of them.
         felt: of a wall by a hand, through device, mechanism and robot.
+        environments: felt impedance of known environments.
     """
 
     NAME: ClassVar[str] = "bench_robot"
@@ -108,6 +119,7 @@ class RobotResults(MachineResults):
     chosen: tuple[Chosen, ...]
     rows: tuple[Row, ...]
     felt: tuple[Felt, ...]
+    environments: tuple[FeltEnvironment, ...]
 
     @property
     def sound(self) -> bool:
@@ -136,6 +148,11 @@ class RobotResults(MachineResults):
         if self.rows:
             yield goal_sheet(self._goals())
         yield self._felt()
+        yield environment_sheet(self.environments)
+
+    def figures(self) -> Mapping[str, Figure]:
+        """Return felt over desired impedance of environments."""
+        return {"felt_environment.png": environment_figure(self.environments)}
 
     def _settings(self, settled: Sequence[tuple[str, ...]]) -> Sheet:
         return Sheet(
@@ -345,12 +362,19 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
         for share in FEEDBACKS
         for held in (False, True)
     )
-    return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls)
+    environments = tuple(
+        felt_environment(loop(), name, environment, interface, delay)
+        for name, environment in ENVIRONMENTS.items()
+        for interface in TAKEN
+        for delay in DELAYS
+        if not quick or (name, interface, delay) == ("spring", "effort", 0)
+    )
+    return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls, environments)
 
 
 def robot(
     quick: Annotated[bool, typer.Option(help="one task, one setting of each law")] = False,
-    laws: Annotated[bool, typer.Option(help="compare laws; else the felt wall alone")] = True,
+    laws: Annotated[bool, typer.Option(help="compare laws; else what is felt alone")] = True,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:

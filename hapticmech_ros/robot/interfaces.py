@@ -25,6 +25,8 @@ from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.robot.law import Command, OperationalLaw
 from hapticmech_ros.robot.target import Target
 
+# 1/s: rate with which velocities pull the real robot to the virtual one.
+CORRECTION = 20.0
 Interface = Literal["effort", "velocity", "position"]
 
 
@@ -77,7 +79,7 @@ class VirtualRobot:
     """
 
     def __init__(
-        self, law: OperationalLaw, period: float, leash: float = 0.1, correction: float = 20.0
+        self, law: OperationalLaw, period: float, leash: float = 0.1, correction: float = CORRECTION
     ) -> None:
         given = {"period": period, "leash": leash, "correction": correction}
         for name, value in given.items():

@@ -19,6 +19,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.model import build_tree, se3
+from hapticmech_ros.robot.linear_environment import LinearEnvironment
 from hapticmech_ros.robot.mujoco_tree import MujocoTree, mujoco_module, wxyz
 from hapticmech_ros.scene import Scene
 
@@ -165,12 +166,15 @@ class MujocoRobot:
         self.data.qpos[:], self.data.qvel[:] = q, v
         self._mujoco.mj_forward(self.model, self.data)
 
-    def advance(self, torque: Array, steps: int) -> None:
+    def advance(
+        self, torque: Array, steps: int, environment: LinearEnvironment | None = None
+    ) -> None:
         """Move for some steps under constant torques.
 
         Args:
             torque: (nv,) N m or N.
             steps: number of MuJoCo's steps.
+            environment: that the operational point is fixed to; None: none.
 
         Raises:
             HapticMechError: the motion is lost: not finite, or reset by MuJoCo.
@@ -179,6 +183,8 @@ class MujocoRobot:
             self.data.qfrc_applied[:] = torque
             if self.data.ncon:
                 self.data.qfrc_applied += self._friction_torque()
+            if environment is not None:
+                self.data.qfrc_applied += self._environment_torque(environment)
             self._mujoco.mj_step(self.model, self.data)
         # Positions, contacts and forces of the state reached, not of the one before.
         self._mujoco.mj_forward(self.model, self.data)
@@ -219,6 +225,18 @@ class MujocoRobot:
         normal = force / pushed
         slip = speed - (normal @ speed) * normal
         return np.asarray(-self._mu * pushed * slip / max(float(np.linalg.norm(slip)), _CREEP))
+
+    def _environment_torque(self, environment: LinearEnvironment) -> Array:
+        """Return torques (nv,) of an environment, which moves on by a step."""
+        mujoco, model, data = self._mujoco, self.model, self.data
+        # Of the state that the last step has reached.
+        mujoco.mj_fwdPosition(model, data)
+        jacobian, total = np.zeros((3, self.nv)), np.zeros(self.nv)
+        mujoco.mj_jacSite(model, data, jacobian, None, self._site)
+        place = np.array(data.site_xpos[self._site])
+        force = environment.advance(place, jacobian @ data.qvel, float(model.opt.timestep))
+        mujoco.mj_applyFT(model, data, force, np.zeros(3), place, self._body, total)
+        return total
 
     def _friction_torque(self) -> Array:
         """Return torques (nv,) of all friction at the wall."""

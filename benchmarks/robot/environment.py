@@ -1,0 +1,117 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a hand feels of a known environment that an iiwa touches: which are measured, and a figure.
+
+The mechanism is a carriage of 0.6 kg that slides along two axes, of which each is a free direction
+of its own: the felt impedance along one is a number, as that of the environment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.robot.tasks import IIWA
+from hapticmech_ros import load_scene
+from hapticmech_ros.analysis.environment import FeltEnvironment, Loop
+from hapticmech_ros.analysis.study import Sheet
+from hapticmech_ros.experiment.figure_style import new_figure
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.linear_environment import Impedance
+from hapticmech_ros.scene import scene_from_document
+
+ENVIRONMENTS: dict[str, Impedance] = {
+    "spring": Impedance(300.0, 6.0),
+    "mass, spring, damper": Impedance(300.0, 6.0, 0.3),
+    "wall": Impedance(20e3, 400.0),
+}
+# Further periods each way.
+DELAYS = (0, 5)
+# Of the law, 1/s, as of the felt wall.
+RATE = 40.0
+CAPTION = (
+    "Felt over desired impedance of an environment through device, mechanism and robot. "
+    "Circles: closed form of the linear loop."
+)
+
+
+def _link(name: str, parent: str, axis: tuple[int, int, int]) -> dict[str, object]:
+    inertia = dict.fromkeys(("ixx", "iyy", "izz"), 0.001)
+    return {
+        "name": name,
+        "parent": parent,
+        "joint": {"name": f"along_{name}", "type": "prismatic", "axis": axis, "damping": 0.1},
+        "inertial": {"mass": 0.3, "inertia": inertia},
+    }
+
+
+def loop() -> Loop:
+    """Return the carriage that leads an iiwa."""
+    document = {
+        "format": "hapticmech-scene/1",
+        "name": "carriage",
+        "task_space": "planar",
+        "gravity": [0.0, 0.0, 0.0],
+        "links": [_link("x", "world", (1, 0, 0)), _link("y", "x", (0, 1, 0))],
+        "operational_points": [{"name": "handle", "link": "y"}],
+        "hand": {"kind": "constant_wrench"},
+    }
+    gains = Gains(linear_rate=RATE, angular_rate=RATE)
+    return Loop(scene_from_document(document), load_scene(IIWA), gains)
+
+
+def environment_sheet(found: Sequence[FeltEnvironment]) -> Sheet:
+    """Return the table of what was felt.
+
+    Args:
+        found: what was measured.
+    """
+    rows = [
+        (
+            one.environment,
+            one.interface,
+            str(one.delay),
+            *(
+                f"{abs(ratio):.2f}, {np.degrees(np.angle(ratio)):.0f}°"
+                if one.steady
+                else "unsteady"
+                for ratio in one.ratio[np.isin(one.frequencies, (1.0, 3.0, 10.0, 30.0))]
+            ),
+            f"{one.model_error(10.0):.3f}" if one.steady else "",
+        )
+        for one in found
+    ]
+    return Sheet(
+        "felt over desired impedance of what the robot touches",
+        ("environment", "interface", "delay", "1 Hz", "3 Hz", "10 Hz", "30 Hz", "closed form off"),
+        tuple(rows),
+        ("interface",),
+        "delay: further periods each way; closed form off: largest relative error to 10 Hz",
+        kept=24,
+    )
+
+
+def environment_figure(found: Sequence[FeltEnvironment]) -> Figure:
+    """Return magnitudes and phases over frequency, of motions that became steady.
+
+    Args:
+        found: what was measured.
+    """
+    figure = new_figure(9.0, 4.0, CAPTION)
+    sizes, phases = figure.subplots(1, 2)
+    for one in found:
+        if not one.steady or one.delay:
+            continue
+        name = f"{one.environment}, {one.interface}"
+        (line,) = sizes.semilogx(one.frequencies, 20.0 * np.log10(np.abs(one.ratio)), label=name)
+        drawn = {"marker": "o", "fillstyle": "none", "linestyle": "none", "color": line.get_color()}
+        sizes.semilogx(one.frequencies, 20.0 * np.log10(np.abs(one.predicted)), **drawn)
+        phases.semilogx(one.frequencies, np.degrees(np.angle(one.ratio)), color=line.get_color())
+        phases.semilogx(one.frequencies, np.degrees(np.angle(one.predicted)), **drawn)
+    for axes, title in ((sizes, "|felt / desired|, dB"), (phases, "phase, degrees")):
+        axes.set_xlabel("frequency, Hz")
+        axes.set_title(title)
+    sizes.legend(fontsize="x-small")
+    return figure

@@ -1,0 +1,266 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Felt over desired impedance of what a robot touches: device, mechanism, robot, environment.
+
+A multisine force along one axis of the world acts on the device of a session whose mechanism leads
+a robot in MuJoCo; its tool is fixed to a linear environment, whose force acts on the mechanism.
+Desired is what the hand would feel of the mechanism fixed to that environment itself:
+
+    Z_d = Z_m + E / s,      Z_m of the mechanism alone, E(s) of the environment
+
+The closed form of the linear loop, with the robot's inverse inertia x = X_aa along the axis,
+torques that act over a period T one period late, D = exp(-3/2 T s), a command of the device that
+acts d periods after its sample, and n periods of delay each way, is
+
+    Z = Z_m + E H D exp(-(d + 2 n) T s) / s
+    torques:    H = D b / (s² + D b + x E),      b = 2 ζ ω s + ω²
+    otherwise:  H = b b_s / (a (a_s + x E) + x E b_s),      a = s² + b
+
+with a_s and b_s of the joints' own controllers (:mod:`..robot.joint_servo`), r their rate and c the
+correction of velocities: a_s = s² + 2 r s + r², b_s = r² for positions and 2 r s + r² with rates;
+a_s = s² + b_s, b_s = 2 r (s + c) for velocities.
+
+What is measured is the linear loop: the feedback's passivity control is not in it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from hapticmech_ros.analysis.impedance import alone, amplitudes, mechanism_twists, multisine
+from hapticmech_ros.analysis.touch import Setup
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism import Mechanism, PointKinematics
+from hapticmech_ros.quaternions import turned
+from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
+from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.interfaces import CORRECTION, Interface
+from hapticmech_ros.robot.joint_servo import RATE, servo_torque
+from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.linear_environment import Impedance, LinearEnvironment
+from hapticmech_ros.robot.mujoco_robot import MujocoRobot
+from hapticmech_ros.scene import Scene
+
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
+# Amplitude of the force, N per Hz; of MuJoCo in a period.
+PUSH_N_PER_HZ, STEPS = 0.0005, 4
+# What dies away before the window; the window, of whole periods of all frequencies.
+SETTLING_S, WINDOW_S = 2.0, 1.0
+# What may still change from one window to the next, relative to the largest.
+STEADY = 0.02
+# What the robot's controller takes, and whether positions come with their rates.
+INTERFACES: dict[str, tuple[Interface, bool]] = {
+    "effort": ("effort", False),
+    "velocity": ("velocity", False),
+    "position": ("position", False),
+    "trajectory": ("position", True),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FeltEnvironment:
+    """What a hand feels of an environment.
+
+    Attributes:
+        environment: its name.
+        interface: of the robot.
+        delay: n, further periods from mechanism to robot, and back.
+        frequencies: (k,) Hz.
+        ratio: (k,) complex, felt over desired impedance; NaN if the motion became not steady.
+        predicted: (k,) the ratio by the closed form.
+    """
+
+    environment: str
+    interface: str
+    delay: int
+    frequencies: Array
+    ratio: Array
+    predicted: Array
+
+    @property
+    def steady(self) -> bool:
+        """Whether the motion became periodic, as the force is."""
+        return bool(np.isfinite(self.ratio).all())
+
+    def error(self, frequency: float) -> float:
+        """Return the largest |ratio - 1| up to a frequency, Hz."""
+        return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
+
+    def model_error(self, frequency: float) -> float:
+        """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
+        off = np.abs(self.predicted / self.ratio - 1.0)
+        return float(off[self.frequencies <= frequency].max())
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A device's scene, a robot, and how they are connected.
+
+    Attributes:
+        scene: of device and mechanism.
+        robot: scene of the robot.
+        gains: of its law.
+        axis: 0 to 2 of the world, along which force and environment are.
+    """
+
+    scene: Scene
+    robot: Scene
+    gains: Gains
+    axis: int = 0
+
+
+class RobotInEnvironment:
+    """A robot in MuJoCo, its follower, and the environment at its tool.
+
+    Args:
+        loop: whose robot it is.
+        interface: one of ``INTERFACES``.
+        environment: at its tool.
+
+    Attributes:
+        follower: that drives it.
+        mobility: X_aa where it starts, 1/kg.
+    """
+
+    def __init__(self, loop: Loop, interface: str, environment: Impedance) -> None:
+        kind, self._with_rates = INTERFACES[interface]
+        self._interface, period = kind, loop.scene.simulation.period
+        law = OperationalLaw(Mechanism(loop.robot), gains=loop.gains)
+        self._rest = law.resting(law.posture)
+        self._order: Order | None = None
+        self._robot = MujocoRobot(loop.robot, step=period / STEPS)
+        self._robot.put(law.posture, 0.0 * law.posture)
+        self._environment = LinearEnvironment(environment, np.eye(3)[loop.axis])
+        self.follower = Follower(law, FollowerSettings(kind, period, has_sensor=True))
+        at_rest = law.state(law.posture, 0.0 * law.posture).analysis
+        self.mobility = float(at_rest.inverse_inertia[loop.axis, loop.axis])
+
+    def go_on(self, time: float) -> Array:
+        """Move for a period under the last order, and take a new one.
+
+        Args:
+            time: s, of its start.
+
+        Returns:
+            (6,) F_c at the start, N and N m, world axes.
+
+        Raises:
+            HapticMechError: the robot is lost.
+        """
+        robot, force = self._robot, self._environment.force
+        self.follower.hear_joints(robot.q, robot.v, time)
+        sensed = np.concatenate((force, np.zeros(3)))
+        self.follower.hear_wrench(turned(sensed, robot.pose.rotation.T), time)
+        order = self.follower.order(time)
+        robot.advance(self._torque(), STEPS, self._environment)
+        self._order = order
+        return np.zeros(6) if order is None else order.contact
+
+    def _torque(self) -> Array:
+        order = self._order
+        if order is None:
+            return self._rest
+        if self._interface == "effort":
+            return order.values
+        if self._interface == "velocity":
+            return servo_torque(self._robot, None, order.values)
+        return servo_torque(self._robot, order.values, order.rates if self._with_rates else None)
+
+
+def felt_environment(
+    loop: Loop, name: str, environment: Impedance, interface: str, delay: int
+) -> FeltEnvironment:
+    """Return what a hand feels of an environment, along an axis of the world.
+
+    Args:
+        loop: that is measured.
+        name: of the environment.
+        environment: at the robot's tool.
+        interface: one of ``INTERFACES``.
+        delay: further periods each way.
+    """
+    free = alone(loop.scene)
+    setup, period = Setup(free, "", 1), free.simulation.period
+    window = round(WINDOW_S / period)
+    times = period * np.arange(round(SETTLING_S / period) + 2 * window)
+    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
+    force = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)
+    push = force[:, None] * np.eye(6)[loop.axis]
+    robot = RobotInEnvironment(loop, interface, environment)
+    mobility = robot.mobility
+    try:
+        moved = _session(setup, robot, push, delay)
+        still = _session(setup, RobotInEnvironment(loop, interface, environment), 0.0 * push, delay)
+        velocity = (moved - still)[:, loop.axis]
+    except HapticMechError:
+        velocity = np.full(times.size, np.nan)
+    own = (mechanism_twists(setup, push) - mechanism_twists(setup, 0.0 * push))[:, loop.axis]
+    pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (force, own))
+    s = 2.0j * np.pi * frequencies
+    stiff = environment.dynamic_stiffness(s)
+    mechanism = pushed / desired
+    reference = mechanism + stiff / s
+    felt = np.full(frequencies.size, complex(np.nan, np.nan))
+    if np.isfinite(velocity).all():
+        before, after = _steady(times, velocity, frequencies, window)
+        if np.abs(after - before).max() <= STEADY * np.abs(after).max():
+            felt = pushed / after
+    through = transfer(loop.gains, mobility, stiff, interface, s, period)
+    late = np.exp(-(1.5 + setup.delay + 2.0 * delay) * period * s)
+    predicted = (mechanism + stiff * through * late / s) / reference
+    return FeltEnvironment(name, interface, delay, frequencies, felt / reference, predicted)
+
+
+def transfer(
+    gains: Gains, mobility: float, stiff: Array, interface: str, s: Array, period: float
+) -> Array:
+    """Return H (k,), from the target's motion to that of the tool in an environment.
+
+    Args:
+        gains: of the law.
+        mobility: X_aa of the robot along the axis, 1/kg.
+        stiff: (k,) E(s), N/m.
+        interface: one of ``INTERFACES``.
+        s: (k,) 1/s.
+        period: T, s.
+    """
+    rate = gains.linear_rate
+    wanted, pushed = 2.0 * gains.damping_ratio * rate * s + rate**2, mobility * stiff
+    if interface == "effort":
+        late = np.exp(-1.5 * period * s)
+        return np.asarray(late * wanted / (s**2 + late * wanted + pushed))
+    servo = 2.0 * RATE * s + RATE**2
+    told = {
+        "position": RATE**2 + 0.0 * s,
+        "trajectory": servo,
+        "velocity": 2.0 * RATE * (s + CORRECTION),
+    }
+    held = s**2 + (told["velocity"] if interface == "velocity" else servo)
+    given = told[interface]
+    return np.asarray(wanted * given / ((s**2 + wanted) * (held + pushed) + pushed * given))
+
+
+def _session(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay: int) -> Array:
+    """Return twists (n, 6) of the device."""
+    session, period = setup.session(), setup.scene.simulation.period
+    there: deque[PointKinematics] = deque(maxlen=delay + 1)
+    back = deque([np.zeros(6)] * (delay + 1), maxlen=delay + 1)
+    twists = np.empty((len(pushes), 6))
+    for tick, push in enumerate(pushes):
+        sample = session.tick(external_wrench=back[0], hand_wrench=push)
+        twists[tick] = sample.device.twist
+        there.append(sample.seen.point)
+        time = period * tick
+        robot.follower.hear_target(there[0].pose, there[0].twist, time)
+        back.append(robot.go_on(time))
+    return twists
+
+
+def _steady(times: Array, values: Array, frequencies: Array, window: int) -> tuple[Array, Array]:
+    """Return amplitudes (k,) in the last window but one, and in the last."""
+    first = amplitudes(times[:window], values[-2 * window : -window], frequencies)
+    return first, amplitudes(times[:window], values[-window:], frequencies)
