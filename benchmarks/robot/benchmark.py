@@ -29,6 +29,7 @@ from benchmarks.robot.environment import (
     loop,
 )
 from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
+from benchmarks.robot.other_paths import Elsewhere, elsewhere, elsewhere_sheet
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
 from hapticmech_ros.analysis.environment import INTERFACES as TAKEN
@@ -110,6 +111,7 @@ class RobotResults(MachineResults):
         rows: what was measured of them.
         felt: of a wall by a hand, through device, mechanism and robot.
         environments: felt impedance of known environments.
+        others: path errors where no setting was chosen.
     """
 
     NAME: ClassVar[str] = "bench_robot"
@@ -120,6 +122,7 @@ class RobotResults(MachineResults):
     rows: tuple[Row, ...]
     felt: tuple[Felt, ...]
     environments: tuple[FeltEnvironment, ...]
+    others: tuple[Elsewhere, ...]
 
     @property
     def sound(self) -> bool:
@@ -147,6 +150,8 @@ class RobotResults(MachineResults):
                 yield self._sheet(task, condition)
         if self.rows:
             yield goal_sheet(self._goals())
+        if self.others:
+            yield elsewhere_sheet(self.others)
         yield self._felt()
         yield environment_sheet(self.environments)
 
@@ -356,6 +361,7 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
                 chosen.append(found)
                 if best is not None:
                     rows += [Row(one.task.name, condition, law, done(one, best)) for one in of]
+    others = elsewhere(show) if laws and not quick else ()
     walls = tuple(
         felt(interface, share, with_rates, passive=held)
         for interface, with_rates in INTERFACES
@@ -369,7 +375,9 @@ def run_benchmark(quick: bool, laws: bool = True, show: Show = silent) -> RobotR
         for delay in DELAYS
         if not quick or (name, interface, delay) == ("spring", "effort", 0)
     )
-    return RobotResults(machine(), differences, tuple(chosen), tuple(rows), walls, environments)
+    return RobotResults(
+        machine(), differences, tuple(chosen), tuple(rows), walls, environments, others
+    )
 
 
 def robot(

@@ -162,9 +162,19 @@ def iiwa() -> OperationalLaw:
 
 def wrist() -> Task:
     """Return the task of a UR5e whose wrist passes through its singular pose."""
-    law = ur5e()
     start = np.array([0.0, -1.9, 1.9, -0.5, -0.6, 0.0])
     end = np.array([0.4, -1.6, 1.7, -0.7, 0.6, 0.3])
+    return wrist_path(start, end)
+
+
+def wrist_path(start: Array, end: Array) -> Task:
+    """Return the task of a UR5e whose joints go straight, on either side of the wrist's pose.
+
+    Args:
+        start: (6,) rad.
+        end: (6,) rad.
+    """
+    law = ur5e()
     path = through_joints(law, start, end, PATH_S)
     return _pressed("UR5e, through the wrist", law, UR5E_LIMITS, start, end, path)
 

@@ -8,7 +8,8 @@ import pytest
 from benchmarks.robot.benchmark import EQUAL, choose, difference
 from benchmarks.robot.bilateral import felt
 from benchmarks.robot.laws import DAMPED, IMPEDANCE, OURS, settings
-from benchmarks.robot.tasks import PATH_S, TASKS
+from benchmarks.robot.other_paths import DISTURBED, MODELLED, PATHS
+from benchmarks.robot.tasks import PATH_S, TASKS, wrist_path
 from benchmarks.robot.trial import Measured
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
@@ -43,6 +44,25 @@ def test_paths_go_through_a_singular_pose_and_begin_and_end_at_rest(name):
     start = task.path(0.0).pose.translation
     pose = law.state(task.start, 0.0 * task.start).point.pose.translation
     np.testing.assert_allclose(start, pose, atol=1e-12)
+
+
+@pytest.mark.parametrize(("start", "end"), PATHS)
+def test_every_other_path_turns_the_wrist_through_its_singular_pose(start, end):
+    """Joint 5 of a UR5e goes through 0, where the smallest s is that of rounding."""
+    start, end = np.array(start), np.array(end)
+    task = wrist_path(start, end)
+    assert start[4] * end[4] < 0.0
+    there = start + start[4] / (start[4] - end[4]) * (end - start)
+    law = OperationalLaw(Mechanism(task.scene))
+    assert law.state(there, 0.0 * there).analysis.spectrum.s[-1] < 1e-10
+    reached = law.state(end, 0.0 * end).point.pose
+    np.testing.assert_allclose(task.path(PATH_S).pose.homogeneous, reached.homogeneous, atol=1e-12)
+
+
+def test_settings_of_other_paths_are_of_the_grid():
+    found = settings()
+    for one in (*MODELLED, *DISTURBED):
+        assert one.values in [tried.values for tried in found[one.name]]
 
 
 def test_every_law_has_settings_with_and_without_the_observer():
