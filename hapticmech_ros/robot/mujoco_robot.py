@@ -54,14 +54,16 @@ class Unmodelled:
     """What the real robot has and its controller does not know.
 
     Attributes:
-        payload: mass at the operational point, kg.
+        payload: mass, kg.
         damping: of each joint, N m s/rad or N s/m.
         friction: dry friction of each joint, N m or N.
+        beyond: m, from the operational point along its z axis, where the payload is.
     """
 
     payload: float = 0.0
     damping: float = 0.0
     friction: float = 0.0
+    beyond: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +119,11 @@ class MujocoRobot:
         place = (within * se3(held.origin)).translation
         extra = around.unmodelled
         if extra.payload:
-            carried = added.bodies[number].add_body(name="payload", pos=place)
+            away = (within * se3(held.origin)).act(np.array([0.0, 0.0, extra.beyond]))
+            carried = added.bodies[number].add_body(name="payload", pos=away)
             carried.mass, carried.explicitinertial = extra.payload, True
+            # Without it MuJoCo takes the body's own place, once more.
+            carried.ipos = np.zeros(3)
             # Of a ball of steel of that mass, next to nothing.
             carried.inertia = np.full(3, 1e-4 * extra.payload)
         for body in added.bodies[1:]:
