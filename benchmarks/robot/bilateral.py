@@ -140,7 +140,7 @@ def felt(
     session = Session(load_scene(SCENE, changes=[HAND]))
     robot = _Robot(interface, rate, with_rates)
     port = FeedbackPort(FeedbackSettings(PERIOD, feedback, *MOST, passive))
-    given = np.zeros(6)
+    given = acted = before = np.zeros(6)
     handle: Array | None = None
     forces, hands, lag = [], [], 0.0
     hand_j = least = coupling = most = 0.0
@@ -150,7 +150,9 @@ def felt(
         if handle is None:
             handle = point.pose.translation.copy()
         hand_j += PERIOD * float(sample.hand_wrench @ sample.device.twist)
-        coupling += PERIOD * float(given @ point.twist)
+        # What acted from the last sample to this one.
+        coupling += 0.5 * PERIOD * float(acted @ (before + point.twist))
+        acted, before = given, point.twist.copy()
         least, most = min(least, hand_j), max(most, coupling)
         robot.follower.hear_target(point.pose, point.twist, PERIOD * tick)
         contact = robot.go_on(PERIOD * tick)

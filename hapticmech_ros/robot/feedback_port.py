@@ -2,13 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time-domain passivity of what a robot's contact does to the mechanism that leads it.
 
-    W = Σ T F · v          energy that the contact has given to the mechanism, net of what it took
+    W = Σ T F · (v + v') / 2      energy that the contact has given to the mechanism, net of what
+                                  it took; v and v' at the ends of the period in which F acts
 
 An environment that is passive, felt without delay, never makes W positive: what it gives is what
 the mechanism gave it. Delays and joints' servos do. As the account of the mechanism's own port
 (:mod:`~hapticmech_ros.control.account_kernels`), W is held to an allowance: a wrench that would
 give more in the coming period is changed by the least damper -λ M v that gives no more, with M of
 1 kg and a lever of 0.1 m. At rest there is no power, and nothing is changed.
+
+A wrench acts from the next sample of the mechanism on. What it gives is known two samples later,
+with what it has itself added to v; until then T F · v of the last sample stands for it.
 """
 
 from __future__ import annotations
@@ -75,32 +79,35 @@ class FeedbackPort:
         self.settings = settings
         self.given = self.dissipated = 0.0
         self.changed = 0
-        self._acting = np.zeros(6)
+        self._acted, self._acting, self._twist = np.zeros(6), np.zeros(6), np.zeros(6)
 
     def begin(self) -> None:
         """Begin a new account."""
-        self.given, self._acting = 0.0, np.zeros(6)
+        self.given = 0.0
+        self._acted, self._acting, self._twist = np.zeros(6), np.zeros(6), np.zeros(6)
 
     def wrench(self, contact: Array, twist: Array) -> Array:
-        """Return the wrench (6,) on the mechanism for the coming period, N and N m, world axes.
+        """Return the wrench (6,) on the mechanism from its next sample on, N and N m, world axes.
 
         Args:
             contact: (6,) by the environment on the robot, N and N m, world axes at its point.
             twist: (6,) of the mechanism's operational point now, m/s and rad/s, world axes.
         """
         settings = self.settings
-        self.given += settings.period * float(self._acting @ twist)
+        self.given += 0.5 * settings.period * float(self._acted @ (self._twist + twist))
         found = limited(settings.share * contact, settings.force, settings.torque)
         if settings.passive:
             found = self._held(found, twist)
-        self._acting = found
+        self._acted, self._acting, self._twist = self._acting, found, np.array(twist)
         return found
 
     def _held(self, wrench: Array, twist: Array) -> Array:
         """Return a wrench that keeps W within the allowance, if the twist stays."""
         period = self.settings.period
         power = float(wrench @ twist)
-        most = (self.settings.allowance - self.given) / period
+        # What acts by now is not counted yet.
+        under_way = max(float(self._acting @ twist), 0.0)
+        most = (self.settings.allowance - self.given) / period - under_way
         if power <= max(most, 0.0):
             return wrench
         momentum = _METRIC * twist

@@ -17,13 +17,17 @@ def settings(**changed):
 
 
 def moved(port, lag, mass=1.0, stiffness=400.0, seconds=3.0):
-    """Return the largest energy, J, of a mass on a spring that is felt some periods late."""
-    x, v, forces, most = 0.01, 0.0, [0.0] * (lag + 1), 0.0
+    """Return the largest energy, J, of a mass on a spring that is felt some periods late.
+
+    A wrench acts from the next sample on, as in a session.
+    """
+    x, v, forces, most, acting = 0.01, 0.0, [0.0] * (lag + 1), 0.0, 0.0
     for _ in range(round(seconds / PERIOD)):
         forces.append(-stiffness * x)
         force = float(port.wrench(forces[-1 - lag] * X, v * X)[0])
-        v += PERIOD * force / mass
-        x += PERIOD * v
+        x += PERIOD * v + 0.5 * PERIOD**2 * acting / mass
+        v += PERIOD * acting / mass
+        acting = force
         most = max(most, 0.5 * mass * v**2)
     return most
 
@@ -41,6 +45,20 @@ def test_a_delayed_spring_gives_energy_and_the_port_takes_it():
     assert held.dissipated > 0.0
 
 
+def test_what_a_wrench_adds_to_the_speed_itself_is_counted():
+    """A force that turns round every period, on a mass: W is its kinetic energy, exactly."""
+    port, v, acting, mass = FeedbackPort(settings(passive=False)), 0.3, 0.0, 0.2
+    start, energies = 0.5 * mass * v**2, []
+    for tick in range(100):
+        energies.append(0.5 * mass * v**2 - start)
+        found = float(port.wrench((-1.0) ** tick * 20.0 * X, v * X)[0])
+        assert port.given == pytest.approx(energies[-1], abs=1e-12)
+        v += PERIOD * acting / mass
+        acting = found
+    # T F v of v at the start of each period leaves out half of this.
+    assert max(energies) > 5e-3
+
+
 def test_a_damper_is_never_changed():
     port, rng = FeedbackPort(settings(allowance=0.0)), np.random.default_rng(1)
     for _ in range(1000):
@@ -51,11 +69,13 @@ def test_a_damper_is_never_changed():
 
 def test_what_is_left_keeps_to_the_allowance_and_is_a_damper_beside_the_wrench():
     port, rng = FeedbackPort(settings(allowance=1e-3)), np.random.default_rng(2)
-    twist = rng.normal(size=6)
+    twist, acting = rng.normal(size=6), np.zeros(6)
     for _ in range(100):
         contact = twist + rng.normal(size=6)
         found = port.wrench(contact, twist)
-        assert port.given + PERIOD * float(found @ twist) <= 1e-3 + 1e-15
+        under_way = max(float(acting @ twist), 0.0)
+        assert port.given + PERIOD * (under_way + float(found @ twist)) <= 1e-3 + 1e-15
+        acting = found
         change = contact - found
         momentum = np.r_[twist[:3], 0.01 * twist[3:]]
         # Parallel to M v.
