@@ -203,6 +203,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             has_sensor=bool(parameters.wrench_topic),
             observer_rate=parameters.observer_rate,
             largest_error=parameters.largest_error,
+            swing_speed=parameters.swing_speed,
         )
 
     def _send(self, order: Order, now_ns: int) -> None:

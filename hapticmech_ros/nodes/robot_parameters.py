@@ -63,6 +63,14 @@ class FollowerParameters(JointParameters):
         10.0,
         "unconfigured",
     )
+    swing_speed: float = number(
+        0.05,
+        "speed about the target whose reversals are a swing, which slows the robot down; 0: none",
+        "m/s",
+        0.0,
+        10.0,
+        "unconfigured",
+    )
     linear_rate: float = number(
         30.0, "rate with which errors of position decay", "1/s", 0.0, 1000.0, "unconfigured"
     )

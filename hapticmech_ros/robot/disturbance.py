@@ -43,7 +43,7 @@ class DisturbanceObserver:
 
     Args:
         mechanism: of the robot.
-        rate: κ, 1/s; 0: nothing is estimated.
+        rate: κ, 1/s; 0: an estimate stays what it is.
         period: s.
 
     Raises:
@@ -56,13 +56,17 @@ class DisturbanceObserver:
         self._model, self._data = mechanism.model, mechanism.model.createData()
         self._rate, self._period = rate, period
 
-    def begin(self, state: RobotState) -> Observed:
-        """Return an estimate of nothing.
+    def begin(self, state: RobotState, disturbance: Array | None = None) -> Observed:
+        """Return an estimate to begin with.
 
         Args:
             state: of the robot.
+            disturbance: (nv,) r, N m or N; None: nothing.
         """
-        return Observed(np.zeros_like(state.v), _momentum(state))
+        held = np.zeros_like(state.v) if disturbance is None else disturbance
+        if self._rate == 0.0:
+            return Observed(held, _momentum(state))
+        return Observed(held, _momentum(state) - held / self._rate)
 
     def next(
         self, known: Observed, before: RobotState, torque: Array, contact: Array, now: RobotState
@@ -76,6 +80,8 @@ class DisturbanceObserver:
             contact: (6,) F_c then, by the environment on the robot, N and N m, world axes.
             now: state of the robot at the end.
         """
+        if self._rate == 0.0:
+            return known
         model, data = self._model, self._data
         coriolis = pin.computeCoriolisMatrix(model, data, before.q, before.v)
         weight = pin.computeGeneralizedGravity(model, data, before.q)

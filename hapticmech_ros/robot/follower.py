@@ -11,12 +11,17 @@ much, from where both were when they came together. Otherwise it fails closed:
     either:                  velocity: zero;  position: where the joints were at that time
 
 and comes together with the target anew when all is back.
+
+A robot that swings about its target (:mod:`.swing_watch`) carries more than its rates bear. From
+then on the law has 1/√2 of its rates and the observer 1/16 of its own, beginning with what it
+observed on average; the second time its estimate stays as it is, which bears every payload.
+After `SLOWEST` such steps the robot brakes and does not follow any more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,11 +35,14 @@ from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
 from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
+from hapticmech_ros.robot.swing_watch import WINDOW, SwingWatch
 from hapticmech_ros.robot.target import Target
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 
 _NOTHING = np.zeros(6)
 _NEVER = -np.inf
+# Times that a follower slows down.
+SLOWEST = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +58,8 @@ class FollowerSettings:
         largest_error: m, between target and robot, beyond which the clutch slips: a target that
             jumps, or a robot that is blocked, is no reason to pull harder.
         leash: of the virtual robot, rad or m; see :class:`.interfaces.VirtualRobot`.
+        swing_speed: m/s about the target that count as a swing of a robot that has an observer;
+            0: none does.
 
     Raises:
         InvalidInputError: an unknown interface, or a time that is not positive.
@@ -64,6 +74,7 @@ class FollowerSettings:
     observer_rate: float = 0.0
     largest_error: float = 0.1
     leash: float = 0.1
+    swing_speed: float = 0.05
 
     def __post_init__(self) -> None:
         if self.interface not in ("effort", "velocity", "position"):
@@ -74,6 +85,8 @@ class FollowerSettings:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InvalidInputError(name, value, "must be a positive number")
+        if not (np.isfinite(self.swing_speed) and self.swing_speed >= 0.0):
+            raise InvalidInputError("swing_speed", self.swing_speed, "must be 0 or more")
 
 
 class Order(NamedTuple):
@@ -103,6 +116,7 @@ class Counts:
         engagements: times that robot and target came together.
         joints_stale, target_stale, wrench_stale: orders without fresh samples.
         slipped: times that the target was too far away.
+        swings: times that the robot swung about its target, and was slowed down.
         saturated: orders in which torque limits took something away.
         leashed: orders in which the virtual robot was held back.
     """
@@ -114,6 +128,7 @@ class Counts:
     target_stale: int = 0
     wrench_stale: int = 0
     slipped: int = 0
+    swings: int = 0
     saturated: int = 0
     leashed: int = 0
 
@@ -142,6 +157,7 @@ class Follower:
         self._sensor = WrenchSensor() if sensor is None else sensor
         self._virtual = VirtualRobot(law, settings.period, settings.leash)
         self._observer = DisturbanceObserver(law.mechanism, settings.observer_rate, settings.period)
+        self._watch = self._new_watch()
         self.counts = Counts()
         nv = law.mechanism.nv
         self._q, self._v, self._joints_at = np.zeros(nv), np.zeros(nv), _NEVER
@@ -153,6 +169,7 @@ class Follower:
         self._before: RobotState | None = None
         self._torques = [np.zeros(nv), np.zeros(nv)]
         self._observed = Observed(np.zeros(nv), np.zeros(nv))
+        self._mean_observed = np.zeros(nv)
 
     @property
     def follows(self) -> bool:
@@ -244,8 +261,37 @@ class Follower:
         if float(np.linalg.norm(away)) > settings.largest_error:
             self.counts.slipped += 1
             return self._stop("the target is too far away", self._law.braking(state))
+        if self._swings(state, target, now):
+            return self._stop("the robot swings", self._law.braking(state))
         self.counts.followed += 1
         return self._follow(state, target)
+
+    def _swings(self, state: RobotState, target: Target, now: float) -> bool:
+        """Return whether the robot has swung too often; slow down when it does."""
+        settings = self._settings
+        if self.counts.swings > SLOWEST:
+            return True
+        # Without an observer no payload makes it swing.
+        if 0.0 in (settings.swing_speed, settings.observer_rate):
+            return False
+        if not self._watch.swings(state.point.twist - target.twist, now):
+            return False
+        self.counts.swings += 1
+        slower, gains = 0.5**0.5, self._law.gains
+        self._law = self._law.with_gains(
+            replace(
+                gains,
+                linear_rate=slower * gains.linear_rate,
+                angular_rate=slower * gains.angular_rate,
+            )
+        )
+        self._virtual = VirtualRobot(self._law, settings.period, settings.leash)
+        self._watch = self._new_watch()
+        rate = settings.observer_rate / 16.0 if self.counts.swings == 1 else 0.0
+        self._observer = DisturbanceObserver(self._law.mechanism, rate, settings.period)
+        self._observed = self._observer.begin(state, self._mean_observed)
+        self._before = state
+        return self.counts.swings > SLOWEST
 
     def _stop(self, trouble: str, torque: Array) -> Order:
         """Return the order of a robot that does not follow."""
@@ -255,6 +301,11 @@ class Follower:
         values = {"effort": torque, "velocity": np.zeros_like(self._q), "position": self._held}
         return Order(values[self._settings.interface], trouble, _NOTHING, np.zeros_like(self._q))
 
+    def _new_watch(self) -> SwingWatch:
+        """Return a watch for the law as it is; one that never ends its window without a rate."""
+        rate = max(self._law.gains.linear_rate, 1.0)
+        return SwingWatch(self._settings.swing_speed, self._law.lever, WINDOW / rate)
+
     def _engage(self, state: RobotState) -> None:
         """Come together with the target where both are."""
         self.counts.engagements += 1
@@ -262,6 +313,7 @@ class Follower:
         self._clutch = engage(0.0, self._pose, state.point.pose)
         self._state = self._virtual.at_rest(self._q)
         self._before = None
+        self._watch.begin()
         # Of the last two orders: one acts over a period that begins when it has been sent.
         self._torques = [state.bias_force, state.bias_force]
 
@@ -301,10 +353,14 @@ class Follower:
     def _observe(self, state: RobotState, contact: Array) -> None:
         if self._before is None:
             self._observed = self._observer.begin(state)
-        else:
+            self._mean_observed = np.zeros_like(state.v)
+        elif self._before is not state:
             self._observed = self._observer.next(
                 self._observed, self._before, self._torques[0], contact, state
             )
+        # Over the window of the watch.
+        share = self._settings.period * self._law.gains.linear_rate / WINDOW
+        self._mean_observed += share * (self._observed.disturbance - self._mean_observed)
         self._before = state
 
     def _estimated(self, state: RobotState) -> Array:

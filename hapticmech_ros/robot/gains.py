@@ -26,8 +26,8 @@ class Gains:
         damping_ratio: ζ of both, and of the posture.
         posture_rate: ω with which joints return to their posture in the null space, 1/s.
         posture_acceleration: most that the posture asks for, of each joint, rad/s² or m/s².
-        rigid_error: e_s, with which rigid directions are damped as free ones are at s_off, m.
-        rigid_joint_rate: most that joints are asked for along a rigid direction, rad/s or m/s.
+        joint_rate: with which joints are led at most along a direction in which they have an error,
+            or which is rigid, rad/s or m/s.
         rest_rate: rate at which motion of the null space decays, 1/s.
         force_rate: rate at which the integral of a force's error grows, 1/s.
         contact_rate: rate at which motion along a controlled force decays, 1/s.
@@ -43,8 +43,7 @@ class Gains:
     damping_ratio: float = 1.0
     posture_rate: float = 5.0
     posture_acceleration: float = 5.0
-    rigid_error: float = 0.003
-    rigid_joint_rate: float = 3.0
+    joint_rate: float = 3.0
     rest_rate: float = 30.0
     force_rate: float = 5.0
     contact_rate: float = 60.0
@@ -56,8 +55,7 @@ class Gains:
             if not (math.isfinite(value) and 0.0 <= value <= _LARGEST):
                 rule = f"must be a number between 0 and {_LARGEST:g}"
                 raise InvalidInputError(field.name, value, rule)
-        for name in ("rigid_error", "rigid_joint_rate"):
-            if getattr(self, name) == 0.0:
-                raise InvalidInputError(name, 0.0, "must be above 0")
+        if self.joint_rate == 0.0:
+            raise InvalidInputError("joint_rate", 0.0, "must be above 0")
         if self.contact_share > 1.0:
             raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")

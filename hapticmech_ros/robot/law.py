@@ -10,7 +10,9 @@ A robot with D v̇ + h = τ + Jᵀ F_c and the torques
 
 accelerates its operational point by ẍ_c + X F_c in poses that are not singular, and elsewhere along
 all directions that are not rigid, with Λ⁺ and Nᵀ of :mod:`.shaped_inertia`. Along directions that
-are joints are led by a limited rate, with y_i of :mod:`.rigid_directions`.
+are joints are led by a limited rate, with y_i of :mod:`.rigid_directions`. On the way there, with
+weights w_i between 0 and 1, an error asks for no more than that rate either: of ω n_iᵀ e / (2 ζ)
+what is beyond s_i joint_rate / |L⁻ᵀ u_i| is left out, by the share √w_i.
 Where all directions are free this is O. Khatib's operational-space formulation (A unified approach
 for motion and force control of robot manipulators, IEEE J. Robotics and Automation 3(1), 1987);
 derived in docs/robots.md.
@@ -29,6 +31,7 @@ of springs, dampers and stops that the scene has in joints are not compensated.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -143,6 +146,16 @@ class OperationalLaw:
         """Name of the operational point."""
         return self._analyser.point.name
 
+    @property
+    def lever(self) -> float:
+        """Lever, m, with which the metric weighs angles against ways; 0 without angles."""
+        metric = self._analyser.metric
+        angular = metric.rows >= 3
+        if not angular.any():
+            return 0.0
+        inertia = np.diag(metric.factor @ metric.factor.T)[angular].mean()
+        return float(np.sqrt(inertia / metric.mass))
+
     def state(self, q: Array, v: Array) -> RobotState:
         """Return the robot's terms at a state.
 
@@ -177,7 +190,7 @@ class OperationalLaw:
             integral: of the force's error, N; see :meth:`next_integral`.
         """
         error = pose_error(state.point.pose, target.pose)
-        asked = self.asked(state, target)
+        asked = self.asked(state, target) - self._too_fast(state, target, error)
         wrench = state.shaped.inverse @ (asked - state.point.drift)
         balanced = self.gains.contact_share * contact
         if target.force is not None:
@@ -200,7 +213,7 @@ class OperationalLaw:
             target: of the operational point.
             error: (6,) e, m and rad.
         """
-        gains, seen = self.gains, self.mechanism.scene.perception
+        gains = self.gains
         rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
         twist = target.twist + 0.5 * rates * error
         ahead = target.acceleration - state.point.drift
@@ -209,17 +222,47 @@ class OperationalLaw:
         directions = RigidDirections(
             state.analysis,
             state.shaped,
-            state.factor,
             gains,
-            seen.s_on,
-            seen.s_off,
-            self._analyser.metric.mass,
+            self.mechanism.scene.perception.s_on,
             error,
+            lambda rates: self._bend(state.q, rates),
         )
         led = directions.acceleration(state.factor.T @ state.v, twist, ahead)
         posture = dtrsv(state.factor, self.posture_torque(state), lower=1)
         left = state.shaped.null(posture, directions.passed)
         return np.asarray(state.factor @ (led + left))
+
+    def _too_fast(self, state: RobotState, target: Target, error: Array) -> Array:
+        """Return what of ẍ_c (6,) is due to errors that ask for more than joints may do (R3)."""
+        if target.force is not None:
+            error = target.force.without(error)
+        gains, rows, found = self.gains, state.analysis.rows, state.analysis.spectrum
+        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
+        damped = 2.0 * gains.damping_ratio * rates
+        # Without a damper there is no rate that an error asks for.
+        pull = rates**2 * error / np.where(damped > 0.0, damped, np.inf)
+        along = found.wrenches.T @ pull[rows]
+        most = found.s * state.shaped.rates(gains.joint_rate)
+        over = np.zeros(6)
+        rigid = np.sqrt(1.0 - state.shaped.free)
+        over[rows] = found.duals @ (rigid * (along - np.clip(along, -most, most)))
+        left = damped * over
+        return np.asarray(left) if target.force is None else target.force.without(left)
+
+    def _bend(self, q: Array, rates: Array) -> Array:
+        """Return J̇ v (6,) at joint rates (nv,), m/s² and rad/s², world axes at the point."""
+        terms = self.mechanism.evaluate(q, rates, self._active)
+        return terms.points[self._analyser.index].drift
+
+    def with_gains(self, gains: Gains) -> OperationalLaw:
+        """Return the same law with other gains.
+
+        Args:
+            gains: of it.
+        """
+        other = copy(self)
+        other.gains = gains
+        return other
 
     def next_integral(
         self, integral: float, force: ForceTask | None, contact: Array, period: float

@@ -7,25 +7,27 @@ u̇_i = u_iᵀ Lᵀ v, and the point with n_iᵀ ẋ = s_i u̇_i. Where s_i is s
 acceleration that the point is asked for. They are given a rate that they can have:
 
     p   = ẋ_d + ω e / 2                                     the twist that is asked of the point
-    u_i' = σ(s_i n_iᵀ p / (s_i² + ε²)),      ε = s_off |e| / e_s                              (R7)
-    y_i = w_i (ω b_i (u_i' - u̇_i) + σ_a(s_i n_iᵀ (ẍ_d - J̇ v) / (s_i² + ε² + λ²)))
-    b_i = (s_i² + ε²) / (s_i² + ε² + λ²),       λ = s_on / 10
+    u_i' = σ(s_i n_iᵀ p / (s_i² + ε_i²)),      ε_i² = |n_iᵀ e · n_iᵀ J̇(w_i) w_i|              (R7)
+    y_i = w_i (ω b_i (u_i' - u̇_i) + σ_a(s_i n_iᵀ (ẍ_d - J̇ v) / (s_i² + ε_i² + λ²)))
+    b_i = (s_i² + ε_i²) / (s_i² + ε_i² + λ²),       λ = s_on / 10
 
-u_i' is the least-squares solution whose damping is the point's error (S. K. Chan and P. D.
-Lawrence, IEEE ICRA 1988; T. Sugihara, IEEE T-RO 27(5), 2011): exact for a motion that the robot can
-make, whatever s_i is, and without a pull where the point is at the end of what it can reach. The
-smooth saturations σ keep it within a rate of the joints, and σ_a within what changes that in 1/ω.
-Next to the singular pose itself, s_i < λ, where a target that is reached says nothing about u̇_i,
-joints coast: they are neither driven nor braked. What has an error there is braked, for ε > 0.
-|e| is its length in the metric, √(eᵀ I_ℓ e / m_ℓ): m. Derivation: docs/robots.md.
+With the joint motion w_i = L⁻ᵀ u_i, n_iᵀ x changes by s_i u + n_iᵀ J̇(w_i) w_i u² / 2 over a way
+u, so that s_i² ± ε_i² is the second derivative of (n_iᵀ e)² / 2: u_i' is a step of Newton's method
+with the sign that lets it go downhill. It is exact for a motion that the robot can make, whatever
+s_i is, and pulls less where the point is at the end of what it can reach. Errors along other
+directions say nothing about u_i, and do not damp it.
+The smooth saturations σ keep it within a rate of the joints, and σ_a within what changes that in
+1/ω. Next to the singular pose itself, s_i < λ, where a target that is reached says nothing about
+u̇_i, joints coast: they are neither driven nor braked. Derivation: docs/robots.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.lapack import dtrsm
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.shaped_inertia import ShapedInertia
@@ -40,42 +42,38 @@ class RigidDirections:
     Args:
         analysis: of the operational point.
         shaped: directions there.
-        factor: (nv, nv) lower Cholesky factor L of D.
         gains: of the law.
         s_on: where directions become rigid.
-        s_off: where they become free.
-        mass: m_ℓ of the metric, kg.
         error: (6,) e, m and rad.
+        bend: returns J̇(w) w (6,), m/s² and rad/s², for joint rates w (nv,).
     """
 
     def __init__(
         self,
         analysis: OperationalAnalysis,
         shaped: ShapedInertia,
-        factor: Array,
         gains: Gains,
         s_on: float,
-        s_off: float,
-        mass: float,
         error: Array,
+        bend: Callable[[Array], Array],
     ) -> None:
-        found = analysis.spectrum
-        self._rows, self._wrenches, self._s = analysis.rows, found.wrenches, found.s
-        self._units, self._rigid, self._gains = shaped.units, 1.0 - shaped.free, gains
-        self._rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)[analysis.rows]
-        length = float(np.linalg.norm(found.wrenches.T @ error[analysis.rows])) / np.sqrt(mass)
-        self._error = (s_off * length / gains.rigid_error) ** 2
-        self._damped = found.s**2 + self._error + (COASTING * s_on) ** 2
-        own = np.sum(found.wrenches * found.duals * self._rates[:, None], axis=0)
+        found, rows = analysis.spectrum, analysis.rows
+        self._rows, self._wrenches, self._s = rows, found.wrenches, found.s
+        self._units, self._rigid = shaped.units, 1.0 - shaped.free
+        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)[rows]
+        own = np.sum(found.wrenches * found.duals * rates[:, None], axis=0)
         self._own_rates = np.maximum(own, 0.0)
-        joints = dtrsm(1.0, factor, shaped.units, lower=1, trans_a=1)
-        moved = np.linalg.norm(joints, axis=0)
-        # A direction that is not known moves nothing, whatever its rate is.
-        self._most = gains.rigid_joint_rate / np.where(moved > 0.0, moved, 1.0)
+        self._most = shaped.rates(gains.joint_rate)
+        self._error = np.zeros_like(found.s)
+        for at in np.flatnonzero(self._rigid):
+            n = found.wrenches[:, at]
+            bent = float(n @ bend(shaped.joints[:, at])[rows])
+            self._error[at] = abs(float(n @ error[rows]) * bent)
+        self._damped = found.s**2 + self._error + (COASTING * s_on) ** 2
 
     @property
     def passed(self) -> Array:
-        """Shares (t,) w_i ε² / (s_i² + ε² + λ²) of the null space's torques that act along u_i."""
+        """Shares (t,) w_i ε_i² / (s_i² + ε_i² + λ²) of torques of the null space along u_i."""
         return np.asarray(self._rigid * self._error / self._damped)
 
     def acceleration(self, speed: Array, twist: Array, ahead: Array) -> Array:

@@ -40,11 +40,23 @@ class ShapedInertia(NamedTuple):
         inverse: (6, 6) Λ⁺, kg, kg m and kg m²; zero in rows that the task does not have.
         units: (nv, t) columns u_i, in the spectrum's order; zero where s_i is rounding alone.
         free: (t,) 1 - w_i, likewise: 1 where the law decouples.
+        joints: (nv, t) columns L⁻ᵀ u_i: joint rates of u̇_i = 1.
     """
 
     inverse: Array
     units: Array
     free: Array
+    joints: Array
+
+    def rates(self, most: float) -> Array:
+        """Return the largest u̇_i (t,), √kg m/s, with joint rates |L⁻ᵀ u_i u̇_i| up to a limit.
+
+        Args:
+            most: rad/s or m/s.
+        """
+        moved = np.linalg.norm(self.joints, axis=0)
+        # A direction that is not known moves nothing, whatever its rate is.
+        return np.asarray(most / np.where(moved > 0.0, moved, 1.0))
 
     def null(self, motion: Array, passed: Array) -> Array:
         """Return L⁻¹ Nᵀ L m (nv,): what R2 leaves of a motion of joints in the mass metric.
@@ -75,4 +87,5 @@ def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array
     long = dtrsm(1.0, factor, jacobian[rows].T @ found.wrenches, lower=1)
     known = found.s > RANK_TOLERANCE
     units = np.where(known, long / np.where(known, found.s, 1.0), 0.0)
-    return ShapedInertia(inverse, units, free)
+    joints = dtrsm(1.0, factor, units, lower=1, trans_a=1)
+    return ShapedInertia(inverse, units, free, joints)

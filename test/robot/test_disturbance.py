@@ -67,3 +67,10 @@ def test_a_rate_that_the_period_does_not_allow_is_refused():
     for rate in (-1.0, 1000.0, np.nan):
         with pytest.raises(InvalidInputError, match="rate"):
             DisturbanceObserver(robot("iiwa14"), rate, 1e-3)
+
+
+def test_an_observer_without_a_rate_keeps_what_it_began_with():
+    law, held = law_of("iiwa14"), np.linspace(-3.0, 3.0, 7)
+    observer, state = DisturbanceObserver(law.mechanism, 0.0, 1e-3), law.state(Q, V)
+    found = observer.next(observer.begin(state, held), state, 5.0 * held, CONTACT, state)
+    np.testing.assert_array_equal(found.disturbance, held)

@@ -9,7 +9,7 @@ import pytest
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.rigid_directions import COASTING, RigidDirections
 from hapticmech_ros.robot.target import Target
-from oracles.driven_robots import accelerated, law_of, pose_of
+from oracles.driven_robots import accelerated, drift, law_of, pose_of
 
 # The UR5e's wrist is singular where joint 5 is at 0.
 POSE = np.array([0.1, -1.2, 1.3, -0.9, 0.0, 0.2])
@@ -24,17 +24,14 @@ def wrist(angle):
 
 
 def directions(law, q, error=NOTHING):
-    state = law.state(q, V)
-    mass = law._analyser.metric.mass
+    state = law.state(q, np.resize(V, q.size))
     found = RigidDirections(
         state.analysis,
         state.shaped,
-        state.factor,
         law.gains,
-        SEEN.s_on,
-        SEEN.s_off,
-        mass,
+        law.mechanism.scene.perception.s_on,
         error,
+        lambda rates: drift(law, q, rates),
     )
     return state, found
 
@@ -72,14 +69,41 @@ def test_next_to_the_singular_pose_joints_coast():
 
 
 def test_what_cannot_be_reached_is_braked():
-    """With an error in the singular pose the rate along u decays, by y = -ω b u̇."""
-    error = np.full(6, 0.02)
-    state, found = directions(UR5E, wrist(1e-5), error)
-    speed = state.factor.T @ V
+    """A straight arm that is called outwards: the rate along u decays, by y = -ω b u̇."""
+    law, q = law_of("iiwa14"), np.array([0.3, 0.7, 0.2, 1e-5, 0.4, 0.9, 0.1])
+    n = law.state(q, np.zeros(7)).analysis.spectrum.wrenches[:, -1]
+    state, found = directions(law, q, 0.02 * n)
+    speed = state.factor.T @ state.v
     given = along(state, found.acceleration(speed, NOTHING, NOTHING))[-1]
     # Nothing but the brake, and ε ≫ λ.
-    expected = -UR5E.gains.linear_rate * along(state, speed)[-1]
+    expected = -law.gains.linear_rate * along(state, speed)[-1]
     assert given == pytest.approx(expected, rel=1e-2)
+
+
+def test_the_damping_is_the_second_derivative_that_newton_has():
+    """s_i² - c, c = n_iᵀ e n_iᵀ J̇(w) w, is that of (n_iᵀ e)² / 2 along w, and ε_i² is |c|."""
+    law, q = law_of("iiwa14"), np.array([0.3, 0.7, 0.2, 0.02, 0.4, 0.9, 0.1])
+    start = law.state(q, np.zeros(7))
+    n, w = start.analysis.spectrum.wrenches[:, -1], start.shaped.joints[:, -1]
+    error, h = 0.02 * n, 1e-4
+    pose = pose_of(law, q)
+
+    def half_squared(way):
+        moved = pose_of(law, q + way * w)
+        turned = pin.log3(moved.rotation @ pose.rotation.T)
+        left = n @ (error - np.r_[moved.translation - pose.translation, turned])
+        return 0.5 * left**2
+
+    # By central differences: h² of the fourth derivative, some 10.
+    second = (half_squared(h) - 2.0 * half_squared(0.0) + half_squared(-h)) / h**2
+    s = start.analysis.spectrum.s[-1]
+    _, found = directions(law, q, error)
+    damping = abs(second - s**2)
+    known = found.passed[-1]
+    lost = (COASTING * law.mechanism.scene.perception.s_on) ** 2
+    rigid = start.analysis.weights[-1]
+    assert rigid > 0.5
+    assert known == pytest.approx(rigid * damping / (s**2 + damping + lost), rel=1e-4)
 
 
 def test_joints_are_never_led_faster_than_allowed():
@@ -92,7 +116,7 @@ def test_joints_are_never_led_faster_than_allowed():
             given = found.acceleration(np.zeros(6), *asked)
             joints = np.linalg.solve(state.factor.T, given)
             rigid = np.count_nonzero(state.analysis.weights)
-            most = 2.0 * UR5E.gains.linear_rate * UR5E.gains.rigid_joint_rate * rigid
+            most = 2.0 * UR5E.gains.linear_rate * UR5E.gains.joint_rate * rigid
             assert np.linalg.norm(joints) <= most * (1.0 + 1e-9)
 
 
@@ -122,4 +146,4 @@ def test_a_path_through_the_singular_pose_is_followed():
     # Of first order in 1 ms: 0.5 ms of v̇, some 0.1 m/s² and rad/s², over ω = 60.
     assert followed(Gains(**free)) < 2e-5
     # Joints that are led by nothing stay behind.
-    assert followed(Gains(**free, rigid_joint_rate=1e-3)) > 5e-4
+    assert followed(Gains(**free, joint_rate=1e-3)) > 5e-4
