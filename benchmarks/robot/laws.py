@@ -13,11 +13,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from benchmarks.robot.tasks import Task
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
+from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
 from hapticmech_ros.robot.target import Target
 from hapticmech_ros.robot.torque_limits import Limited, limited_torque
 
@@ -118,32 +120,44 @@ class DampedInverse:
         return limited_torque(state.bias_force, task, null, self.law.torque_limits)
 
 
-RATES = (60.0, 80.0, 120.0)
-# s_off of the robot's perception; s_on is two fifths of it, as in a scene without its own.
-THRESHOLDS = (0.2, 0.3)
-STIFFNESSES = (1000.0, 3000.0, 10000.0)
-ANGULAR_STIFFNESSES = (30.0, 100.0)
-DAMPING_RATIOS = (0.7, 1.0)
+# Of the damped inverse, 1/s.
+RATES = (120.0, 80.0, 60.0)
+# s, from a sample to the middle of the period of 1 ms in which torques act; kg that a robot is to
+# bear unknown.
+DELAY, PAYLOAD = 1.5e-3, 1.0
+# s_off of our robot's perception; s_on is two fifths of it, as in a scene without its own.
+THRESHOLD = 0.2
+STIFFNESSES = (10000.0, 3000.0, 1000.0)
+ANGULAR_STIFFNESSES = (100.0, 30.0)
+DAMPING_RATIOS = (1.0, 0.7)
 FACTORS = (0.1, 0.2, 0.3)
 # Of the observer of disturbances, 1/s, and what laws are called that have it.
 OBSERVER, OBSERVED = 100.0, ", observer"
 
 
-def ours(rate: float, s_off: float) -> Setting:
-    """Return our law.
+def ours(
+    task: Task, observed: bool = True, beyond: float = 0.0, s_off: float = THRESHOLD
+) -> Setting:
+    """Return our law, whose rates are not chosen: they follow from delay and payload (R8, R9).
 
     Args:
-        rate: of errors, 1/s.
+        task: of the robot.
+        observed: whether it has the observer.
+        beyond: m, from the tool along its z axis, where the payload may be.
         s_off: of the robot's perception.
     """
-    gains = Gains(linear_rate=rate, angular_rate=rate)
+    known = OperationalLaw(Mechanism(task.scene))
+    at_start = known.state(task.start, 0.0 * task.start)
+    ratio = inertia_ratio(at_start, PAYLOAD, np.array([0.0, 0.0, beyond]))
+    found = loop_rates(DELAY, ratio, observed)
+    gains = Gains(linear_rate=found.law, angular_rate=found.law)
 
     def make(mechanism: Mechanism, point: str, limits: Array) -> Law:
         scene = mechanism.scene.with_(f"perception={{s_on: {0.4 * s_off}, s_off: {s_off}}}")
         law = OperationalLaw(Mechanism(scene), point, gains, torque_limits=limits)
         return Ours(law)
 
-    return Setting(OURS, {"rate": rate, "s_off": s_off}, make)
+    return Setting(OURS, {"rate": found.law, "observer": found.observer}, make, found.observer)
 
 
 def impedance(stiffness: float, angular: float, ratio: float) -> Setting:
@@ -170,29 +184,34 @@ def damped(rate: float, factor: float) -> Setting:
     return Setting(DAMPED, {"rate": rate, "factor": factor}, make)
 
 
-def settings(quick: bool = False) -> dict[str, list[Setting]]:
-    """Return all settings of each law, from which the best is chosen; one of each if quick.
+def others(quick: bool = False) -> dict[str, list[Setting]]:
+    """Return all settings of the other laws, from which the best is chosen; one of each if quick.
 
-    Each law is there as it is, and with the package's observer of disturbances.
+    Args:
+        quick: whether one of each is enough.
     """
     if quick:
-        plain = {
-            OURS: [ours(40.0, 0.2)],
-            IMPEDANCE: [impedance(3000.0, 30.0, 0.7)],
-            DAMPED: [damped(40.0, 0.1)],
-        }
-    else:
-        stiff = [
-            impedance(k, c, d)
-            for k in STIFFNESSES
-            for c in ANGULAR_STIFFNESSES
-            for d in DAMPING_RATIOS
-        ]
-        inverse = [damped(rate, factor) for rate in RATES for factor in FACTORS]
-        own = [ours(rate, s_off) for rate in RATES for s_off in THRESHOLDS]
-        plain = {OURS: own, IMPEDANCE: stiff, DAMPED: inverse}
+        return {IMPEDANCE: [impedance(3000.0, 30.0, 0.7)], DAMPED: [damped(40.0, 0.1)]}
+    stiff = [
+        impedance(k, c, d) for k in STIFFNESSES for c in ANGULAR_STIFFNESSES for d in DAMPING_RATIOS
+    ]
+    inverse = [damped(rate, factor) for rate in RATES for factor in FACTORS]
+    return {IMPEDANCE: stiff, DAMPED: inverse}
+
+
+def settings(task: Task, quick: bool = False) -> dict[str, list[Setting]]:
+    """Return all settings of each law: of ours the one that follows from the robot.
+
+    Each law is there as it is, and with the package's observer of disturbances.
+
+    Args:
+        task: of the robot.
+        quick: whether one of each is enough.
+    """
+    plain = others(quick)
     observed = {
         name + OBSERVED: [one._replace(observer=OBSERVER) for one in tried]
         for name, tried in plain.items()
     }
-    return {**observed, **plain}
+    own = {OURS + OBSERVED: [ours(task)]}
+    return {**own, **observed, OURS: [ours(task, observed=False)], **plain}

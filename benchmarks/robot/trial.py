@@ -98,14 +98,33 @@ class Stage:
         """The robot, which every trial puts back."""
         return MujocoRobot(self.task.scene, around=self._around, step=PERIOD / STEPS)
 
-    def run(self, setting: Setting) -> Measured:
+    def run(self, setting: Setting, most: float = np.inf) -> Measured:
         """Return what is measured of a law.
 
+        Args:
+            setting: of the law.
+            most: mm; a trial whose error along the path is larger ends early.
+
         Raises:
-            HapticMechError: the robot is lost, or finds no wall.
+            HapticMechError: the robot is lost, or finds no wall, or has a larger error.
         """
-        law = setting.make(self.mechanism, "", self.task.limits)
-        return _Trial(self, law, setting.observer).measured()
+        return self._trial(setting).measured(most)
+
+    def path_error(self, setting: Setting, most: float = np.inf) -> float:
+        """Return the error of a law along the path alone, rms, mm; infinite if it is lost.
+
+        Args:
+            setting: of the law.
+            most: mm; a trial whose error is larger ends early, with infinity.
+        """
+        try:
+            lengths = self._trial(setting).follow(most)
+        except HapticMechError:
+            return float("inf")
+        return _rms_mm(lengths)
+
+    def _trial(self, setting: Setting) -> _Trial:
+        return _Trial(self, setting.make(self.mechanism, "", self.task.limits), setting.observer)
 
 
 class _Trial:
@@ -124,18 +143,27 @@ class _Trial:
         self.observed = Observed(np.zeros(0), np.zeros(0))
         self.acted = self.torque
 
-    def measured(self) -> Measured:
-        """Return what is measured."""
+    def follow(self, most: float) -> Array:
+        """Return lengths (n,) of errors along the path, m; none has an rms above a limit, mm."""
+        lengths: list[float] = []
+        left = len(self.stage.path) * (1e-3 * most) ** 2
+        for target in self.stage.path:
+            lengths.append(float(_lengths(self.tick(target)[None])[0]))
+            left -= lengths[-1] ** 2
+            if left < 0.0:
+                raise HapticMechError(f"the error is above {most:g} mm")
+        return np.array(lengths)
+
+    def measured(self, most: float) -> Measured:
+        """Return what is measured; see :meth:`follow`."""
         task = self.stage.task
-        errors = [self.tick(target) for target in self.stage.path]
-        path = np.array(errors)
+        lengths = self.follow(most)
         rate, drift = max(self.rates), None
         if task.returns:
             drift = float(np.abs(self.robot.q - task.start).max())
         forces, slide, peak = self._press()
-        lengths = _lengths(path)
         return Measured(
-            path_rms_mm=1e3 * float(np.sqrt(np.mean(lengths**2))),
+            path_rms_mm=_rms_mm(lengths),
             path_max_mm=1e3 * float(lengths.max()),
             force_rms_n=float(np.sqrt(np.mean((forces - FORCE) ** 2))),
             force_peak_n=peak,
@@ -212,6 +240,11 @@ def _press_times() -> Iterator[tuple[float, bool]]:
         yield 0.0, False
     for tick in range(round(SLIDE_S / PERIOD)):
         yield PERIOD * tick, True
+
+
+def _rms_mm(lengths: Array) -> float:
+    """Return the root of the mean square of lengths in m, mm."""
+    return 1e3 * float(np.sqrt(np.mean(lengths**2)))
 
 
 def _lengths(errors: Array) -> Array:
