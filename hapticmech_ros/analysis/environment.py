@@ -10,9 +10,10 @@ Desired is what the hand would feel of the mechanism fixed to that environment i
 
 The closed form of the linear loop, with the robot's inverse inertia x = X_aa along the axis,
 torques that act over a period T one period late, D = exp(-3/2 T s), a command of the device that
-acts d periods after its sample, and n periods of delay each way, is
+acts d periods after its sample, a device that is d + 1/2 periods ahead of its mechanism, and n
+periods of delay each way, is
 
-    Z = Z_m + E H D exp(-(d + 2 n) T s) / s
+    Z = Z_m + E H D exp(-(d + 1/2 + 2 n) T s) / s
     torques:    H = D b / (s² + D b + x E),      b = 2 ζ ω s + ω²
     otherwise:  H = b b_s / (a (a_s + x E) + x E b_s),      a = s² + b
 
@@ -26,11 +27,18 @@ What is measured is the linear loop: the feedback's passivity control is not in 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hapticmech_ros.analysis.impedance import alone, amplitudes, mechanism_twists, multisine
+from hapticmech_ros.analysis.scripted_push import (
+    ROWS,
+    fine_times,
+    means_of,
+    samples_of,
+    scripted,
+)
 from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
@@ -187,8 +195,8 @@ def felt_environment(
     setup, period = Setup(free, "", 1), free.simulation.period
     window = round(WINDOW_S / period)
     times = period * np.arange(round(SETTLING_S / period) + 2 * window)
-    frequencies = np.array(FREQUENCIES_HZ, dtype=float)
-    force = multisine(times, frequencies, PUSH_N_PER_HZ * frequencies)
+    frequencies, fine = np.array(FREQUENCIES_HZ, dtype=float), fine_times(period, times.size)
+    force = multisine(fine, frequencies, PUSH_N_PER_HZ * frequencies)
     push = force[:, None] * np.eye(6)[loop.axis]
     robot = RobotInEnvironment(loop, interface, environment)
     mobility = robot.mobility
@@ -198,8 +206,10 @@ def felt_environment(
         velocity = (moved - still)[:, loop.axis]
     except HapticMechError:
         velocity = np.full(times.size, np.nan)
-    own = (mechanism_twists(setup, push) - mechanism_twists(setup, 0.0 * push))[:, loop.axis]
-    pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (force, own))
+    means = means_of(push)
+    own = (mechanism_twists(setup, means) - mechanism_twists(setup, 0.0 * means))[:, loop.axis]
+    given = samples_of(force)
+    pushed, desired = (_steady(times, one, frequencies, window)[1] for one in (given, own))
     s = 2.0j * np.pi * frequencies
     stiff = environment.dynamic_stiffness(s)
     mechanism = pushed / desired
@@ -210,7 +220,7 @@ def felt_environment(
         if np.abs(after - before).max() <= STEADY * np.abs(after).max():
             felt = pushed / after
     through = transfer(loop.gains, mobility, stiff, interface, s, period)
-    late = np.exp(-(1.5 + setup.delay + 2.0 * delay) * period * s)
+    late = np.exp(-(2.0 + setup.delay + 2.0 * delay) * period * s)
     predicted = (mechanism + stiff * through * late / s) / reference
     return FeltEnvironment(name, interface, delay, frequencies, felt / reference, predicted)
 
@@ -245,13 +255,16 @@ def transfer(
 
 
 def _session(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay: int) -> Array:
-    """Return twists (n, 6) of the device."""
-    session, period = setup.session(), setup.scene.simulation.period
+    """Return twists (n, 6) of the device, under pushes in a script's rows."""
+    period, periods = setup.scene.simulation.period, len(pushes) // ROWS
+    with scripted(fine_times(period, periods), pushes) as hand:
+        scene = setup.scene.model_copy(update={"hand": hand})
+        session = replace(setup, scene=scene).session()
     there: deque[PointKinematics] = deque(maxlen=delay + 1)
     back = deque([np.zeros(6)] * (delay + 1), maxlen=delay + 1)
-    twists = np.empty((len(pushes), 6))
-    for tick, push in enumerate(pushes):
-        sample = session.tick(external_wrench=back[0], hand_wrench=push)
+    twists = np.empty((periods, 6))
+    for tick in range(periods):
+        sample = session.tick(external_wrench=back[0])
         twists[tick] = sample.device.twist
         there.append(sample.seen.point)
         time = period * tick

@@ -112,6 +112,6 @@ def test_a_spring_is_felt_as_the_linear_loop_says():
     assert found.steady
     # The robot gives way: at 1 Hz by ω² / X beside the spring, some 15 %.
     assert 0.1 < abs(found.ratio[0] - 1.0) < 0.2
-    # The closed form has the device move as the mechanism does a period later. It moves up to 2 %
+    # The closed form has the device move as the mechanism does later. It moves up to 2 %
     # more with a spring of 300 N/m in the mechanism's way, by a share of 0.9 of the ratio.
-    assert found.model_error(10.0) < 0.04
+    assert found.model_error(10.0) < 0.02
