@@ -20,7 +20,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local, local_whole
-from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row, solve_in_place
 
 # Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.
 OWN, GIVE, PUSH, FRICTION, ACROSS, SCALE_VALUES = 0, 1, 2, 3, 4, 5
@@ -130,34 +130,6 @@ def _slopes(
 
 
 @inner
-def _solved(matrix: Array, vector: Array, size: int) -> bool:
-    """Replace ``vector`` by matrix⁻¹ vector; return whether it is regular. It is used up."""
-    for i in range(size):
-        best = i
-        for k in range(i + 1, size):
-            if abs(matrix[k, i]) > abs(matrix[best, i]):
-                best = k
-        if not abs(matrix[best, i]) > 0.0:
-            return False
-        if best != i:
-            for j in range(i, size):
-                matrix[i, j], matrix[best, j] = matrix[best, j], matrix[i, j]
-            vector[i], vector[best] = vector[best], vector[i]
-        for k in range(i + 1, size):
-            factor = matrix[k, i] / matrix[i, i]
-            if factor != 0.0:
-                for j in range(i + 1, size):
-                    matrix[k, j] -= factor * matrix[i, j]
-                vector[k] -= factor * vector[i]
-    for i in range(size - 1, -1, -1):
-        total = vector[i]
-        for j in range(i + 1, size):
-            total -= matrix[i, j] * vector[j]
-        vector[i] = total / matrix[i, i]
-    return True
-
-
-@inner
 def _step(slopes: Array, acts: Array, off: Array, change: Array, places: Array) -> bool:
     """Fill ``change`` with Newton's step; return whether there is one. ``slopes`` is used up."""
     size = 0
@@ -175,7 +147,7 @@ def _step(slopes: Array, acts: Array, off: Array, change: Array, places: Array) 
         # Places grow, so that nothing is overwritten that is still needed.
         for s in range(size):
             slopes[r, s] = slopes[i, places[s]]
-    if not _solved(slopes, wanted, size):
+    if not solve_in_place(slopes, wanted, size):
         return False
     for r in range(size):
         change[places[r]] = wanted[r]

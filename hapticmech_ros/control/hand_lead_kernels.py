@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.mechanism.kernels.small_matrices import solve_in_place
 
 ROW, MOST = 7, 3
 MEMORY_SIZE = 1 + MOST * ROW
@@ -76,30 +77,6 @@ def multiply_six(a: Array, b: Array, product: Array) -> None:
 
 
 @inner
-def solve(matrix: Array, vector: Array) -> None:
-    """Replace a vector (n,) by M⁻¹ vector; M (n, n) is used up. By elimination with pivots."""
-    size = vector.size
-    for k in range(size):
-        best = k
-        for i in range(k + 1, size):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
-        if best != k:
-            for j in range(k, size):
-                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-            vector[k], vector[best] = vector[best], vector[k]
-        for i in range(k + 1, size):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k + 1, size):
-                matrix[i, j] -= factor * matrix[k, j]
-            vector[i] -= factor * vector[k]
-    for k in range(size - 1, -1, -1):
-        for j in range(k + 1, size):
-            vector[k] -= matrix[k, j] * vector[j]
-        vector[k] /= matrix[k, k]
-
-
-@inner
 def lead(memory: Array, period: float, gain: Array, others: Array, command: Array) -> None:
     """Add W (G (F̄ - F) + (1 - (1 + G)²) others) to a command (6,).
 
@@ -126,9 +103,9 @@ def lead(memory: Array, period: float, gain: Array, others: Array, command: Arra
     multiply_six(ratio, square, weight)
     for i in range(6):
         weight[i, i] += 1.0
-    solve(weight, added)
-    for i in range(6):
-        command[i] += added[i]
+    if solve_in_place(weight, added, 6):
+        for i in range(6):
+            command[i] += added[i]
 
 
 @kernel("void(float64[::1], float64, float64[::1])")

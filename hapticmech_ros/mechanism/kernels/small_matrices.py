@@ -123,6 +123,37 @@ def solve_lower_transposed(factor: Array, vector: Array) -> None:
 
 
 @inner
+def solve_in_place(matrix: Array, vector: Array, size: int) -> bool:
+    """Replace ``vector`` by matrix⁻¹ vector; return whether it is regular. It is used up.
+
+    By elimination with pivots, of the first rows and columns.
+    """
+    for i in range(size):
+        best = i
+        for k in range(i + 1, size):
+            if abs(matrix[k, i]) > abs(matrix[best, i]):
+                best = k
+        if not abs(matrix[best, i]) > 0.0:
+            return False
+        if best != i:
+            for j in range(i, size):
+                matrix[i, j], matrix[best, j] = matrix[best, j], matrix[i, j]
+            vector[i], vector[best] = vector[best], vector[i]
+        for k in range(i + 1, size):
+            factor = matrix[k, i] / matrix[i, i]
+            if factor != 0.0:
+                for j in range(i + 1, size):
+                    matrix[k, j] -= factor * matrix[i, j]
+                vector[k] -= factor * vector[i]
+    for i in range(size - 1, -1, -1):
+        total = vector[i]
+        for j in range(i + 1, size):
+            total -= matrix[i, j] * vector[j]
+        vector[i] = total / matrix[i, i]
+    return True
+
+
+@inner
 def remove(basis: Array, rank: int, vector: Array, along: Array) -> None:
     """Replace ``vector`` by (1 - U Uᵀ) vector, U's columns being the first ``rank`` rows.
 
