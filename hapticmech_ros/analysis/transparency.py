@@ -38,7 +38,6 @@ FIGURE_CAPTION = (
 )
 TABLE_CAPTION = (
     "steady: error to 10 Hz that the model leaves once the start has died away; "
-    "varying: the same of a wrench that varies within a period, where all others are held over it; "
     "model: how far it is from what was measured, to 30 Hz"
 )
 # What the axis of the phase shows at least, degrees.
