@@ -12,12 +12,21 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from benchmarks.robot.tasks import IIWA
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.environment import FeltEnvironment, Loop
 from hapticmech_ros.analysis.study import Sheet
-from hapticmech_ros.experiment.figure_style import new_figure
+from hapticmech_ros.analysis.transparency import CIRCLES
+from hapticmech_ros.experiment.figure_style import (
+    BLUE,
+    ORANGE,
+    SMALL,
+    VERMILION,
+    dress,
+    new_figure,
+)
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.linear_environment import Impedance
 from hapticmech_ros.scene import scene_from_document
@@ -27,6 +36,8 @@ ENVIRONMENTS: dict[str, Impedance] = {
     "mass, spring, damper": Impedance(300.0, 6.0, 0.3),
     "wall": Impedance(20e3, 400.0),
 }
+COLOURS = {"spring": BLUE, "mass, spring, damper": ORANGE, "wall": VERMILION}
+DASHES = {"effort": "solid", "velocity": "dashed", "trajectory": "dotted", "position": "dashdot"}
 # Further periods each way.
 DELAYS = (0, 5)
 # Of the law, 1/s, as of the felt wall.
@@ -99,19 +110,30 @@ def environment_figure(found: Sequence[FeltEnvironment]) -> Figure:
     Args:
         found: what was measured.
     """
-    figure = new_figure(9.0, 4.0, CAPTION)
+    figure = new_figure(9.0, 4.4, CAPTION)
     sizes, phases = figure.subplots(1, 2)
+    lines: dict[str, Line2D] = {}
     for one in found:
         if not one.steady or one.delay:
             continue
-        name = f"{one.environment}, {one.interface}"
-        (line,) = sizes.semilogx(one.frequencies, 20.0 * np.log10(np.abs(one.ratio)), label=name)
-        drawn = {"marker": "o", "fillstyle": "none", "linestyle": "none", "color": line.get_color()}
-        sizes.semilogx(one.frequencies, 20.0 * np.log10(np.abs(one.predicted)), **drawn)
-        phases.semilogx(one.frequencies, np.degrees(np.angle(one.ratio)), color=line.get_color())
-        phases.semilogx(one.frequencies, np.degrees(np.angle(one.predicted)), **drawn)
-    for axes, title in ((sizes, "|felt / desired|, dB"), (phases, "phase, degrees")):
-        axes.set_xlabel("frequency, Hz")
-        axes.set_title(title)
-    sizes.legend(fontsize="x-small")
+        colour, dashes = COLOURS[one.environment], DASHES[one.interface]
+        for ratio, style in ((one.ratio, {"linestyle": dashes}), (one.predicted, CIRCLES)):
+            sizes.semilogx(
+                one.frequencies, 20.0 * np.log10(np.abs(ratio)), color=colour, alpha=0.7, **style
+            )
+            (line,) = phases.semilogx(
+                one.frequencies, np.degrees(np.angle(ratio)), color=colour, alpha=0.7, **style
+            )
+            if ratio is one.ratio:
+                lines[f"{one.environment}; {one.interface}"] = line
+    dress(sizes, "frequency (Hz)", "magnitude (dB)")
+    dress(phases, "frequency (Hz)", "phase (°)")
+    figure.legend(
+        list(lines.values()),
+        list(lines),
+        loc="outside upper left",
+        fontsize=SMALL,
+        ncols=3,
+        frameon=False,
+    )
     return figure

@@ -249,6 +249,20 @@ def plain(value: object) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
+def complex_parts(found: object, names: Sequence[str]) -> dict[str, list[float]]:
+    """Return complex columns of a result as lists of numbers: real and imaginary part of each.
+
+    Args:
+        found: whose attributes (k,) they are.
+        names: of the attributes.
+    """
+    return {
+        f"{name}_{part}": getattr(getattr(found, name), short).tolist()
+        for name in names
+        for part, short in (("real", "real"), ("imaginary", "imag"))
+    }
+
+
 def _names(value: Any) -> list[str]:
     properties = [
         name

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from hapticmech_ros.analysis.impedance import Felt, felt
 from hapticmech_ros.analysis.over_graph import felt_over_graph
 from hapticmech_ros.analysis.scene_variants import LOOPS, of_first_user, with_loop
-from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
+from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -64,11 +64,6 @@ class Row:
     def document(self) -> dict[str, object]:
         """Return the row as plain lists and numbers."""
         found = self.felt
-        complex_columns = {
-            f"{name}_{part}": getattr(getattr(found, name), part[:4]).tolist()
-            for name in ("ratio", "predicted", "steady")
-            for part in ("real", "imaginary")
-        }
         return {
             "scene": self.scene,
             "loop": self.loop,
@@ -76,7 +71,7 @@ class Row:
             "direction": found.direction.tolist(),
             "mass": found.mass,
             "frequencies_hz": found.frequencies.tolist(),
-            **complex_columns,
+            **complex_parts(found, ("ratio", "predicted", "steady")),
             "error_to_10_hz": found.error(10.0),
             "error_to_30_hz": found.error(30.0),
             "steady_error_to_10_hz": found.steady_error(10.0),

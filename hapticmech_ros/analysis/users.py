@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hapticmech_ros.analysis.beside_others import FeltBesideOthers, felt_beside_others
-from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
+from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
@@ -54,18 +54,13 @@ class Row:
     def document(self) -> dict[str, object]:
         """Return the row as plain lists and numbers."""
         found = self.felt
-        parts = {
-            f"{name}_{part}": getattr(getattr(found, name), part[:4]).tolist()
-            for name in ("ratio", "desired", "alone")
-            for part in ("real", "imaginary")
-        }
         return {
             "scene": self.scene,
             "period": self.period,
             "point": found.point,
             "direction": found.direction.tolist(),
             "frequencies_hz": found.frequencies.tolist(),
-            **parts,
+            **complex_parts(found, ("ratio", "desired", "alone")),
             "error_to_10_hz": found.error(10.0),
         }
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.analysis import linear_loop
 from hapticmech_ros.analysis import stability_rules as rules
 from hapticmech_ros.analysis.directions import directions
 from hapticmech_ros.analysis.frontier import frontier
-from hapticmech_ros.analysis.linear_loop import NOBODY, held_by, law_of, tick_matrix
+from hapticmech_ros.analysis.linear_loop import NOBODY, Held, held_by, law_of, tick_matrix
 from hapticmech_ros.analysis.scene_variants import (
     at_once,
     at_rate,
@@ -26,9 +27,11 @@ from hapticmech_ros.analysis.scene_variants import (
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.control.loop_stability import loop_terms, spectral_radius
+from hapticmech_ros.control.force_gain import lead_gain
+from hapticmech_ros.control.loop_stability import ON_CIRCLE, loop_terms, spectral_radius
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.loading import shipped_scenes
 from oracles.rough_device import RoughDevice
 
 
@@ -49,6 +52,45 @@ def test_without_prediction_hand_and_losses_it_is_the_loop_of_the_control(delay)
     own = np.abs(np.linalg.eigvals(matrix_of(scene, delay))).max()
     assert known > 1.01
     assert own == pytest.approx(known, abs=1e-9)
+
+
+def fixed(mass):
+    """Return a hand whose mass (kg), and a thousandth of it in kg m², is fixed to the device."""
+    nothing = np.zeros((6, 6))
+    return Held(nothing, nothing, np.diag([mass] * 3 + [1e-3 * mass] * 3))
+
+
+def growth(scene, hands, delays, lead, monkeypatch):
+    """Return the largest eigenvalue's size for each hand and delay, with a lead G -> (n, n)."""
+    monkeypatch.setattr(linear_loop, "lead_gain", lead)
+    return np.array(
+        [
+            np.abs(np.linalg.eigvals(matrix_of(scene, delay, hand))).max()
+            for hand in hands
+            for delay in delays
+        ]
+    )
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_carrying_the_hand_s_wrench_on_makes_no_loop_less_stable(name, monkeypatch):
+    """With masses of 0.05 to 20 kg that are fixed to the device, and with arms."""
+    scene = load_scene(name)
+    scene = scene.held_at(scene.held_points[0])
+    arms = [
+        held_by(scene.with_(hand={"kind": "arm", "impedance": one, "waypoints": [{"time": 0.0}]}))
+        for one in ("firm", "relaxed")
+    ]
+    hands, delays = [*map(fixed, (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0)), *arms], (0, 1, 3)
+    without = growth(scene, hands, delays, np.zeros_like, monkeypatch)
+    with_it = growth(scene, hands, delays, lead_gain, monkeypatch)
+    assert (with_it <= np.maximum(without, 1.0) + ON_CIRCLE).all()
+
+
+def test_without_its_weight_the_lead_would_make_one_unstable(monkeypatch):
+    scene, hands = load_scene("spatial_arm"), [fixed(2.0)]
+    assert growth(scene, hands, (1,), lead_gain, monkeypatch) < 1.0 + ON_CIRCLE
+    assert growth(scene, hands, (1,), lambda gain: gain, monkeypatch) > 1.01
 
 
 @pytest.mark.parametrize("local", [True, False])
