@@ -73,6 +73,13 @@ def loop() -> Loop:
     return Loop(scene_from_document(document), load_scene(IIWA), gains)
 
 
+def _outcome(one: FeltEnvironment) -> str:
+    """Return how far the closed form is off, or why there is nothing to compare with."""
+    if one.steady:
+        return f"{one.model_error(10.0):.3f}" + ("" if one.stable else ", unstable")
+    return "not steady" if one.stable else "unstable"
+
+
 def environment_sheet(found: Sequence[FeltEnvironment]) -> Sheet:
     """Return the table of what was felt.
 
@@ -85,12 +92,10 @@ def environment_sheet(found: Sequence[FeltEnvironment]) -> Sheet:
             one.interface,
             str(one.delay),
             *(
-                f"{abs(ratio):.2f}, {np.degrees(np.angle(ratio)):.0f}°"
-                if one.steady
-                else "unsteady"
+                f"{abs(ratio):.2f}, {np.degrees(np.angle(ratio)):.0f}°" if one.steady else "-"
                 for ratio in one.ratio[np.isin(one.frequencies, (1.0, 3.0, 10.0, 30.0))]
             ),
-            f"{one.model_error(10.0):.3f}" if one.steady else "",
+            _outcome(one),
         )
         for one in found
     ]
@@ -99,7 +104,8 @@ def environment_sheet(found: Sequence[FeltEnvironment]) -> Sheet:
         ("environment", "interface", "delay", "1 Hz", "3 Hz", "10 Hz", "30 Hz", "closed form off"),
         tuple(rows),
         ("interface",),
-        "delay: further periods each way; closed form off: largest relative error to 10 Hz",
+        "delay: further periods each way; closed form off: largest relative error to 10 Hz, or "
+        "unstable by it; not steady: what had begun had not died away",
         kept=24,
     )
 

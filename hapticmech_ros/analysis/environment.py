@@ -8,18 +8,20 @@ Desired is what the hand would feel of the mechanism fixed to that environment i
 
     Z_d = Z_m + E / s,      Z_m of the mechanism alone, E(s) of the environment
 
-The closed form of the linear loop, with the robot's inverse inertia x = X_aa along the axis,
-torques that act over a period T one period late, D = exp(-3/2 T s), a command of the device that
-acts d periods after its sample, a device that is d + 1/2 periods ahead of its mechanism, and n
-periods of delay each way, is
+The closed form takes device, mechanism and controller as the linear model of one period of
+:mod:`~hapticmech_ros.analysis.felt_model`, with its answers to F_h and to F_c along the axis. A
+robot with the inverse inertia x = X_aa, torques that act over a period T one period late,
+D = exp(-3/2 T s), and n periods of delay each way closes it by
 
-    Z = Z_m + E H D exp(-(d + 1/2 + 2 n) T s) / s
+    F_c = -E H exp(-(1 + 2 n) T s) p
     torques:    H = D b / (s² + D b + x E),      b = 2 ζ ω s + ω²
     otherwise:  H = b b_s / (a (a_s + x E) + x E b_s),      a = s² + b
 
-with a_s and b_s of the joints' own controllers (:mod:`..robot.joint_servo`), r their rate and c the
-correction of velocities: a_s = s² + 2 r s + r², b_s = r² for positions and 2 r s + r² with rates;
-a_s = s² + b_s, b_s = 2 r (s + c) for velocities.
+with p of the operational point, a_s and b_s of the joints' own controllers
+(:mod:`..robot.joint_servo`), r their rate and c the correction of velocities:
+a_s = s² + 2 r s + r² and b_s = r² for positions, b_s = 2 r s + r² with rates; a_s = s² + b_s and
+b_s = 2 r (s + c) for velocities. Whether that loop is stable is told by Nyquist's criterion on the
+line Re s = `SLOWEST`; the robot by itself is stable.
 
 What is measured is the linear loop: the feedback's passivity control is not in it.
 """
@@ -31,7 +33,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hapticmech_ros.analysis.impedance import alone, amplitudes, mechanism_twists, multisine
+from hapticmech_ros.analysis.felt_model import felt_model
+from hapticmech_ros.analysis.impedance import (
+    alone,
+    amplitudes,
+    faded_in,
+    mechanism_twists,
+    multisine,
+)
 from hapticmech_ros.analysis.scripted_push import (
     ROWS,
     fine_times,
@@ -56,10 +65,13 @@ from hapticmech_ros.scene import Scene
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
 # Amplitude of the force, N per Hz; of MuJoCo in a period.
 PUSH_N_PER_HZ, STEPS = 0.0005, 4
-# What dies away before the window; the window, of whole periods of all frequencies.
-SETTLING_S, WINDOW_S = 2.0, 1.0
-# What may still change from one window to the next, relative to the largest.
+# In which the force fades in; what dies away before the window; the window, of whole periods of all
+# frequencies.
+FADING_S, SETTLING_S, WINDOW_S = 1.0, 6.0, 1.0
+# What may still change of any frequency from one window to the next.
 STEADY = 0.02
+# Rate, 1/s, below which growth is none.
+SLOWEST = 0.05
 # What the robot's controller takes, and whether positions come with their rates.
 INTERFACES: dict[str, tuple[Interface, bool]] = {
     "effort": ("effort", False),
@@ -80,6 +92,7 @@ class FeltEnvironment:
         frequencies: (k,) Hz.
         ratio: (k,) complex, felt over desired impedance; NaN if the motion became not steady.
         predicted: (k,) the ratio by the closed form.
+        stable: whether the loop is, by the closed form.
     """
 
     environment: str
@@ -88,6 +101,7 @@ class FeltEnvironment:
     frequencies: Array
     ratio: Array
     predicted: Array
+    stable: bool
 
     @property
     def steady(self) -> bool:
@@ -197,9 +211,10 @@ def felt_environment(
     times = period * np.arange(round(SETTLING_S / period) + 2 * window)
     frequencies, fine = np.array(FREQUENCIES_HZ, dtype=float), fine_times(period, times.size)
     force = multisine(fine, frequencies, PUSH_N_PER_HZ * frequencies)
+    force *= faded_in(fine, FADING_S)
     push = force[:, None] * np.eye(6)[loop.axis]
     robot = RobotInEnvironment(loop, interface, environment)
-    mobility = robot.mobility
+    closed = ClosedForm(loop, interface, environment, robot.mobility, delay, setup.delay)
     try:
         moved = _session(setup, robot, push, delay)
         still = _session(setup, RobotInEnvironment(loop, interface, environment), 0.0 * push, delay)
@@ -217,12 +232,75 @@ def felt_environment(
     felt = np.full(frequencies.size, complex(np.nan, np.nan))
     if np.isfinite(velocity).all():
         before, after = _steady(times, velocity, frequencies, window)
-        if np.abs(after - before).max() <= STEADY * np.abs(after).max():
+        if (np.abs(after - before) <= STEADY * np.abs(after)).all():
             felt = pushed / after
-    through = transfer(loop.gains, mobility, stiff, interface, s, period)
-    late = np.exp(-(2.0 + setup.delay + 2.0 * delay) * period * s)
-    predicted = (mechanism + stiff * through * late / s) / reference
-    return FeltEnvironment(name, interface, delay, frequencies, felt / reference, predicted)
+    predicted = closed.impedance(frequencies) / reference
+    ratio = felt / reference
+    return FeltEnvironment(
+        name, interface, delay, frequencies, ratio, predicted, closed.is_stable()
+    )
+
+
+class ClosedForm:
+    """The linear loop of device, mechanism, robot and environment; see the module.
+
+    Args:
+        loop: that is meant.
+        interface: one of ``INTERFACES``.
+        environment: at the robot's tool.
+        mobility: X_aa of the robot along the axis, 1/kg.
+        delay: n, further periods each way.
+        control_delay: d, periods from a sample of the device to its command.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        interface: str,
+        environment: Impedance,
+        mobility: float,
+        delay: int,
+        control_delay: int,
+    ) -> None:
+        self._model = felt_model(alone(loop.scene), "", control_delay)
+        self._axis, self._gains, self._mobility = np.eye(6)[loop.axis], loop.gains, mobility
+        self._interface, self._environment, self._delay = interface, environment, delay
+
+    def impedance(self, frequencies: Array) -> Array:
+        """Return Z (k,) complex, N s/m, that a hand feels.
+
+        Args:
+            frequencies: (k,) Hz.
+        """
+        s = 2.0j * np.pi * frequencies
+        answers, back = self._model.responses(self._axis, frequencies), self._back(s)
+        place = answers.place_by_hand / (1.0 + back * answers.place_by_contact)
+        return np.asarray(1.0 / (answers.twist_by_hand - answers.twist_by_contact * back * place))
+
+    def is_stable(self) -> bool:
+        """Return whether no motion grows faster than by ``SLOWEST``.
+
+        Raises:
+            HapticMechError: the curve turns too fast to be followed.
+        """
+        half = np.pi / self._model.period
+        for count in (4000, 16000, 64000):
+            # Up to half the sample rate, where the loop's gain is none.
+            rates = np.concatenate((np.linspace(0.0, 3.0, count), np.geomspace(3.0, half, count)))
+            s = SLOWEST + 1j * rates
+            answers = self._model.responses(self._axis, s / (2.0j * np.pi))
+            angles = np.unwrap(np.angle(1.0 + self._back(s) * answers.place_by_contact))
+            if np.abs(np.diff(angles)).max() < 0.25 * np.pi:
+                # Of the upper half: once for each pair of poles on the right.
+                return bool(abs(angles[-1] - angles[0]) < 0.5 * np.pi)
+        raise HapticMechError("the loop's curve turns too fast to be followed")
+
+    def _back(self, s: Array) -> Array:
+        """Return F_c (k,) per -p, N/m."""
+        period = self._model.period
+        stiff = self._environment.dynamic_stiffness(s)
+        through = transfer(self._gains, self._mobility, stiff, self._interface, s, period)
+        return np.asarray(stiff * through * np.exp(-(1.0 + 2.0 * self._delay) * period * s))
 
 
 def transfer(

@@ -5,10 +5,12 @@
 With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods from measuring to acting:
 
     device      V_d⁺ = A V_d + A_u (F̄_h + u),  p_d⁺ = p_d + A_p V_d + A_q (F̄_h + u)
-    mechanism   x⁺ = A_m x + B_m w,  (p, V, a) = C x
-    in flight   V̂ = V + (d + ½) T a + T X (S W + ½ C3 F_h),  p̂ = p + (d + ½) T V̂
-    controller  c = C (p_d - p̂, V_d - V̂),  W = C3 F_h + C1 c,
-                U = G F_h + Λ_d a - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
+    mechanism   x⁺ = A_m x + B_m (w + F_c),  (p, V, a) = C x
+    in flight   V̂ = V + (d + ½) T (a + X F_c) + T X (S W + ½ (C3 F_h + C5 F_c)),
+                p̂ = p + (d + ½) T V̂
+    controller  c = C (p_d - p̂, V_d - V̂),  W = C3 F_h + C5 F_c + C1 c,
+                U = G F_h + C2 (Λ_d X + (1 - β) Π) F_c + Λ_d a
+                    - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + (1 - z⁻ᵈ) (G F_h - k P_c p_d - b P_c V_d)
                     + G (1 + (1 + G)⁶)⁻¹ (½ (1 - z⁻¹) + 5/12 (1 - z⁻¹)²) F_h
 
@@ -20,12 +22,14 @@ ramps and encoder steps are left out, as is what a push bends: small motions of 
 force.
 
 A hand's wrench varies within a period. On the device acts its mean F̄_h, while commands answer the
-sample F_h at the period's start; both are inputs here.
+sample F_h at the period's start; both are inputs here. So is a wrench F_c of an environment, which
+is held over a period and which the controllers know at its start.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +43,27 @@ from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 
 
+class Responses(NamedTuple):
+    """Answers of a loop along one direction over frequency, complex.
+
+    Attributes:
+        twist_by_hand: (k,) of the device per sample of F_h, m/s per N or rad/s per N m.
+        twist_by_contact: (k,) of the device per F_c, likewise.
+        place_by_hand: (k,) of the operational point per sample of F_h, m/N or rad/(N m).
+        place_by_contact: (k,) of the operational point per F_c, likewise.
+    """
+
+    twist_by_hand: Array
+    twist_by_contact: Array
+    place_by_hand: Array
+    place_by_contact: Array
+
+
+def _mean_share(turns: Array) -> Array:
+    """Return the mean of e^sT over a period that begins at 1, of s T (k,)."""
+    return np.asarray((np.exp(turns) - 1.0) / turns)
+
+
 @dataclass(frozen=True, slots=True)
 class FeltModel(LinearSystem):
     """Device, mechanism and controller as one linear system, from F_h to the device's twist.
@@ -47,29 +72,51 @@ class FeltModel(LinearSystem):
         push: (n, 6) B, of the mean of F_h over the period, as the hand acts on the device.
         mechanism: what should be felt.
         sampled: (n, 6) of the sample of F_h at the period's start, which the commands answer.
+        contact: (n, 6) of F_c, which acts on the mechanism in the period.
+        place: (6, n) C of the operational point's pose at the period's start, deviation in m and
+            rad, world axes.
     """
 
     mechanism: LinearPoint
     sampled: Array
+    contact: Array
+    place: Array
 
     def ratio(self, direction: Array, frequencies: Array) -> Array:
         """Return felt over desired impedance along a push, (k,) complex: 1 is right.
-
-        Its mean over a period is F̄ = F (e^sT - 1) / (s T).
 
         Args:
             direction: (6,) of the push, N and N m, world axes; velocities are seen along it.
             frequencies: (k,) Hz, below half the sample rate.
         """
-        turns = 2j * np.pi * self.period * np.asarray(frequencies, dtype=float)
-        mean = (np.exp(turns) - 1.0) / turns
-        desired, one = self.mechanism.admittance(frequencies), np.eye(len(self.step))
+        found, s = self.responses(direction, frequencies), self._rates(frequencies)
+        mean = _mean_share(s * self.period)
+        desired = self.mechanism.admittance(frequencies)
+        along = np.einsum("i,kij,j->k", direction, desired, direction)
+        return np.asarray(mean * along / found.twist_by_hand)
+
+    def responses(self, direction: Array, frequencies: Array) -> Responses:
+        """Return what moves along a direction by wrenches along it.
+
+        The mean of a hand's wrench over a period is F̄ = F (e^sT - 1) / (s T).
+
+        Args:
+            direction: (6,) of the wrenches, N and N m, world axes; motion is seen along it.
+            frequencies: (k,) Hz, below half the sample rate, or complex: s / (2 π i).
+        """
+        turns, one = self._rates(frequencies) * self.period, np.eye(len(self.step))
+        seen = np.vstack((direction @ self.twist, direction @ self.place))
         found = []
-        for turn, share, alone in zip(turns, mean, desired, strict=True):
-            push = self.push * share + self.sampled
-            felt = self.twist @ np.linalg.solve(np.exp(turn) * one - self.step, push)
-            found.append(share * (direction @ alone @ direction) / (direction @ felt @ direction))
-        return np.array(found)
+        for turn, share in zip(turns, _mean_share(turns), strict=True):
+            push = (self.push * share + self.sampled) @ direction
+            driven = np.column_stack((push, self.contact @ direction))
+            found.append(seen @ np.linalg.solve(np.exp(turn) * one - self.step, driven))
+        return Responses(*np.array(found).reshape(-1, 4).T)
+
+    @staticmethod
+    def _rates(frequencies: Array) -> Array:
+        """Return s (k,) of frequencies, Hz."""
+        return 2j * np.pi * np.asarray(frequencies)
 
     def run_with(self, samples: Array, means: Array) -> Array:
         """Return twists (k, 6) of the device, m/s and rad/s, from rest under a hand's wrench.
@@ -110,15 +157,13 @@ def loop_model(
         delay: whole periods d from measuring to acting, 0 or more.
     """
     loop = _Loop(control, device, mechanism, delay)
-    size = loop.size
-    columns = np.hstack((np.eye(size), np.zeros((size, 6))))
-    pushes = np.hstack((np.zeros((6, size)), np.eye(6)))
-    nothing = np.zeros_like(pushes)
-    after, sampled = loop.next(columns, nothing, pushes), loop.next(columns, pushes, nothing)
-    twist = np.zeros((6, size))
-    twist[:, 6:12] = np.eye(6)
-    step, acting = after[:, :size], after[:, size:]
-    return FeltModel(mechanism.period, step, acting, twist, mechanism, sampled[:, size:])
+    size, n = loop.size, len(mechanism.step)
+    # The state, F̄_h, F_h and F_c.
+    inputs = np.split(np.eye(size + 18), np.cumsum([size, 6, 6]))
+    step, acting, sampled, contact = np.split(loop.next(*inputs), np.cumsum([size, 6, 6]), axis=1)
+    twist, place = np.zeros((6, size)), np.zeros((6, size))
+    twist[:, 6:12], place[:, 18 : 18 + n] = np.eye(6), mechanism.pose
+    return FeltModel(mechanism.period, step, acting, twist, mechanism, sampled, contact, place)
 
 
 class _Loop:
@@ -143,6 +188,8 @@ class _Loop:
         )
         self._gain = task * gain * task.T
         self._lead = lead_gain(self._gain)
+        touch = force_gain(control.device_inertia, self._inverse_inertia, self._share, beta)
+        self._touch = task * (np.eye(6) + touch) * task.T
         joint = control.gains.joint_constraint
         projector = task * mechanism.analysis.constraint_projector * task.T
         self._rigid = joint.stiffness * projector, joint.damping * projector
@@ -156,13 +203,20 @@ class _Loop:
         self._splits = np.cumsum([6, 6, 6, n, 12, *[6 * delay] * 4])
         self.size = 30 + n + 30 * delay
 
-    def next(self, state: Array, hand: Array, acting_hand: Array) -> Array:
-        """Return states (size, k) a period on, with F_h (6, k) as sampled and as it acts."""
+    def next(self, state: Array, acting_hand: Array, hand: Array, contact: Array) -> Array:
+        """Return states (size, k) a period on, with F_h (6, k) as it acts and as sampled, and F_c.
+
+        Args:
+            state: (size, k).
+            acting_hand: (6, k) F̄_h.
+            hand: (6, k) F_h.
+            contact: (6, k) F_c.
+        """
         parts = np.split(state, self._splits)
         pose, twist, seen, x, before, told, sent, answered, places, rates = parts
         if self._filter is None:
             seen = twist
-        to_mechanism, to_device = self._answer(pose, seen, x, told, hand)
+        to_mechanism, to_device = self._answer(pose, seen, x, told, hand, contact)
         told, acting = self._passed_on(told, to_mechanism)
         sent, command = self._passed_on(sent, to_device)
         answered, then = self._passed_on(answered, hand)
@@ -182,12 +236,12 @@ class _Loop:
         new_twist = kept * twist + gained * net
         if self._filter is not None:
             seen = seen + self._filter * ((new_pose - pose) / self._period - seen)
-        new_x = self._mechanism.step @ x + self._mechanism.push @ acting
+        new_x = self._mechanism.step @ x + self._mechanism.push @ (acting + contact)
         mine = new_pose, new_twist, seen, new_x, before
         return np.vstack((*mine, told, sent, answered, places, rates))
 
     def _answer(
-        self, pose: Array, twist: Array, x: Array, told: Array, hand: Array
+        self, pose: Array, twist: Array, x: Array, told: Array, hand: Array, contact: Array
     ) -> tuple[Array, Array]:
         """Return W and U of a period."""
         gains, task = self._control.gains, self._task
@@ -195,10 +249,11 @@ class _Loop:
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
         free = mechanism.acceleration @ x
-        hand = task * hand
+        hand, contact = task * hand, task * contact
+        forces = channels.force.hand * hand + channels.force.mechanism_feedback * contact
         if self._local:
             ahead = (self._delay + 0.5) * self._period
-            impulse = 0.5 * self._period * channels.force.hand * hand
+            impulse = 0.5 * self._period * forces + ahead * contact
             impulse = impulse + self._period * told.reshape(self._delay, *hand.shape).sum(axis=0)
             speed = speed + ahead * free + self._inverse_inertia @ impulse
             point = point + ahead * speed
@@ -208,7 +263,8 @@ class _Loop:
         spring, damper = self._rigid
         in_range = gains.position_channel.to_device * (held - self._share @ held)
         device = self._gain @ hand + task * (inertia @ free) - spring @ error - damper @ rate
-        told = channels.force.hand * hand + gains.position_channel.to_mechanism * coupling
+        device = device + channels.force.contact * (self._touch @ contact)
+        told = forces + gains.position_channel.to_mechanism * coupling
         return told, device - in_range
 
     def _passed_on(self, queue: Array, newest: Array) -> tuple[Array, Array]:

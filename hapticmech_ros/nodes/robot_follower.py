@@ -28,12 +28,14 @@ from hapticmech_ros.nodes.messages import (
     set_stamp,
 )
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
-from hapticmech_ros.nodes.robot_parameters import FollowerParameters
+from hapticmech_ros.nodes.robot_parameters import BY_RULE, FollowerParameters
 from hapticmech_ros.robot.arm_scene import load_arm
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
+from hapticmech_ros.robot.tuning import Tuning
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import twist_bounds
@@ -45,6 +47,8 @@ WHO = "robot"
 # Service that takes what the wrench sensor measures as nothing.
 TARE_SENSOR = "robot/tare_wrench"
 NO_TWIST = np.zeros(6)
+# Parameters that may be -1: by R8 and R9.
+RATES = ("linear_rate", "angular_rate", "observer_rate")
 # rad, m, rad/s and m/s that no joint of a robot exceeds.
 LARGEST = 1e3
 
@@ -161,27 +165,70 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             "feedback_energy": f"{self._port.given:.3g}",
             "feedback_changed": str(self._port.changed),
         }
-        return follows, sentence, {"fault": fault, **self.clock_figures(), **counts, **port}
+        rates = {} if follower is None else _rates(follower.tuning)
+        return (
+            follows,
+            sentence,
+            {"fault": fault, **self.clock_figures(), **counts, **rates, **port},
+        )
+
+    def validate_parameters(self, parameters: FollowerParameters) -> None:
+        """Refuse rates that are none, and an observer that would begin or end."""
+        if self._follower is not None:
+            self._follower.check_change(self._tuning(parameters))
 
     def apply_parameters(self, parameters: FollowerParameters) -> None:
-        """Take new parameters: those of the feedback act from now on."""
+        """Take new parameters: feedback acts from now on, rates pass to the new ones."""
         super().apply_parameters(parameters)
         if self._follower is not None:
             self._port.settings = self._feedback(parameters)
+            self._follower.tune(self._tuning(parameters), self.now_ns() / NANOSECONDS)
 
     def _new_law(self, parameters: FollowerParameters) -> OperationalLaw:
+        limits = numbers_in("torque_limits", parameters.torque_limits)
+        return OperationalLaw(self._mechanism, parameters.robot_point, torque_limits=limits)
+
+    def _tuning(self, parameters: FollowerParameters) -> Tuning:
+        """Return the rates that parameters ask for, those of -1 by R8 and R9.
+
+        Raises:
+            InvalidInputError: a rate that is none, or a rule without a delay.
+        """
+        asked = {name: getattr(parameters, name) for name in RATES}
+        for name, rate in asked.items():
+            if rate < 0.0 and rate != BY_RULE:
+                raise InvalidInputError(name, rate, "must be 0 or more, or -1")
+        linear, angular, observer = asked.values()
+        observed, ruled = observer != 0.0, BY_RULE in (linear, observer)
+        if observer == BY_RULE != linear:
+            raise InvalidInputError("linear_rate", linear, "must be -1 with observer_rate -1")
+        if ruled:
+            if parameters.loop_delay == 0.0:
+                raise InvalidInputError("loop_delay", 0.0, "must be above 0 for rates of -1")
+            rates = loop_rates(parameters.loop_delay, self._inertia_ratio(parameters), observed)
+            linear = rates.law
+            observer = rates.observer if observer == BY_RULE else observer
         gains = Gains(
-            linear_rate=parameters.linear_rate,
-            angular_rate=parameters.angular_rate,
+            linear_rate=linear,
+            angular_rate=linear if angular == BY_RULE else angular,
             damping_ratio=parameters.damping_ratio,
             posture_rate=parameters.posture_rate,
         )
-        limits = numbers_in("torque_limits", parameters.torque_limits)
-        point = parameters.robot_point
-        return OperationalLaw(self._mechanism, point, gains, torque_limits=limits)
+        return Tuning(gains, observer)
+
+    def _inertia_ratio(self, parameters: FollowerParameters) -> float:
+        """Return R of the payload that nobody tells, in the robot's initial state."""
+        place = numbers_in("payload_centre", parameters.payload_centre)
+        if place.size != 3:
+            rule = "must be three numbers"
+            raise InvalidInputError("payload_centre", parameters.payload_centre, rule)
+        state = self._law.state(self._law.posture, np.zeros_like(self._law.posture))
+        return inertia_ratio(state, parameters.unknown_payload, place)
 
     def _new_follower(self, parameters: FollowerParameters) -> Follower:
-        return Follower(self._law, self._settings(parameters), self._sensor)
+        tuning = self._tuning(parameters)
+        law = self._law.with_gains(tuning.gains)
+        return Follower(law, self._settings(parameters, tuning.observer_rate), self._sensor)
 
     def _feedback(self, parameters: FollowerParameters) -> FeedbackSettings:
         return FeedbackSettings(
@@ -193,7 +240,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             parameters.feedback_allowance,
         )
 
-    def _settings(self, parameters: FollowerParameters) -> FollowerSettings:
+    def _settings(self, parameters: FollowerParameters, observer_rate: float) -> FollowerSettings:
         return FollowerSettings(
             interface=parameters.interface,
             period=self.period_s,
@@ -201,9 +248,10 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             target_timeout=parameters.target_timeout,
             wrench_timeout=parameters.wrench_timeout,
             has_sensor=bool(parameters.wrench_topic),
-            observer_rate=parameters.observer_rate,
+            observer_rate=observer_rate,
             largest_error=parameters.largest_error,
             swing_speed=parameters.swing_speed,
+            gain_ramp=parameters.gain_ramp,
         )
 
     def _send(self, order: Order, now_ns: int) -> None:
@@ -270,3 +318,10 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         """Refuse what comes from two publishers where one may speak: the robot stops."""
         if fault := self._speakers[topic].fault(now_ns):
             raise InvalidInputError(topic, fault, "must have one publisher")
+
+
+def _rates(tuning: Tuning) -> dict[str, str]:
+    """Return the rates that act, 1/s, for diagnostics."""
+    gains = tuning.gains
+    values = gains.linear_rate, gains.angular_rate, tuning.observer_rate
+    return {name: f"{rate:.3g}" for name, rate in zip(RATES, values, strict=True)}

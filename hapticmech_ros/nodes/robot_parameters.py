@@ -8,6 +8,9 @@ from typing import Literal
 
 from hapticmech_ros.nodes.parameters import NodeParameters, flag, number, text
 
+# Stands for a rate that follows by a rule.
+BY_RULE = -1.0
+
 
 class JointParameters(NodeParameters):
     """Parameters of what is on either side of a robot's joints."""
@@ -72,28 +75,45 @@ class FollowerParameters(JointParameters):
         "unconfigured",
     )
     linear_rate: float = number(
-        30.0, "rate with which errors of position decay", "1/s", 0.0, 1000.0, "unconfigured"
+        30.0,
+        "rate with which errors of position decay; -1: by loop_delay and unknown_payload",
+        "1/s",
+        BY_RULE,
+        1000.0,
     )
     angular_rate: float = number(
-        30.0, "rate with which errors of orientation decay", "1/s", 0.0, 1000.0, "unconfigured"
-    )
-    damping_ratio: float = number(1.0, "of both", "1", 0.0, 10.0, "unconfigured")
-    posture_rate: float = number(
-        5.0,
-        "rate with which joints return to the robot's initial state",
+        30.0,
+        "rate with which errors of orientation decay; -1: as linear_rate",
         "1/s",
-        0.0,
-        100.0,
-        "unconfigured",
+        BY_RULE,
+        1000.0,
+    )
+    damping_ratio: float = number(1.0, "of both", "1", 0.0, 10.0)
+    posture_rate: float = number(
+        5.0, "rate with which joints return to the robot's initial state", "1/s", 0.0, 100.0
     )
     observer_rate: float = number(
         0.0,
         "rate of the observer of friction and payload, which a robot without a wrench sensor has "
-        "for contacts; 0: none",
+        "for contacts; 0: none; -1: by loop_delay and unknown_payload",
         "1/s",
-        0.0,
+        BY_RULE,
         500.0,
-        "unconfigured",
+    )
+    loop_delay: float = number(
+        0.0,
+        "from a sample of the joints to the middle of the period in which its torques act, for "
+        "rates of -1",
+        "s",
+        0.0,
+        1.0,
+    )
+    unknown_payload: float = number(
+        0.0, "largest mass at the tool that nobody tells, for rates of -1", "kg", 0.0, 1000.0
+    )
+    payload_centre: str = text("0 0 0", "where it is, from robot_point in its axes, m")
+    gain_ramp: float = number(
+        0.3, "time over which rates pass to others", "s", 0.0, 10.0, "unconfigured"
     )
     feedback: float = number(
         1.0, "share of the robot's contact that acts on the mechanism", "1", 0.0, 1.0

@@ -15,6 +15,7 @@ wrench sensor pushes harder and harder against what it touches: it needs a rate 
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -51,10 +52,21 @@ class DisturbanceObserver:
     """
 
     def __init__(self, mechanism: Mechanism, rate: float, period: float) -> None:
-        if not 0.0 <= rate * period < 1.0:
-            raise InvalidInputError("rate", rate, f"must be between 0 and {1.0 / period:g} 1/s")
+        self._rate, self._period = checked_rate(rate, period), period
         self._model, self._data = mechanism.model, mechanism.model.createData()
-        self._rate, self._period = rate, period
+
+    def with_rate(self, rate: float) -> DisturbanceObserver:
+        """Return the same observer with another rate, which begins anew.
+
+        Args:
+            rate: κ, 1/s.
+
+        Raises:
+            InvalidInputError: a rate that is negative, or that the period does not allow.
+        """
+        other = copy(self)
+        other._rate = checked_rate(rate, self._period)
+        return other
 
     def begin(self, state: RobotState, disturbance: Array | None = None) -> Observed:
         """Return an estimate to begin with.
@@ -89,6 +101,22 @@ class DisturbanceObserver:
         rate = torque + coriolis.T @ before.v - weight + pushed + known.disturbance
         momentum = known.momentum + self._period * rate
         return Observed(self._rate * (_momentum(now) - momentum), momentum)
+
+
+def checked_rate(rate: float, period: float) -> float:
+    """Return an observer's rate, 1/s.
+
+    Args:
+        rate: κ, 1/s.
+        period: s.
+
+    Raises:
+        InvalidInputError: a rate that is negative, or that the period does not allow.
+    """
+    if not 0.0 <= rate * period < 1.0:
+        rule = f"must be 0 or more and below {1.0 / period:g} 1/s"
+        raise InvalidInputError("observer_rate", rate, rule)
+    return rate
 
 
 def balanced(state: RobotState, observed: Observed) -> RobotState:

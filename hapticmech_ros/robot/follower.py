@@ -13,15 +13,14 @@ much, from where both were when they came together. Otherwise it fails closed:
 and comes together with the target anew when all is back.
 
 A robot that swings about its target (:mod:`.swing_watch`) carries more than its rates bear. From
-then on the law has 1/√2 of its rates and the observer 1/16 of its own, beginning with what it
-observed on average; the second time its estimate stays as it is, which bears every payload.
-After `SLOWEST` such steps the robot brakes and does not follow any more.
+then on it has slower ones (:mod:`.tuning`), and the observer begins with what it observed on
+average. After `SLOWEST` such steps the robot brakes and does not follow any more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,11 +31,17 @@ from hapticmech_ros.control.clutch import Clutch, engage
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.quaternions import turned
-from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
+from hapticmech_ros.robot.disturbance import (
+    DisturbanceObserver,
+    Observed,
+    balanced,
+    checked_rate,
+)
 from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
 from hapticmech_ros.robot.swing_watch import WINDOW, SwingWatch
 from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.tuning import Tuning, TuningRamp
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 
 _NOTHING = np.zeros(6)
@@ -60,6 +65,7 @@ class FollowerSettings:
         leash: of the virtual robot, rad or m; see :class:`.interfaces.VirtualRobot`.
         swing_speed: m/s about the target that count as a swing of a robot that has an observer;
             0: none does.
+        gain_ramp: s, over which gains pass to others.
 
     Raises:
         InvalidInputError: an unknown interface, or a time that is not positive.
@@ -75,6 +81,7 @@ class FollowerSettings:
     largest_error: float = 0.1
     leash: float = 0.1
     swing_speed: float = 0.05
+    gain_ramp: float = 0.3
 
     def __post_init__(self) -> None:
         if self.interface not in ("effort", "velocity", "position"):
@@ -85,8 +92,10 @@ class FollowerSettings:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InvalidInputError(name, value, "must be a positive number")
-        if not (np.isfinite(self.swing_speed) and self.swing_speed >= 0.0):
-            raise InvalidInputError("swing_speed", self.swing_speed, "must be 0 or more")
+        for name in ("swing_speed", "gain_ramp"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InvalidInputError(name, value, "must be 0 or more")
 
 
 class Order(NamedTuple):
@@ -155,10 +164,12 @@ class Follower:
     ) -> None:
         self._law, self._settings = law, settings
         self._sensor = WrenchSensor() if sensor is None else sensor
+        self.counts = Counts()
+        self._tuning = Tuning(law.gains, settings.observer_rate)
+        self._ramp: TuningRamp | None = None
         self._virtual = VirtualRobot(law, settings.period, settings.leash)
         self._observer = DisturbanceObserver(law.mechanism, settings.observer_rate, settings.period)
         self._watch = self._new_watch()
-        self.counts = Counts()
         nv = law.mechanism.nv
         self._q, self._v, self._joints_at = np.zeros(nv), np.zeros(nv), _NEVER
         self._pose, self._twist, self._target_at = pin.SE3.Identity(), _NOTHING, _NEVER
@@ -175,6 +186,42 @@ class Follower:
     def follows(self) -> bool:
         """Whether the robot follows the target now."""
         return self._clutch is not None
+
+    @property
+    def tuning(self) -> Tuning:
+        """Gains and the observer's rate as they are now."""
+        return self._tuning.slowed(self.counts.swings)
+
+    def tune(self, tuning: Tuning, now: float) -> None:
+        """Let gains pass to others, over ``gain_ramp``; those of a robot that swung stay slowed.
+
+        Args:
+            tuning: that is asked for.
+            now: s.
+
+        Raises:
+            InvalidInputError: an observer that begins or ends, or a rate that the period does not
+                allow.
+        """
+        self.check_change(tuning)
+        self._ramp = TuningRamp(now, self._settings.gain_ramp, self._tuning, tuning)
+
+    def check_change(self, tuning: Tuning) -> None:
+        """Check that gains can pass to others while the robot follows.
+
+        An estimate of friction and payload that ended would let go of what it carries.
+
+        Args:
+            tuning: that is asked for.
+
+        Raises:
+            InvalidInputError: an observer that begins or ends, or a rate that the period does not
+                allow.
+        """
+        rate = checked_rate(tuning.observer_rate, self._settings.period)
+        if (self._tuning.observer_rate == 0.0) is not (rate == 0.0):
+            rule = "must stay above 0" if rate == 0.0 else "must stay 0"
+            raise InvalidInputError("observer_rate", rate, f"{rule} while the robot follows")
 
     def hear_joints(self, q: Array, v: Array, time: float) -> None:
         """Take a sample of the joints.
@@ -244,6 +291,7 @@ class Follower:
             return None
         self.counts.orders += 1
         settings = self._settings
+        self._pass_on(now)
         if now - self._joints_at > settings.joint_timeout:
             self.counts.joints_stale += 1
             return self._stop("joint states are stale", self._law.resting(self._q))
@@ -272,26 +320,33 @@ class Follower:
         if self.counts.swings > SLOWEST:
             return True
         # Without an observer no payload makes it swing.
-        if 0.0 in (settings.swing_speed, settings.observer_rate):
+        if 0.0 in (settings.swing_speed, self._tuning.observer_rate):
             return False
         if not self._watch.swings(state.point.twist - target.twist, now):
             return False
         self.counts.swings += 1
-        slower, gains = 0.5**0.5, self._law.gains
-        self._law = self._law.with_gains(
-            replace(
-                gains,
-                linear_rate=slower * gains.linear_rate,
-                angular_rate=slower * gains.angular_rate,
-            )
-        )
-        self._virtual = VirtualRobot(self._law, settings.period, settings.leash)
-        self._watch = self._new_watch()
-        rate = settings.observer_rate / 16.0 if self.counts.swings == 1 else 0.0
-        self._observer = DisturbanceObserver(self._law.mechanism, rate, settings.period)
-        self._observed = self._observer.begin(state, self._mean_observed)
         self._before = state
+        self._adopt(self._mean_observed)
+        self._watch = self._new_watch()
         return self.counts.swings > SLOWEST
+
+    def _pass_on(self, now: float) -> None:
+        """Let gains be those of now."""
+        if self._ramp is None:
+            return
+        self._tuning = self._ramp.at(now)
+        self._adopt(self._observed.disturbance)
+        if self._tuning is self._ramp.new:
+            self._ramp, self._watch = None, self._new_watch()
+
+    def _adopt(self, disturbance: Array) -> None:
+        """Go on with the tuning as it is, and with an estimate (nv,), N m or N."""
+        tuning, settings = self.tuning, self._settings
+        self._law = self._law.with_gains(tuning.gains)
+        self._virtual = VirtualRobot(self._law, settings.period, settings.leash)
+        self._observer = self._observer.with_rate(tuning.observer_rate)
+        if self._before is not None:
+            self._observed = self._observer.begin(self._before, disturbance)
 
     def _stop(self, trouble: str, torque: Array) -> Order:
         """Return the order of a robot that does not follow."""
@@ -322,7 +377,7 @@ class Follower:
         measured = turned(self._sensor.contact(self._wrench, rotation), rotation)
         contact = measured if self._settings.has_sensor else _NOTHING
         felt = contact
-        if self._settings.observer_rate:
+        if self._tuning.observer_rate:
             self._observe(state, contact)
             if self._settings.has_sensor:
                 state = balanced(state, self._observed)

@@ -5,10 +5,11 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros import load_scene
+from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.felt_model import felt_model, loop_model
 from hapticmech_ros.analysis.impedance import (
     FREQUENCIES_HZ,
+    alone,
     felt,
 )
 from hapticmech_ros.analysis.linear_point import linear_point
@@ -171,6 +172,32 @@ def test_springs_beyond_the_stability_limit_grow_in_the_model():
         }
         scaled = scene.model_copy(update={"controller": controller.model_copy(update=changed)})
         assert (felt_model(scaled).growth > 1.0 + 1e-6) is grows
+
+
+@pytest.mark.parametrize(
+    ("name", "local", "feedback"),
+    [("two_link", True, 0.0), ("two_link", False, 0.0), ("spatial_arm", True, 0.5)],
+)
+def test_what_the_environment_does_is_in_it(name, local, feedback):
+    """A contact's wrench of 14 Hz: where device and point go, against a session."""
+    channel = {"force_channel": {"mechanism_feedback": feedback, "contact": 1.0 - feedback}}
+    scene = alone(with_loop(load_scene(name).with_(controller=channel), local))
+    model, ticks = felt_model(scene), 400
+    wrench = np.zeros((ticks, 6))
+    times = scene.simulation.period * np.arange(ticks)
+    wrench[:, :2] = np.outer(np.sin(28.0 * np.pi * times), (3e-3, -2e-3))
+    run = Session(scene).run(ticks, external_wrench=wrench)
+    calm = Session(scene).run(ticks)
+    states = np.zeros((ticks, len(model.step)))
+    for tick in range(ticks - 1):
+        states[tick + 1] = model.step @ states[tick] + model.contact @ wrench[tick]
+    twists = run["device_true_twist"] - calm["device_true_twist"]
+    places = run["position"] - calm["position"]
+    for found, wanted in (
+        (states @ model.twist.T, twists),
+        (states @ model.place.T[:, :3], places),
+    ):
+        assert np.abs(found - wanted).max() < 2e-3 * np.abs(wanted).max()
 
 
 def test_a_negative_delay_is_refused():

@@ -9,6 +9,7 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings
 from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.tuning import Tuning
 from oracles.driven_robots import accelerated, law_of, pose_of
 
 Q = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])
@@ -189,8 +190,85 @@ def test_a_target_that_jumps_does_not_pull_the_robot_along():
     assert made.order(3.0 * PERIOD).trouble == ""
 
 
+def stretched(made, periods, start=0.0):
+    """Return orders of a robot that is held 1 mm from its target."""
+    near, orders = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 1e-3, 0.0])), []
+    for tick in range(periods):
+        time = start + PERIOD * tick
+        made.hear_joints(Q, STILL, time)
+        made.hear_target(POSE if made.counts.orders == 0 else near, np.zeros(6), time)
+        orders.append(made.order(time).values)
+    return np.array(orders)
+
+
+def test_gains_pass_to_others_in_a_straight_line():
+    """With ω from 30 to 90 1/s over 0.1 s, a spring's torque goes with ω² from one to nine."""
+    law, made = follower(gain_ramp=0.1)
+    before = stretched(made, 10)
+    made.tune(Tuning(Gains(linear_rate=90.0, angular_rate=90.0, posture_rate=0.0)), 0.01)
+    after = stretched(made, 120, 0.01)
+    pull = before[-1] - law.resting(Q)
+    share = np.minimum(np.arange(120) * PERIOD / 0.1, 1.0)
+    wanted = ((30.0 + 60.0 * share) / 30.0) ** 2
+    # Of rounding, times ω² = 8100 and masses of 25 kg.
+    np.testing.assert_allclose(after, law.resting(Q) + np.outer(wanted, pull), atol=1e-8)
+    assert np.abs(np.diff(np.vstack((before[-1:], after)), axis=0)).max() < 0.2 * np.abs(pull).max()
+    assert made.tuning.gains.linear_rate == 90.0
+
+
+def test_an_observer_keeps_its_estimate_when_its_rate_changes():
+    """What it estimates of a constant push goes on from where it is, at the new rate."""
+    law, made = follower(observer_rate=50.0, gain_ramp=0.0)
+    contact = np.array([5.0, -3.0, 8.0, 0.2, -0.1, 0.3])
+    torque = law.resting(Q) - law.state(Q, STILL).point.jacobian.T @ contact
+    told = []
+    for tick in range(40):
+        if tick == 20:
+            made.tune(Tuning(law.gains, 200.0), PERIOD * tick)
+        made.hear_joints(Q, STILL, PERIOD * tick)
+        made.hear_target(POSE, np.zeros(6), PERIOD * tick)
+        made._torques = [torque, torque]
+        told.append(made.order(PERIOD * tick).contact)
+    share = 1.0 - np.array([one @ contact for one in told]) / (contact @ contact)
+    # Steps of Euler: 1 - κ T of what is missing is left after each.
+    wanted = np.where(
+        np.arange(40) < 20, 0.95 ** np.arange(40), 0.95**19 * 0.8 ** np.arange(-19, 21)
+    )
+    np.testing.assert_allclose(share, wanted, atol=1e-9)
+
+
+def test_an_observer_neither_begins_nor_ends_while_it_follows():
+    for rate, other in ((0.0, 20.0), (20.0, 0.0)):
+        law, made = follower(observer_rate=rate)
+        with pytest.raises(InvalidInputError, match="observer_rate"):
+            made.tune(Tuning(law.gains, other), 0.0)
+        assert made.tuning == Tuning(law.gains, rate)
+    with pytest.raises(InvalidInputError, match="1000"):
+        made.tune(Tuning(law.gains, 1000.0), 0.0)
+
+
+def test_a_robot_that_swung_stays_slow_under_new_gains():
+    _, made = follower(observer_rate=16.0, gain_ramp=0.0)
+    made.counts.swings = 1
+    assert made.tuning.observer_rate == 1.0
+    made.tune(Tuning(Gains(linear_rate=40.0, angular_rate=20.0), 32.0), 0.0)
+    stretched(made, 2)
+    found = made.tuning
+    assert found.gains.linear_rate == pytest.approx(40.0 / 2**0.5)
+    assert found.gains.angular_rate == pytest.approx(20.0 / 2**0.5)
+    assert found.observer_rate == 2.0
+    assert made._law.gains == found.gains
+    made.counts.swings = 2
+    assert made.tuning.observer_rate == 0.0
+
+
 def test_settings_that_are_none_are_refused():
-    for changed in ({"period": 0.0}, {"joint_timeout": np.nan}, {"interface": "steam"}):
+    for changed in (
+        {"period": 0.0},
+        {"joint_timeout": np.nan},
+        {"interface": "steam"},
+        {"gain_ramp": -1.0},
+    ):
         with pytest.raises(InvalidInputError, match=next(iter(changed))):
             FollowerSettings(**changed)
     _, made = follower()

@@ -20,6 +20,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
 from ros.harness import WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
@@ -60,7 +62,7 @@ class Watched:
 
 
 @contextmanager
-def graph(domain: int, interface: str, **options: str) -> Iterator[dict[str, object]]:
+def graph(domain: int, interface: str, **options: object) -> Iterator[dict[str, object]]:
     """Run mechanism, robot and follower; yield their processes."""
     kind = options.get("command_type", "array")
     joints = {"interface": interface, "command_type": kind, **QUICK}
@@ -200,14 +202,52 @@ def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Pee
         ({"robot": ROBOT, "command_type": "trajectory"}, "position"),
         ({"robot": ROBOT, "torque_limits": "1 2 x"}, "torque_limits"),
         ({"robot": "five_bar"}, "no closures"),
+        ({"robot": ROBOT, "linear_rate": -1.0}, "loop_delay"),
+        ({"robot": ROBOT, "linear_rate": -1.0, "loop_delay": 0.01, "payload_centre": "1"}, "three"),
     ],
 )
 def test_what_it_cannot_drive_is_refused(
-    domain: int, given: dict[str, str], rule: str, capfd: pytest.CaptureFixture[str]
+    domain: int, given: dict[str, object], rule: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with running("robot_follower", domain, SCENE, **given) as process:
         assert process.wait(timeout=WAIT_S) == 1
     assert rule in capfd.readouterr().err
+
+
+def test_rates_follow_delay_and_payload_and_change_while_it_follows(
+    domain: int, peer: Peer
+) -> None:
+    """R8 and R9 of the iiwa with 1 kg at the tool, and a delay that is found to be longer."""
+    law = OperationalLaw(Mechanism(load_scene(ROBOT)))
+    state = law.state(law.posture, 0.0 * law.posture)
+    ratio = inertia_ratio(state, 1.0, np.array([0.0, 0.0, 0.05]))
+    ruled = {"linear_rate": -1.0, "angular_rate": -1.0, "observer_rate": -1.0}
+    told = {**ruled, "loop_delay": 0.005, "unknown_payload": 1.0, "payload_centre": "0 0 0.05"}
+
+    def acts(delay: float) -> bool:
+        rates, counts = loop_rates(delay, ratio), seen.counts()
+        wanted = {"linear_rate": rates.law, "observer_rate": rates.observer}
+        return {name: counts.get(name) for name in wanted} == {
+            name: f"{rate:.3g}" for name, rate in wanted.items()
+        }
+
+    with graph(domain, "effort", wrench_topic="robot/wrench", gain_ramp=0.1, **told):
+        seen = Watched(peer)
+        peer.until(seen.follows, "a robot that follows")
+        peer.until(lambda: acts(0.005), "rates of the rule")
+        assert peer.set_parameters("robot_follower", loop_delay=0.01).successful
+        peer.until(lambda: acts(0.01), "rates of the longer delay")
+        for changed, rule in (
+            ({"observer_rate": 0.0}, "must stay above 0 while the robot follows"),
+            ({"linear_rate": 20.0}, "must be -1 with observer_rate -1"),
+            ({"angular_rate": -0.5}, "must be 0 or more, or -1"),
+            ({"loop_delay": 0.0}, "must be above 0 for rates of -1"),
+        ):
+            refused = peer.set_parameters("robot_follower", **changed)
+            assert not refused.successful
+            assert rule in refused.reason
+        assert acts(0.01)
+        assert seen.counts()["engagements"] == "1"
 
 
 def test_trajectories_name_their_joints(domain: int, peer: Peer) -> None:
