@@ -49,7 +49,9 @@ def account_for_actuators(account: Array, sample: Array, applied: Array) -> None
         way, taken, driven = local(6), 0.0, 0.0
         displacement(account[PLACE:ADDED], sample, way)
         for i in range(6):
-            account[RATE + i] = way[i] / account[PERIOD]
+            # In the middle of the period, and half of it later.
+            pushed = 0.5 * account[PERIOD] * (applied[i] - account[ADDED + i] + sample[PUSH + i])
+            account[RATE + i] = way[i] / account[PERIOD] + pushed / account[i]
             taken += applied[i] * way[i]
             driven += account[ADDED + i] * way[i]
         account[ACTUATORS] -= taken - driven

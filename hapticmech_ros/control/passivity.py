@@ -61,8 +61,8 @@ class PassivityController:
         period: s, over which a command is held.
         limits: force and torque that the actuators have, N and N m.
         acts: (6,) 1 where there are actuators; everywhere if left out.
-        filtered: whether the twist of samples lags: what was moved over the last period then counts
-            too, whichever says that more is given.
+        filtered: whether the twist of samples lags: the mean of the last period then counts too,
+            carried on to its end by what acted, whichever says that more is given.
         lag: s, of the actuators, of first order: they still give a part of what they gave before,
             and go on with what they are told for as long.
 

@@ -8,6 +8,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.device_side_kernels import predicted_transfer
+from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.passivity import PassivityController, passivity_for
 from hapticmech_ros.scene.controller import Passivity
 
@@ -83,6 +84,30 @@ def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, 
             # Rounding of sums of some 1e-2 J.
             assert given <= allowance * (1.0 + 1e-9) + 1e-15
             assert account.changed == 1
+
+
+@pytest.mark.parametrize(("force", "push"), [(8.0, 0.0), (-3.0, 5.0)])
+def test_a_twist_that_lags_gives_no_more_than_there_is(force, push):
+    """A free body is driven, and its twist told as none: where it went, and what acted, tell it.
+
+    A command along the motion then gives exactly what is available, as for a twist without lag.
+    """
+    bounds = Passivity(allowance=1e-4)
+    account = PassivityController(bounds, INERTIA, PERIOD, FAR, filtered=True)
+    account.set_mechanism_energy(0.0)
+    applied = np.array([force, 0, 0, 0, 0, 0])
+    sample = at(twist=(1.0, 0, 0, 0, 0, 0), push=(push, 0, 0, 0, 0, 0))
+    for period in range(3):
+        sample = moved(sample, applied) if period else sample
+        told = sample.copy()
+        told[7:13] = 0.0
+        account.record(told, applied)
+    account.account[DEVICE_ACCOUNT.start("actuators")] = 0.0
+    left = account.enforce(np.array([5.0, 0, 0, 0, 0, 0]), told)
+    assert account.changed == 1
+    assert 0.0 < left[0] < 5.0
+    given = float(left[:3] @ (moved(sample, left)[:3] - sample[:3]))
+    assert given == pytest.approx(1e-4, rel=1e-9)
 
 
 def test_a_static_force_is_left_alone():

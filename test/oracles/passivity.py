@@ -123,7 +123,9 @@ class PassivityController:
         """
         if self._place is not None:
             way = displacement(self._place, sample)
-            self._rate = way / self._period
+            # Its mean is that of the middle of the period.
+            acceleration = (applied - self._added + sample[FORCE]) / self._inertia
+            self._rate = way / self._period + 0.5 * self._period * acceleration
             self.actuators -= float(applied @ way) - float(self._added @ way)
         self._place = sample[:7].copy()
         self._applied = applied - self._added if self._kept else NO_WRENCH
