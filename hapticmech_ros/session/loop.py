@@ -217,7 +217,7 @@ class SessionLoop:
             "counter": self._counter.numbers,
             "wrenches": np.zeros((TOLD + 1, 6)),
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
-            "others": np.zeros(12),
+            "others": np.zeros(13),
             "locality": np.zeros(LOCALITY.size),
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,

@@ -35,7 +35,8 @@ def told(force, ticks, first=0):
 
 def correction(others, answered, now, gains=GAIN):
     found = others.correction(gains, round(answered * PERIOD_NS), round(now * PERIOD_NS))
-    return found[:6] + found[6:]
+    assert found[12] == len(gains)
+    return found[:6] + found[6:12]
 
 
 def test_a_steady_wrench_changes_nothing():
