@@ -216,8 +216,10 @@ def felt_environment(
     robot = RobotInEnvironment(loop, interface, environment)
     closed = ClosedForm(loop, interface, environment, robot.mobility, delay, setup.delay)
     try:
-        moved = _session(setup, robot, push, delay)
-        still = _session(setup, RobotInEnvironment(loop, interface, environment), 0.0 * push, delay)
+        moved = device_twists(setup, robot, push, delay)
+        still = device_twists(
+            setup, RobotInEnvironment(loop, interface, environment), 0.0 * push, delay
+        )
         velocity = (moved - still)[:, loop.axis]
     except HapticMechError:
         velocity = np.full(times.size, np.nan)
@@ -332,8 +334,15 @@ def transfer(
     return np.asarray(wanted * given / ((s**2 + wanted) * (held + pushed) + pushed * given))
 
 
-def _session(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay: int) -> Array:
-    """Return twists (n, 6) of the device, under pushes in a script's rows."""
+def device_twists(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay: int) -> Array:
+    """Return twists (n, 6) of a device whose mechanism leads a robot, m/s and rad/s, world axes.
+
+    Args:
+        setup: of the session.
+        robot: with its follower and its environment.
+        pushes: (8 n, 6) on the device, in a script's rows, N and N m, world axes.
+        delay: further periods each way.
+    """
     period, periods = setup.scene.simulation.period, len(pushes) // ROWS
     with scripted(fine_times(period, periods), pushes) as hand:
         scene = setup.scene.model_copy(update={"hand": hand})

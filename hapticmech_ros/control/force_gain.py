@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.hand_lead_kernels import BENT, HEAVY
 
 
 def force_gain(
@@ -37,17 +36,13 @@ def force_gain(
     return np.asarray(moved + (1.0 - feedforward) * wrench_projector - np.eye(6))
 
 
-def lead_gains(gain: Array) -> tuple[Array, Array]:
-    """Return W G and W (1 + 2 R²)⁻¹ G (6, 6), of what a hand's wrench changes by in a period.
+def lead_gain(gain: Array) -> Array:
+    """Return W G (6, 6), of what a hand's wrench changes by until the next sample.
 
-    The first is for F', the second for F''; see
-    :mod:`~hapticmech_ros.control.hand_lead_kernels`.
+    W = (1 + (1 + G)⁶)⁻¹; see :mod:`~hapticmech_ros.control.hand_lead_kernels`.
 
     Args:
         gain: (n, n) G, or its rows and columns of the task space.
     """
     one = np.eye(len(gain))
-    ratio = one + gain
-    led = np.linalg.solve(one + np.linalg.matrix_power(ratio / HEAVY, 8), gain)
-    bent = one + np.linalg.matrix_power(ratio / BENT, 2)
-    return np.asarray(led), np.asarray(np.linalg.solve(bent, led))
+    return np.asarray(gain @ np.linalg.inv(one + np.linalg.matrix_power(one + gain, 6)))

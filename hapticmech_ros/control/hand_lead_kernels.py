@@ -10,20 +10,18 @@ and h_2 apart, and their divided differences,
 
 which for even spacing is ½ ∇F + 5/12 ∇²F, as of Adams and Bashforth. The device adds
 
-    W (G F' + (1 + 2 R²)⁻¹ G F''),      R = 1 + G,      W = (1 + (R / 1.35)⁸)⁻¹
+    W G (F̄ - F),      W = (1 + R⁶)⁻¹,      R = 1 + G
 
 with G of :mod:`~hapticmech_ros.control.force_gain`. R is m_d / m along a direction in which a mass
 m is felt on a device's m_d. Half a period of delay in the force channel is an error of
-ω T/2 (m / m_d - 1). The weight W is that of a Butterworth filter over R: 1 where the mechanism is
-heavy, 0 where it is light, because G amplifies there, also what the hand's own mass exerts on the
-device, which a whole lead would make unstable. F'' is of use where the mechanism is much heavier.
-
-What K other hands change a command by until the next sample, Δ
+ω T/2 (m / m_d - 1): the weight W is 1 where the mechanism is heavy. Where it is light, W is small,
+because G amplifies there, also what the hand's own mass exerts on the device, which a whole lead
+would make unstable. What K other hands change a command by until the next sample, Δ
 (:mod:`~hapticmech_ros.control.other_hands`), is added as
 
-    W (1 - Q)(1 + Q)⁻¹ Δ,      Q = (√K R / 0.98)⁸
+    W (1 - 1.05 K^0.8 R²) Δ
 
-whose sign changes where the hands' masses would otherwise drive each other by the devices. With
+whose sign changes where the hands' masses would otherwise drive each other by the devices: with
 masses that are fixed to K + 1 equal devices on one body, no loop that is stable without a lead is
 unstable with it (``test/control/test_hand_lead.py``).
 
@@ -33,8 +31,6 @@ the sample before, s, and (6,) F_h.
 
 from __future__ import annotations
 
-import math
-
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.mechanism.kernels.small_matrices import solve_in_place
@@ -42,14 +38,12 @@ from hapticmech_ros.mechanism.kernels.small_matrices import solve_in_place
 ROW, MOST = 7, 3
 MEMORY_SIZE = 1 + MOST * ROW
 _NEWEST, _SECOND, _THIRD = 1, 1 + ROW, 1 + 2 * ROW
-# R at which W is ½, at which F'' has half its weight, and √K R at which other hands have none.
-HEAVY, BENT, TOGETHER = 1.35, 0.5**0.5, 0.98
+# Of others' weight, 1 - SHARED K^TOGETHER R².
+SHARED, TOGETHER = 1.05, 0.8
+# 2 cos((2 k + 1) π / 6) of 1 + R⁶ = Π (R² - 2 cos((2 k + 1) π / 6) R + 1).
+_MIDDLES = 3.0**0.5, 0.0, -(3.0**0.5)
 # Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
-MOST_GROWTH = 1e6
-# 2 cos((2 k + 1) π / 2 n) of 1 + x^2n = Π (x² - 2 cos((2 k + 1) π / 2 n) x + 1).
-SECOND, EIGHTH = (
-    tuple(2.0 * math.cos((2 * k + 1) * math.pi / (2 * n)) for k in range(n)) for n in (1, 4)
-)
+_MOST_GROWTH = 1e6
 
 
 @inner
@@ -92,44 +86,21 @@ def largest(vector: Array) -> float:
 
 
 @inner
-def divide_by_flat(
-    ratio: Array, square: Array, scale: float, middles: tuple[float, ...], vector: Array
-) -> bool:
-    """Replace ``vector`` (6,) by (1 + (R / scale)^2n)⁻¹ vector; return whether that is regular.
+def weigh(ratio: Array, square: Array, vector: Array) -> bool:
+    """Replace ``vector`` (6,) by W vector, given R and R² (6, 6); return whether that is regular.
 
-    By its n real factors (R / scale)² - 2 cos((2 k + 1) π / 2 n) R / scale + 1, whose condition is
-    that of R² only. ``middles`` are twice the n cosines; ``square`` (6, 6) is R².
+    By three real factors of 1 + R⁶, whose condition is that of R² only: a direction that is much
+    lighter than the device leaves the weights of others right.
     """
-    factor, most = shaped(local(36), (6, 6)), MOST_GROWTH * largest(vector)
-    for k in range(len(middles)):
+    factor, most = shaped(local(36), (6, 6)), _MOST_GROWTH * largest(vector)
+    for n in range(len(_MIDDLES)):
         for i in range(6):
             for j in range(6):
-                factor[i, j] = (square[i, j] / scale - middles[k] * ratio[i, j]) / scale
+                factor[i, j] = square[i, j] - _MIDDLES[n] * ratio[i, j]
             factor[i, i] += 1.0
         if not solve_in_place(factor, vector, 6):
             return False
     return largest(vector) <= most
-
-
-@inner
-def multiply(matrix: Array, vector: Array, product: Array) -> None:
-    """Fill the product (6,) of a matrix (6, 6) and a vector, which it is not."""
-    for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += matrix[i, j] * vector[j]
-        product[i] = total
-
-
-@inner
-def for_others(ratio: Array, square: Array, count: float, carried: Array, added: Array) -> bool:
-    """Fill (1 - Q)(1 + Q)⁻¹ Δ (6,) = 2 (1 + Q)⁻¹ Δ - Δ; return whether it is regular."""
-    put(added, carried)
-    if not divide_by_flat(ratio, square, TOGETHER / math.sqrt(count), EIGHTH, added):
-        return False
-    for i in range(6):
-        added[i] = 2.0 * added[i] - carried[i]
-    return True
 
 
 @inner
@@ -141,37 +112,25 @@ def lead(memory: Array, period: float, gain: Array, others: Array, command: Arra
     change, moves = local(12), False
     change_of_mean(memory, 0.0, period, change)
     for i in range(6):
-        moves = moves or change[i] != 0.0 or change[6 + i] != 0.0 or others[i] != 0.0
+        change[i] += change[6 + i]
+        moves = moves or change[i] != 0.0 or others[i] != 0.0
     if not moves:
         return
-    own, ratio, square = (
-        shaped(gain, (6, 6)),
-        shaped(local(36), (6, 6)),
-        shaped(local(36), (6, 6)),
-    )
+    ratio, square, added = shaped(local(36), (6, 6)), shaped(local(36), (6, 6)), local(6)
     for i in range(6):
         for j in range(6):
-            ratio[i, j] = own[i, j]
+            ratio[i, j] = gain[6 * i + j]
         ratio[i, i] += 1.0
+    share = SHARED * others[6] ** TOGETHER
     for i in range(6):
+        added[i] = others[i]
         for j in range(6):
             total = 0.0
             for k in range(6):
                 total += ratio[i, k] * ratio[k, j]
             square[i, j] = total
-    added, part = local(6), local(6)
-    added[:] = 0.0
-    if others[6] > 0.0 and not for_others(ratio, square, others[6], others[:6], added):
-        return
-    multiply(own, change[6:], part)
-    if not divide_by_flat(ratio, square, BENT, SECOND, part):
-        return
-    for i in range(6):
-        added[i] += part[i]
-    multiply(own, change[:6], part)
-    for i in range(6):
-        added[i] += part[i]
-    if divide_by_flat(ratio, square, HEAVY, EIGHTH, added):
+            added[i] += gain[6 * i + j] * change[j] - share * total * others[j]
+    if weigh(ratio, square, added):
         for i in range(6):
             command[i] += added[i]
 

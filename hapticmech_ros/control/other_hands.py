@@ -6,7 +6,7 @@ F_c of a command holds what the other hands did when their last commands were co
 before the sample that the command answers, and so two periods before the command acts. A device
 that has their newest samples F_j corrects its command, as it does for its own hand's:
 
-    u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + W (1 - Q)(1 + Q)⁻¹ Σ H_j F'_j,
+    u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + W (1 - 1.05 K^0.8 R²) Σ H_j F'_j,
     H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
 
 t' is the time of the sample answered, Y_ij F_j the wrench at the own point that accelerates it as

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.control.force_gain import force_gain, lead_gains
+from hapticmech_ros.control.force_gain import force_gain, lead_gain
 from hapticmech_ros.control.hand_lead_kernels import (
-    BENT,
-    HEAVY,
     MEMORY_SIZE,
     MOST,
+    SHARED,
     TOGETHER,
     mean_change,
     remember_wrench,
@@ -43,10 +42,9 @@ def change(memory, start=0.0, period=PERIOD):
 
 
 def weights(ratio, others=0):
-    """Return the weights of F', F'' and, of so many other hands, Δ, along a direction with R."""
-    whole = 1.0 / (1.0 + (ratio / HEAVY) ** 8)
-    q = (np.sqrt(others) * ratio / TOGETHER) ** 8
-    return whole, whole / (1.0 + (ratio / BENT) ** 2), whole * (1.0 - q) / (1.0 + q)
+    """Return W along a direction with R, and the weight of Δ of so many other hands."""
+    whole = 1.0 / (1.0 + ratio**6)
+    return whole, whole * (1.0 - SHARED * others**TOGETHER * ratio**2)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.4e-3])
@@ -81,15 +79,14 @@ def test_what_is_not_known_is_not_carried_on():
 
 @pytest.mark.parametrize("mass", [0.02, 0.3, 5.0, 300.0])
 def test_a_device_leads_where_the_mechanism_is_heavy(mass):
-    """Of a mass m on m_d: R = m_d / m."""
+    """Of a mass m on m_d: G = m_d / m - 1, W = 1 / (1 + (m_d / m)⁶)."""
     device = np.diag([0.3] * 3 + [3e-4] * 3)
     gain = force_gain(device, np.diag([1.0 / mass] * 3 + [0.0] * 3), np.zeros((6, 6)), 1.0)
     ratio = 0.3 / mass
-    for found, free, held in zip(lead_gains(gain), weights(ratio), weights(0.0), strict=False):
-        wanted = [(ratio - 1.0) * free] * 3 + [-held] * 3
-        assert found == pytest.approx(np.diag(wanted), rel=1e-12)
-        # Never more than that of a force against which the mechanism does not move.
-        assert np.abs(np.linalg.eigvals(found)).max() <= 1.0 + 1e-12
+    weight = [(ratio - 1.0) / (1.0 + ratio**6)] * 3 + [-1.0] * 3
+    assert lead_gain(gain) == pytest.approx(np.diag(weight), rel=1e-12)
+    # Never more than that of a force against which the mechanism does not move.
+    assert np.abs(np.linalg.eigvals(lead_gain(gain))).max() <= 1.0 + 1e-12
 
 
 @pytest.mark.parametrize("others", [0, 1, 3])
@@ -97,7 +94,7 @@ def test_a_device_leads_where_the_mechanism_is_heavy(mass):
 def test_what_is_added_is_the_gain_s_function_by_its_eigenvectors(others, lightest):
     """The eliminations in the kernel, against eigenvalues of Λ_d^½ X Λ_d^½.
 
-    Also where a direction is so light that R⁸ of it would leave nothing of all the others.
+    Also where a direction is so light that R⁶ of it would leave nothing of all the others.
     """
     rng = np.random.default_rng(3)
     none, command = np.zeros((6, 6)), rng.normal(size=6)
@@ -120,17 +117,15 @@ def test_what_is_added_is_the_gain_s_function_by_its_eigenvectors(others, lighte
         def of(function, half=half, turn=turn, back=back):
             return half @ (turn * function) @ turn.T @ back
 
-        first, second, third = weights(values, others)
-        line, bend = parts(memory)
-        led = of(first * (values - 1.0)), of(second * (values - 1.0))
-        expected = led[0] @ line + led[1] @ bend + of(third) @ carried
+        own, theirs = weights(values, others)
+        led = of(own * (values - 1.0))
+        expected = led @ change(memory) + of(theirs) @ carried
         # Rounding of R², with the square root of the device's inertias on both sides.
         rounding = 1e-13 * (1.0 + values.max()) ** 2
         size = np.abs(expected).max()
         assert found - command == pytest.approx(expected, abs=rounding * size + 1e-14)
         if lightest == 1.0:
-            for one, wanted in zip(lead_gains(gain), led, strict=True):
-                assert one == pytest.approx(wanted, abs=1e-9 * np.abs(wanted).max())
+            assert lead_gain(gain) == pytest.approx(led, abs=1e-9 * np.abs(led).max())
 
 
 def answers(ratio, others):
@@ -191,10 +186,9 @@ def test_a_device_that_closes_no_force_channel_adds_nothing():
 
 
 def test_a_gain_that_no_mechanism_has_leads_nothing():
-    """(R / 1.35)⁸ may be -1 if somebody says so."""
-    gain, turn = np.zeros((6, 6)), np.pi / 8.0
-    gain[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
-    gain[:2, :2] = HEAVY * gain[:2, :2] - np.eye(2)
+    """R⁶ may be -1 if somebody says so."""
+    gain = np.zeros((6, 6))
+    gain[:2, :2] = [[-1.0, -1.0], [1.0, -1.0]]
     memory = remembered(np.random.default_rng(5).normal(size=(3, 6)), [PERIOD] * 2)
     sample = np.eye(DEVICE_SAMPLE.size)[6]
     model = np.concatenate((gain.ravel(), np.zeros(72)))

@@ -168,6 +168,7 @@ def led_through_it(
             stop_process(process)
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("victim", ["driver", "controller", "service"])
 def test_the_force_ends_when_one_of_them_is_killed(
     domain: int, peer: Peer, scene: Path, tmp_path: Path, victim: str
