@@ -46,7 +46,7 @@ from hapticmech_ros.simulation import Simulator
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
 # In which the push fades in, until what that has set in motion has died away, and how long is
 # looked at, s.
-FADING_S, SETTLING_S, WINDOW_S = 0.5, 8.0, 1.0
+FADING_S, SETTLING_S, WINDOW_S = 0.5, 4.0, 1.0
 _NOBODY = ConstantWrenchHand(kind="constant_wrench")
 
 

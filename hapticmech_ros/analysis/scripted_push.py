@@ -63,8 +63,8 @@ def write_script(path: Path, times: Array, pushes: Array) -> None:
         pushes: (n, 6) N and N m, world axes at the point held.
     """
     rows = np.column_stack((times, pushes))
-    # In fewer digits a script of nine seconds at 4 kHz is within what is read of one.
-    digits = ["%.9g"] + ["%.7g"] * 6
+    # In fewer digits a script of five seconds at 4 kHz is within what is read of one.
+    digits = ["%.9g"] + ["%.8g"] * 6
     np.savetxt(path, rows, digits, ",", header=",".join(COLUMNS), comments="")
 
 

@@ -9,7 +9,6 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from hapticmech_ros.analysis import beside_others
 from hapticmech_ros.analysis.beside_others import FREQUENCIES_HZ, felt_beside_others
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
@@ -17,14 +16,6 @@ from hapticmech_ros.scene import scene_from_document
 from oracles.users import REACH, inverse_inertia, two_points
 
 PERIOD = 0.002
-
-
-@pytest.fixture(autouse=True)
-def _sooner(monkeypatch):
-    """What the start sets in motion here has died away after 4 s."""
-    monkeypatch.setattr(beside_others, "SETTLING_S", 4.0)
-
-
 ARM = {"mass": 0.5, "damping": 8.0, "stiffness": 200.0}
 TURNING = {"angular_inertia": 5e-4, "angular_damping": 4e-2, "angular_stiffness": 0.2}
 MOVES = [{"time": 0.0}, {"time": 0.5, "xyz": [0.1, 0.0, 0.0]}]
