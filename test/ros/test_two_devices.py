@@ -89,7 +89,7 @@ def test_two_devices_feel_each_other(domain: int, peer: Peer, tmp_path: Path) ->
             forces = commands[other]
 
             def settled(forces=forces) -> bool:
-                """Return whether no push is left, nor what one or a busy machine has set in motion."""
+                """Return whether no push is left, nor what one, or a pause, has set in motion."""
                 devices = [figures(statuses[f"{point}/haptic_device"]) for point in "ab"]
                 if any(device["pushed_by"] != "nobody" for device in devices):
                     return False
