@@ -199,15 +199,17 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             if rate < 0.0 and rate != BY_RULE:
                 raise InvalidInputError(name, rate, "must be 0 or more, or -1")
         linear, angular, observer = asked.values()
-        observed, ruled = observer != 0.0, BY_RULE in (linear, observer)
         if observer == BY_RULE != linear:
             raise InvalidInputError("linear_rate", linear, "must be -1 with observer_rate -1")
-        if ruled:
+        if linear == BY_RULE:
+            # Both rates share what the delay allows.
+            if observer not in (0.0, BY_RULE):
+                rule = "must be 0 or -1 with linear_rate -1"
+                raise InvalidInputError("observer_rate", observer, rule)
             if parameters.loop_delay == 0.0:
                 raise InvalidInputError("loop_delay", 0.0, "must be above 0 for rates of -1")
-            rates = loop_rates(parameters.loop_delay, self._inertia_ratio(parameters), observed)
-            linear = rates.law
-            observer = rates.observer if observer == BY_RULE else observer
+            ratio, observed = self._inertia_ratio(parameters), observer == BY_RULE
+            linear, observer = loop_rates(parameters.loop_delay, ratio, observed)
         gains = Gains(
             linear_rate=linear,
             angular_rate=linear if angular == BY_RULE else angular,

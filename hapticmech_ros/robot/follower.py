@@ -204,6 +204,9 @@ class Follower:
                 allow.
         """
         self.check_change(tuning)
+        if tuning == (self._tuning if self._ramp is None else self._ramp.new):
+            # Another ramp to where it goes already would let the watch forget what it counted.
+            return
         self._ramp = TuningRamp(now, self._settings.gain_ramp, self._tuning, tuning)
 
     def check_change(self, tuning: Tuning) -> None:

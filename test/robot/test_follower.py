@@ -247,6 +247,24 @@ def test_an_observer_neither_begins_nor_ends_while_it_follows():
         made.tune(Tuning(law.gains, 1000.0), 0.0)
 
 
+def test_the_same_gains_once_more_begin_nothing():
+    """As a node tells them when another parameter changes: no ramp, and no watch that forgets."""
+    law, made = follower(observer_rate=20.0)
+    watch, other = made._watch, Tuning(Gains(linear_rate=90.0, posture_rate=0.0), 20.0)
+    made.tune(made.tuning, 0.0)
+    stretched(made, 2)
+    assert made._law is law
+    assert made._watch is watch
+    made.tune(other, 0.01)
+    stretched(made, 100, 0.01)
+    half = made.tuning.gains.linear_rate
+    made.tune(other, 0.11)
+    stretched(made, 1, 0.11)
+    # On the way still: from 30 to 90 1/s over 0.3 s.
+    assert made.tuning.gains.linear_rate == pytest.approx(50.0)
+    assert half < 50.0
+
+
 def test_a_robot_that_swung_stays_slow_under_new_gains():
     _, made = follower(observer_rate=16.0, gain_ramp=0.0)
     made.counts.swings = 1

@@ -245,6 +245,7 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
         peer.until(lambda: acts(0.01), "rates of the longer delay")
         for changed, rule in (
             ({"observer_rate": 0.0}, "must stay above 0 while the robot follows"),
+            ({"observer_rate": 20.0}, "must be 0 or -1 with linear_rate -1"),
             ({"linear_rate": 20.0}, "must be -1 with observer_rate -1"),
             ({"angular_rate": -0.5}, "must be 0 or more, or -1"),
             ({"loop_delay": 0.0}, "must be above 0 for rates of -1"),
