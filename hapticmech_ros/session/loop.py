@@ -26,6 +26,7 @@ from hapticmech_ros.control.loop_layout import (
     SETTINGS,
     TOLD,
 )
+from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
     DeviceState,
@@ -217,7 +218,7 @@ class SessionLoop:
             "counter": self._counter.numbers,
             "wrenches": np.zeros((TOLD + 1, 6)),
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
-            "others": np.zeros(13),
+            "others": NO_OTHERS.copy(),
             "locality": np.zeros(LOCALITY.size),
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
