@@ -22,9 +22,9 @@ from hapticmech_ros.analysis.transparency import CIRCLES
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     ORANGE,
-    SMALL,
     VERMILION,
     dress,
+    legend_outside,
     new_figure,
 )
 from hapticmech_ros.robot.gains import Gains
@@ -134,12 +134,5 @@ def environment_figure(found: Sequence[FeltEnvironment]) -> Figure:
                 lines[f"{one.environment}; {one.interface}"] = line
     dress(sizes, "frequency (Hz)", "magnitude (dB)")
     dress(phases, "frequency (Hz)", "phase (°)")
-    figure.legend(
-        list(lines.values()),
-        list(lines),
-        loc="outside upper left",
-        fontsize=SMALL,
-        ncols=3,
-        frameon=False,
-    )
+    legend_outside(figure, list(lines.values()), list(lines), 3)
     return figure

@@ -40,10 +40,10 @@ from hapticmech_ros.experiment.figure_style import (
     GREY,
     ORANGE,
     SKY,
-    SMALL,
     VERMILION,
     about,
     dress,
+    legend_outside,
     new_figure,
 )
 from hapticmech_ros.loading import load_scene
@@ -311,14 +311,7 @@ def _drawn(columns: Sequence[Column]) -> Figure:
         axes[0].set_yticks(range(len(scenes)), scenes)
         axes[0].invert_yaxis()
     handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(
-        handles,
-        names,
-        loc="outside upper left",
-        fontsize=SMALL,
-        ncols=len(names),
-        frameon=False,
-    )
+    legend_outside(figure, handles, names, len(names))
     return figure
 
 

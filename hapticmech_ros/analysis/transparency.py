@@ -21,10 +21,10 @@ from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
     ORANGE,
-    SMALL,
     about,
     at_least,
     dress,
+    legend_outside,
     new_figure,
 )
 from hapticmech_ros.loading import load_scene
@@ -148,14 +148,7 @@ class Transparency(Results):
         dress(sizes, "frequency (Hz)", "magnitude (dB)")
         dress(phases, "frequency (Hz)", "phase (°)")
         at_least(phases, span=LEAST_PHASE)
-        figure.legend(
-            list(legend.values()),
-            list(legend),
-            loc="outside upper left",
-            fontsize=SMALL,
-            ncols=2,
-            frameon=False,
-        )
+        legend_outside(figure, list(legend.values()), list(legend), 2)
         return {"impedance.png": figure}
 
 

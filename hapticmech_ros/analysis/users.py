@@ -23,6 +23,7 @@ from hapticmech_ros.experiment.figure_style import (
     SMALL,
     about,
     dress,
+    legend_outside,
     new_figure,
 )
 from hapticmech_ros.scene import Scene
@@ -119,14 +120,7 @@ class Users(Results):
             dress(phase, "frequency (Hz)", "phase (°)")
             size.set_title(f"{scene}, user at {point}", fontsize=SMALL, loc="left")
         lines = panels[0][0].get_lines()[:3]
-        figure.legend(
-            lines,
-            ["desired", "mechanism alone", "felt"],
-            loc="outside upper left",
-            fontsize=SMALL,
-            ncols=3,
-            frameon=False,
-        )
+        legend_outside(figure, lines, ["desired", "mechanism alone", "felt"], 3)
         return {"users.png": figure}
 
 

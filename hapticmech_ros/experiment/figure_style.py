@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -154,6 +155,15 @@ def legend(axes: Axes, columns: int) -> None:
         frameon=False,
         borderaxespad=0.2,
         handlelength=2.4,
+    )
+
+
+def legend_outside(
+    figure: Figure, lines: Sequence[Artist], names: Sequence[str], columns: int
+) -> None:
+    """Add one legend for all axes, above them."""
+    figure.legend(
+        lines, names, loc="outside upper left", ncols=columns, fontsize=SMALL, frameon=False
     )
 
 

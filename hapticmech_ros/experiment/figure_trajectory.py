@@ -19,13 +19,13 @@ from hapticmech_ros.experiment.figure_style import (
     GREY,
     LEAST_SPAN,
     PURPLE,
-    SMALL,
     TEXT,
     TIME_LABEL,
     VERMILION,
     at_least,
     dress,
     legend,
+    legend_outside,
     mark_changes,
     new_figure,
     titled,
@@ -75,9 +75,7 @@ def trajectory_figure(
         legend(views[0][0], 2)
     else:
         handles, labels = views[0][0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper left", ncols=4, fontsize=SMALL, frameon=False
-        )
+        legend_outside(figure, handles, labels, 4)
     _errors(error, record)
     return figure
 
