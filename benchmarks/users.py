@@ -36,7 +36,9 @@ POINTS = {
 BARELY = 1e-9
 
 
-def held_scene(name: str, period: float, late: bool = False, massless: bool = False) -> Scene:
+def held_scene(
+    name: str, period: float, late: bool = False, massless: bool = False, alone: bool = False
+) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
     Args:
@@ -44,6 +46,7 @@ def held_scene(name: str, period: float, late: bool = False, massless: bool = Fa
         period: s.
         late: without exchange of the hands' wrenches.
         massless: the arm is the spring and the damper alone.
+        alone: nobody is in the arm's place; its device moves along with the mechanism.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -58,9 +61,10 @@ def held_scene(name: str, period: float, late: bool = False, massless: bool = Fa
     if massless:
         firm = ArmHand.model_validate(arm).model_dump()
         arm = {key: firm[key] for key in SpringDamperHand.model_fields} | {"kind": "spring_damper"}
+    nobody = {"kind": "constant_wrench"}
     hands = [
-        {"point": PUSHER, "hand": {"kind": "constant_wrench"}},
-        {"point": HOLDER, "hand": arm},
+        {"point": PUSHER, "hand": nobody},
+        {"point": HOLDER, "hand": nobody if alone else arm},
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
@@ -95,13 +99,16 @@ def users(
     massless: Annotated[
         bool, typer.Option("--massless", help="the arm has no mass that is rigidly on its device")
     ] = False,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="nobody else holds: what the own loop leaves by itself")
+    ] = False,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, late, massless), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, late, massless, alone), PUSHER)
     ]
     print(table(rows))
 

@@ -202,6 +202,9 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         if observer == BY_RULE != linear:
             raise InvalidInputError("linear_rate", linear, "must be -1 with observer_rate -1")
         if linear == BY_RULE:
+            if parameters.interface != "effort":
+                rule = f"must be 0 or more with interface {parameters.interface}: R8 is of torques"
+                raise InvalidInputError("linear_rate", linear, rule)
             # Both rates share what the delay allows.
             if observer not in (0.0, BY_RULE):
                 rule = "must be 0 or -1 with linear_rate -1"

@@ -146,7 +146,7 @@ def led_through_it(
         try:
             rendering(peer, statuses, "a/haptic_device")
             rendering(peer, statuses, "b/haply_device")
-            start = np.array(told[-1].data[place])
+            start, held = np.array(told[-1].data[place]), times_held()
 
             def ways() -> np.ndarray:
                 return np.array([message.data[place] for message in told[-250:]]) - start
@@ -154,7 +154,6 @@ def led_through_it(
             looked = Trace(trace)
             # The emulator's time is behind on a busy machine.
             peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
-            held = times_held()
 
             def rests() -> bool:
                 # What it tells is heard later than the trace is read on a busy machine.

@@ -209,6 +209,7 @@ def test_without_joint_states_the_weight_alone_is_carried(domain: int, peer: Pee
         ({"robot": ROBOT, "torque_limits": "1 2 x"}, "torque_limits"),
         ({"robot": "five_bar"}, "no closures"),
         ({"robot": ROBOT, "linear_rate": -1.0}, "loop_delay"),
+        ({"robot": ROBOT, "linear_rate": -1.0, "interface": "velocity"}, "R8 is of torques"),
         ({"robot": ROBOT, "linear_rate": -1.0, "loop_delay": 0.01, "payload_centre": "1"}, "three"),
     ],
 )
