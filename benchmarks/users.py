@@ -32,12 +32,20 @@ POINTS = {
 }
 
 
+# Of a device: the mass that it has if a scene does not say, and inertia by mass, (32 mm)².
+DEVICE_MASS_KG, GYRATION_M2 = 0.3, 1e-3
+
 # Declared of a connection, s: nothing next to a period, and enough for devices not to exchange.
 BARELY = 1e-9
 
 
 def held_scene(
-    name: str, period: float, late: bool = False, massless: bool = False, alone: bool = False
+    name: str,
+    period: float,
+    late: bool = False,
+    massless: bool = False,
+    alone: bool = False,
+    mass: float = DEVICE_MASS_KG,
 ) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
@@ -47,6 +55,7 @@ def held_scene(
         late: without exchange of the hands' wrenches.
         massless: the arm is the spring and the damper alone.
         alone: nobody is in the arm's place; its device moves along with the mechanism.
+        mass: of each device, kg; its inertia is as much as (32 mm)² of it.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -62,13 +71,16 @@ def held_scene(
         firm = ArmHand.model_validate(arm).model_dump()
         arm = {key: firm[key] for key in SpringDamperHand.model_fields} | {"kind": "spring_damper"}
     nobody = {"kind": "constant_wrench"}
-    hands = [
+    hands: list[dict[str, object]] = [
         {"point": PUSHER, "hand": nobody},
         {"point": HOLDER, "hand": nobody if alone else arm},
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
-    return scene.with_(operational_points=points, hands=hands, simulation={"period": period})
+    device = {"mass": mass, "inertia": mass * GYRATION_M2}
+    return scene.with_(
+        operational_points=points, hands=hands, device=device, simulation={"period": period}
+    )
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -102,13 +114,16 @@ def users(
     alone: Annotated[
         bool, typer.Option("--alone", help="nobody else holds: what the own loop leaves by itself")
     ] = False,
+    mass: Annotated[
+        float, typer.Option("--mass", help="of each device, kg; inertia in proportion")
+    ] = DEVICE_MASS_KG,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, late, massless, alone), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, late, massless, alone, mass), PUSHER)
     ]
     print(table(rows))
 
