@@ -32,8 +32,8 @@ POINTS = {
 }
 
 
-# Of a device: the mass that it has if a scene does not say, and inertia by mass, (32 mm)².
-DEVICE_MASS_KG, GYRATION_M2 = 0.3, 1e-3
+# Of a device whose mass is given: its inertia by that, (32 mm)² as of one that is not.
+GYRATION_M2 = 1e-3
 
 # Declared of a connection, s: nothing next to a period, and enough for devices not to exchange.
 BARELY = 1e-9
@@ -45,7 +45,7 @@ def held_scene(
     late: bool = False,
     massless: bool = False,
     alone: bool = False,
-    mass: float = DEVICE_MASS_KG,
+    mass: float | None = None,
 ) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
@@ -55,7 +55,7 @@ def held_scene(
         late: without exchange of the hands' wrenches.
         massless: the arm is the spring and the damper alone.
         alone: nobody is in the arm's place; its device moves along with the mechanism.
-        mass: of each device, kg; its inertia is as much as (32 mm)² of it.
+        mass: of each device, kg, with an inertia in proportion; the scene's own if left out.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -77,10 +77,9 @@ def held_scene(
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
-    device = {"mass": mass, "inertia": mass * GYRATION_M2}
-    return scene.with_(
-        operational_points=points, hands=hands, device=device, simulation={"period": period}
-    )
+    if mass is not None:
+        scene = scene.with_(device={"mass": mass, "inertia": mass * GYRATION_M2})
+    return scene.with_(operational_points=points, hands=hands, simulation={"period": period})
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -112,11 +111,11 @@ def users(
         bool, typer.Option("--massless", help="the arm has no mass that is rigidly on its device")
     ] = False,
     alone: Annotated[
-        bool, typer.Option("--alone", help="nobody else holds: what the own loop leaves by itself")
+        bool, typer.Option("--alone", help="nobody else holds; the other device moves along")
     ] = False,
     mass: Annotated[
-        float, typer.Option("--mass", help="of each device, kg; inertia in proportion")
-    ] = DEVICE_MASS_KG,
+        float | None, typer.Option("--mass", help="of each device, kg; inertia in proportion")
+    ] = None,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
