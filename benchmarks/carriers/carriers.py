@@ -15,6 +15,7 @@ import select
 import socket
 import struct
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
@@ -148,8 +149,6 @@ class Futex:
     def __init__(self) -> None:
         self._call = ctypes.CDLL(None, use_errno=True).syscall
         self._number = _FUTEX[platform.machine()]
-        seconds = int(PATIENCE_S)
-        self._timeout = struct.pack("qq", seconds, int((PATIENCE_S - seconds) * 1e9))
 
     def give(self, slot: mmap.mmap) -> None:
         """Wake up whoever waits for a slot."""
@@ -157,8 +156,15 @@ class Futex:
 
     def wait(self, slot: mmap.mmap, seen: int) -> bool:
         """Wait until a slot's count is another than the one that was seen; return whether it is."""
-        self._call(self._number, _address(slot), _FUTEX_WAIT, seen, self._timeout, None, 0)
-        return bool(_WORD.unpack_from(slot, 0)[0] != seen)
+        deadline = time.monotonic() + PATIENCE_S
+        # It may end before anything has changed, by a signal for example.
+        while _WORD.unpack_from(slot, 0)[0] == seen:
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                return False
+            timeout = struct.pack("qq", int(left), int(left % 1.0 * 1e9))
+            self._call(self._number, _address(slot), _FUTEX_WAIT, seen, timeout, None, 0)
+        return True
 
 
 class EventDescriptor:

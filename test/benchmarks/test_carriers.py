@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import signal
 import socket
+import threading
 import time
 
 import pytest
@@ -80,3 +82,33 @@ def test_late_answers_of_the_first_messages_are_not_taken_for_later_ones(
     with Answering(late) as end:
         end.send(b"timed")
         assert end.receive() == b"timed"
+
+
+@pytest.mark.parametrize("name", [name for name in CARRIERS if installed(name)])
+def test_a_process_that_pauses_is_answered_afterwards(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("benchmarks.carriers.carriers.PATIENCE_S", 0.2)
+    with Answering(CARRIERS[name]) as end:
+        # Longer than the other one's patience: as while this process collects its garbage.
+        time.sleep(0.7)
+        end.send(b"late")
+        deadline = time.monotonic() + 10.0
+        while (answer := end.receive()) != b"late":
+            assert not answer
+            assert time.monotonic() < deadline
+
+
+def test_a_wait_for_a_word_of_memory_outlasts_a_signal() -> None:
+    carrier = CARRIERS["shared memory, futex"]()
+    first, second = carrier.end(first=True), carrier.end(first=False)
+    previous = signal.signal(signal.SIGALRM, lambda *_: None)
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    sender = threading.Timer(0.3, first.send, (b"after the signal",))
+    sender.start()
+    try:
+        assert second.receive() == b"after the signal"
+    finally:
+        sender.join()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
