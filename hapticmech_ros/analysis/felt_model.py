@@ -12,9 +12,9 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                 U = G F_h + C2 (Λ_d X + (1 - β) Π) F_c + Λ_d a
                     - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + (1 - z⁻ᵈ) (G F_h - k P_c p_d - b P_c V_d)
-                    + G (1 + (1 + G)⁶)⁻¹ (½ (1 - z⁻¹) + 5/12 (1 - z⁻¹)²) F_h
+                    + G ½ (1 - z⁻¹) F_h + (1 + R²)⁻¹ (1 - R²) G 5/12 (1 - z⁻¹)² F_h
 
-and G = (1 + C6) Λ_d X - 1 + (1 - β) Π. X and a are X_τ and a_τ of
+with G = (1 + C6) Λ_d X - 1 + (1 - β) Π and R = 1 + G. X and a are X_τ and a_τ of
 ``operational/delay_compensation``, and c_d is c with C as it acts on the device. A force channel
 that is closed by the controller has neither what is in flight nor the correction by G: then V̂ = V
 and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c. Limits,
@@ -37,7 +37,7 @@ from hapticmech_ros.analysis.linear_point import LinearPoint, LinearSystem, line
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay
-from hapticmech_ros.control.force_gain import force_gain, lead_gain
+from hapticmech_ros.control.force_gain import force_gain, lead_gains
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
@@ -187,7 +187,7 @@ class _Loop:
             control.device_inertia, self._inverse_inertia, self._share, beta, feedback
         )
         self._gain = task * gain * task.T
-        self._lead = lead_gain(self._gain)
+        self._leads = lead_gains(self._gain)
         touch = force_gain(control.device_inertia, self._inverse_inertia, self._share, beta)
         self._touch = task * (np.eye(6) + touch) * task.T
         joint = control.gains.joint_constraint
@@ -223,8 +223,9 @@ class _Loop:
         last, earlier = np.split(before, 2)
         before = np.vstack((hand, last))
         if self._local:
-            carried = 0.5 * (hand - last) + 5.0 / 12.0 * (hand - 2.0 * last + earlier)
-            command = command + self._gain @ (hand - then) + self._lead @ carried
+            line, bend = self._leads
+            command = command + self._gain @ (hand - then) + line @ (0.5 * (hand - last))
+            command = command + bend @ (5.0 / 12.0 * (hand - 2.0 * last + earlier))
         places, place = self._passed_on(places, pose)
         rates, rate = self._passed_on(rates, seen)
         if self._rigid_local:

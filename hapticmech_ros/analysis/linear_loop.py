@@ -25,7 +25,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
-from hapticmech_ros.control.force_gain import force_gain, lead_gain
+from hapticmech_ros.control.force_gain import force_gain, lead_gains
 from hapticmech_ros.control.loop_stability import ON_CIRCLE
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
@@ -117,7 +117,7 @@ class _Loop:
         self._pull, self._drag = cut(law.pull), cut(law.drag)
         self._near = cut(law.near[0]), cut(law.near[1])
         self._spring, self._grip, self._mass = map(cut, (held.stiffness, held.damping, held.mass))
-        self._lead = lead_gain(self._force)
+        self._leads = lead_gains(self._force)
         self._gain = np.linalg.inv(cut(device_inertia(device)) + self._mass)
         loss = cut(np.diag([device.damping] * 3 + [device.angular_damping] * 3))
         self._lost = 0.5 * self._period / self._substeps * self._gain @ loss
@@ -149,8 +149,9 @@ class _Loop:
         to_mechanism.append(mechanism)
         act = to_device.pop(0) - near
         if self._local:
-            carried = 0.5 * (force - last) + 5.0 / 12.0 * (force - 2.0 * last + earlier)
-            act = act + self._force @ force + self._lead @ carried
+            line, bend = self._leads
+            act = act + self._force @ force + line @ (0.5 * (force - last))
+            act = act + bend @ (5.0 / 12.0 * (force - 2.0 * last + earlier))
         push = self._x_inverse @ to_mechanism.pop(0)
         x_next, rate_next, inert_next = self._device(x, rate, act)
         seen_next = rate_next

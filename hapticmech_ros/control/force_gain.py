@@ -36,13 +36,15 @@ def force_gain(
     return np.asarray(moved + (1.0 - feedforward) * wrench_projector - np.eye(6))
 
 
-def lead_gain(gain: Array) -> Array:
-    """Return W G (6, 6), of what a hand's wrench changes by until the next sample.
+def lead_gains(gain: Array) -> tuple[Array, Array]:
+    """Return G and W G, of F' and F'': how a hand's wrench changes until the next sample.
 
-    W = (1 + (1 + G)⁶)⁻¹; see :mod:`~hapticmech_ros.control.hand_lead_kernels`.
+    W = (1 + R²)⁻¹ (1 - R²) with R = 1 + G, of a device whose user is the only one; see
+    :mod:`~hapticmech_ros.control.hand_lead_kernels`.
 
     Args:
         gain: (n, n) G, or its rows and columns of the task space.
     """
     one = np.eye(len(gain))
-    return np.asarray(gain @ np.linalg.inv(one + np.linalg.matrix_power(one + gain, 6)))
+    square = np.linalg.matrix_power(one + gain, 2)
+    return gain, np.linalg.solve(one + square, (one - square) @ gain)

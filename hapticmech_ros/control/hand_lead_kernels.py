@@ -10,20 +10,18 @@ and h_2 apart, and their divided differences,
 
 which for even spacing is ½ ∇F + 5/12 ∇²F, as of Adams and Bashforth. The device adds
 
-    W G (F̄ - F),      W = (1 + R⁶)⁻¹,      R = 1 + G
+    G F' + Σ H_j F'_j + W (G F'' + Σ H_j F''_j)
+    W = (1 + R²)⁻¹ (1 - R²),      R = (K + 1) (1 + G)
 
-with G of :mod:`~hapticmech_ros.control.force_gain`. R is m_d / m along a direction in which a mass
-m is felt on a device's m_d. Half a period of delay in the force channel is an error of
-ω T/2 (m / m_d - 1): the weight W is 1 where the mechanism is heavy. Where it is light, W is small,
-because G amplifies there, also what the hand's own mass exerts on the device, which a whole lead
-would make unstable. What K other hands change a command by until the next sample, Δ
-(:mod:`~hapticmech_ros.control.other_hands`), is added as
-
-    W (1 - 1.05 K^0.8 R²) Δ
-
-whose sign changes where the hands' masses would otherwise drive each other by the devices: with
-masses that are fixed to K + 1 equal devices on one body, no loop that is stable without a lead is
-unstable with it (``test/control/test_hand_lead.py``).
+with G of :mod:`~hapticmech_ros.control.force_gain`, and H_j and F_j of K other hands, if there are
+any (:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel would
+be an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, which is 1 / (1 + G)
+along a direction. Where m is large, W is 1, and what is left is of third order in ω T. Where it is
+small, G amplifies, also what a mass of the hand's own exerts on the device, -r u of a command u,
+and the whole parabola would make that loop unstable at half the sample rate. There W tends to -1,
+which attenuates that rate, and leaves an error of second order, 5/12 (1 - W) (ω T)² (m / m_d - 1).
+With masses that are rigidly fixed to K + 1 devices on one body, equal or not, no loop that is
+stable without F' and F'' is unstable with them (``test/control/test_hand_lead.py``).
 
 A memory is an array (22,): the number of samples it has, then three rows, newest first: time since
 the sample before, s, and (6,) F_h.
@@ -38,10 +36,6 @@ from hapticmech_ros.mechanism.kernels.small_matrices import solve_in_place
 ROW, MOST = 7, 3
 MEMORY_SIZE = 1 + MOST * ROW
 _NEWEST, _SECOND, _THIRD = 1, 1 + ROW, 1 + 2 * ROW
-# Of others' weight, 1 - SHARED K^TOGETHER R².
-SHARED, TOGETHER = 1.05, 0.8
-# 2 cos((2 k + 1) π / 6) of 1 + R⁶ = Π (R² - 2 cos((2 k + 1) π / 6) R + 1).
-_MIDDLES = 3.0**0.5, 0.0, -(3.0**0.5)
 # Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
 _MOST_GROWTH = 1e6
 
@@ -86,53 +80,49 @@ def largest(vector: Array) -> float:
 
 
 @inner
-def weigh(ratio: Array, square: Array, vector: Array) -> bool:
-    """Replace ``vector`` (6,) by W vector, given R and R² (6, 6); return whether that is regular.
+def weigh(gain: Array, hands: float, bend: Array) -> bool:
+    """Replace ``bend`` (6,) by W bend; return whether that is regular.
 
-    By three real factors of 1 + R⁶, whose condition is that of R² only: a direction that is much
-    lighter than the device leaves the weights of others right.
+    ``gain`` (36,) is G row by row, SI units, and ``hands`` K + 1.
     """
-    factor, most = shaped(local(36), (6, 6)), _MOST_GROWTH * largest(vector)
-    for n in range(len(_MIDDLES)):
-        for i in range(6):
-            for j in range(6):
-                factor[i, j] = square[i, j] - _MIDDLES[n] * ratio[i, j]
-            factor[i, i] += 1.0
-        if not solve_in_place(factor, vector, 6):
-            return False
-    return largest(vector) <= most
+    ratio, factor, solved = shaped(local(36), (6, 6)), shaped(local(36), (6, 6)), local(6)
+    for i in range(6):
+        solved[i] = bend[i]
+        for j in range(6):
+            ratio[i, j] = hands * gain[6 * i + j]
+        ratio[i, i] += hands
+    for i in range(6):
+        for j in range(6):
+            factor[i, j] = 0.0
+            for k in range(6):
+                factor[i, j] += ratio[i, k] * ratio[k, j]
+        factor[i, i] += 1.0
+    if not solve_in_place(factor, solved, 6):
+        return False
+    if largest(solved) > _MOST_GROWTH * largest(bend):
+        return False
+    for i in range(6):
+        bend[i] = 2.0 * solved[i] - bend[i]
+    return True
 
 
 @inner
 def lead(memory: Array, period: float, gain: Array, others: Array, command: Array) -> None:
     """Add what the module says to a command (6,), or nothing where it is not regular.
 
-    ``gain`` (36,) is G row by row, SI units; ``others`` (7,) are Δ and K.
+    ``gain`` (36,) is G row by row, SI units; ``others`` (13,) are both sums over H_j, and K.
     """
-    change, moves = local(12), False
+    change, line, bend, moves = local(12), local(6), local(6), False
     change_of_mean(memory, 0.0, period, change)
     for i in range(6):
-        change[i] += change[6 + i]
-        moves = moves or change[i] != 0.0 or others[i] != 0.0
-    if not moves:
-        return
-    ratio, square, added = shaped(local(36), (6, 6)), shaped(local(36), (6, 6)), local(6)
-    for i in range(6):
+        line[i], bend[i] = others[i], others[6 + i]
         for j in range(6):
-            ratio[i, j] = gain[6 * i + j]
-        ratio[i, i] += 1.0
-    share = SHARED * others[6] ** TOGETHER
-    for i in range(6):
-        added[i] = others[i]
-        for j in range(6):
-            total = 0.0
-            for k in range(6):
-                total += ratio[i, k] * ratio[k, j]
-            square[i, j] = total
-            added[i] += gain[6 * i + j] * change[j] - share * total * others[j]
-    if weigh(ratio, square, added):
+            line[i] += gain[6 * i + j] * change[j]
+            bend[i] += gain[6 * i + j] * change[6 + j]
+        moves = moves or line[i] != 0.0 or bend[i] != 0.0
+    if moves and weigh(gain, 1.0 + others[12], bend):
         for i in range(6):
-            command[i] += added[i]
+            command[i] += line[i] + bend[i]
 
 
 @kernel("void(float64[::1], float64, float64[::1])")

@@ -6,13 +6,13 @@ F_c of a command holds what the other hands did when their last commands were co
 before the sample that the command answers, and so two periods before the command acts. A device
 that has their newest samples F_j corrects its command, as it does for its own hand's:
 
-    u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + W (1 - 1.05 K^0.8 R²) Σ H_j F'_j,
+    u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + Σ H_j F'_j + W Σ H_j F''_j,
     H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
 
 t' is the time of the sample answered, Y_ij F_j the wrench at the own point that accelerates it as
 F_j does (:mod:`~hapticmech_ros.operational.coupling`), and C3_j the other's gain to the mechanism.
-A command is held over a period: F'_j is by how much the mean of F_j over it differs from F_j(t), by
-the line through its last two samples, and what is before that is the weight of a lead
+A command is held over a period: F'_j and F''_j are by how much the mean of F_j over it differs from
+F_j(t), and W is the weight that makes no loop unstable
 (:mod:`~hapticmech_ros.control.hand_lead_kernels`).
 """
 
@@ -40,7 +40,7 @@ REMEMBERED = 64
 # how many at most a period may begin after the sample from which its wrench is carried on.
 SILENT, FARTHEST = 12, 1.0
 # What corrects a command that needs nothing for other hands.
-NO_OTHERS = np.zeros(13)
+NO_OTHERS = np.zeros(19)
 NO_OTHERS.flags.writeable = False
 
 
@@ -126,24 +126,26 @@ class OtherHands:
         return self._newest(self._samples[name], now_ns) is not None
 
     def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
-        """Return (13,) both sums of the module, N and N m, world axes at the own point, and K.
+        """Return (19,) the sums of H_j, N and N m, world axes at the own point, and K.
+
+        Those of the change since t', of F'_j and of F''_j.
 
         Args:
             gains: H_j (6, 6) by operational point; see the module.
             answered_ns: t', stamp of the sample that the command answers, ns.
             now_ns: t, from which it is held, ns.
         """
-        added = np.zeros((2, 6))
+        added = np.zeros((3, 6))
         for name, gain in gains.items():
             added += self._changes(name, answered_ns, now_ns) @ gain.T
         return np.append(added, float(len(gains)))
 
     def _changes(self, name: str, answered_ns: int, now_ns: int) -> Array:
-        """Return (2, 6) F_j(t) - F_j(t' - T) and F'_j, as far as they are known."""
+        """Return (3, 6) F_j(t) - F_j(t' - T), F'_j and F''_j, as far as they are known."""
         samples, period = self._samples[name], self._period_ns
         at = self._newest(samples, now_ns)
         if at is None:
-            return np.zeros((2, 6))
+            return np.zeros((3, 6))
         stamp_ns, wrench = samples[at]
         change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
         memory, carried = np.zeros(MEMORY_SIZE), np.empty(12)
@@ -155,7 +157,7 @@ class OtherHands:
             before_ns = known_ns
         since = min(now_ns - stamp_ns, FARTHEST * period)
         mean_change(memory, since / NANOSECONDS, period / NANOSECONDS, carried)
-        return np.array([change, carried[:6]])
+        return np.array([change, carried[:6], carried[6:]])
 
     def _newest(self, samples: deque[tuple[int, Array]], now_ns: int) -> int | None:
         """Return which sample is the newest at a time (ns); None if the hand is silent then."""

@@ -192,7 +192,7 @@ def corrected(
         now: (19,) its newest sample, likewise.
         hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
         period: T, s, over which the command is held.
-        others: (13,) what corrects it for other hands; see ``other_hands``.
+        others: (19,) what corrects it for other hands; see ``other_hands``.
     """
     found = np.empty(6)
     correct_command(command, model, answered, now, hand, period, others, found)

@@ -69,7 +69,7 @@ def act(
         hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
         applied: (6,) by the actuators until now.
         added: (6,) by the device's driver, to the next command.
-        others: (13,) what corrects it for other hands; see ``other_hands``.
+        others: (19,) what corrects it for other hands; see ``other_hands``.
         wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
             the mechanism is told.
     """

@@ -244,7 +244,7 @@ class LocalLoop:
         return self._corrected(command, gain, gain.answered_ns, others)
 
     def _for_others(self, told: CouplingMatrices | None, answered_ns: int) -> Array:
-        """Return (13,) what corrects a command for other hands; see ``control.other_hands``."""
+        """Return (19,) what corrects a command for other hands; see ``control.other_hands``."""
         others, now_ns = self.others, self._newest_ns
         if others is None:
             return NO_OTHERS

@@ -77,7 +77,7 @@ class SessionData(Structure):
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
         locality: (3,) see ``loop_layout.LOCALITY``.
         added: (6,) by the device's driver.
-        others: (13,) what a command is corrected by for other hands, see ``control.other_hands``.
+        others: (19,) what a command is corrected by for other hands, see ``control.other_hands``.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.

@@ -233,7 +233,7 @@ class SharedSession:
                 known.measured(point, wrench, self._ticks * self._period_ns)
 
     def _correction(self, point: str) -> Array:
-        """Return (13,) what the command that acts now is corrected by; see ``other_hands``."""
+        """Return (19,) what the command that acts now is corrected by; see ``other_hands``."""
         gains = self._gains[point]
         if len(gains) < max(self._delay, 1):
             return NO_OTHERS

@@ -54,7 +54,7 @@ class UserLoop(SessionLoop):
             inputs: (1, 12) by others on the mechanism at the operational point, which counts as
                 F_c, and on the device at the point held; N and N m, world axes.
             rows: (1, width) to fill with the tick's record, or (0, 0) for none.
-            correction: (12,) of the command that acts now, for other hands; see ``other_hands``.
+            correction: (19,) of the command that acts now, for other hands; see ``other_hands``.
 
         Returns:
             (6,) by the hand on the mechanism at the operational point, N and N m, world axes.

@@ -27,7 +27,7 @@ from hapticmech_ros.analysis.scene_variants import (
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.control.force_gain import lead_gain
+from hapticmech_ros.control.force_gain import lead_gains
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, loop_terms, spectral_radius
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
@@ -61,8 +61,8 @@ def fixed(mass):
 
 
 def growth(scene, hands, delays, lead, monkeypatch):
-    """Return the largest eigenvalue's size for each hand and delay, with a lead G -> (n, n)."""
-    monkeypatch.setattr(linear_loop, "lead_gain", lead)
+    """Return the largest eigenvalue's size for each hand and delay, with a lead G -> 2 (n, n)."""
+    monkeypatch.setattr(linear_loop, "lead_gains", lead)
     return np.array(
         [
             np.abs(np.linalg.eigvals(matrix_of(scene, delay, hand))).max()
@@ -82,15 +82,15 @@ def test_carrying_the_hand_s_wrench_on_makes_no_loop_less_stable(name, monkeypat
         for one in ("firm", "relaxed")
     ]
     hands, delays = [*map(fixed, (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0)), *arms], (0, 1, 3)
-    without = growth(scene, hands, delays, np.zeros_like, monkeypatch)
-    with_it = growth(scene, hands, delays, lead_gain, monkeypatch)
+    without = growth(scene, hands, delays, lambda gain: (0.0 * gain, 0.0 * gain), monkeypatch)
+    with_it = growth(scene, hands, delays, lead_gains, monkeypatch)
     assert (with_it <= np.maximum(without, 1.0) + ON_CIRCLE).all()
 
 
 def test_without_its_weight_the_lead_would_make_one_unstable(monkeypatch):
     scene, hands = load_scene("spatial_arm"), [fixed(2.0)]
-    assert growth(scene, hands, (1,), lead_gain, monkeypatch) < 1.0 + ON_CIRCLE
-    assert growth(scene, hands, (1,), lambda gain: gain, monkeypatch) > 1.01
+    assert growth(scene, hands, (1,), lead_gains, monkeypatch) < 1.0 + ON_CIRCLE
+    assert growth(scene, hands, (1,), lambda gain: (gain, gain), monkeypatch) > 1.01
 
 
 @pytest.mark.parametrize("local", [True, False])

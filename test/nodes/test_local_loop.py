@@ -5,7 +5,6 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.control.force_gain import lead_gain
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
@@ -44,15 +43,14 @@ def filled(samples, lockstep=False):
 
 def corrected(command, times, periods):
     """Return the command along x after so many periods: F_h rises by 1, and goes on by a half."""
-    led = lead_gain(times * GAIN)[0, 0]
-    return pytest.approx(command + times * 2.0 * periods + 0.5 * led, rel=1e-12)
+    return pytest.approx(command + times * 2.0 * (periods + 0.5), rel=1e-12)
 
 
 def test_a_command_is_corrected_by_what_has_changed_since_its_sample():
     found = filled(10).correct(COMMAND, 6 * PERIOD_NS, 100)
     assert found[0] == corrected(0.5, 1.0, 3)
     assert found[1:5].tolist() == [0.5] * 4
-    assert found[5] == pytest.approx(0.5 + 3.0 * 3.0 + 0.5 * lead_gain(GAIN)[5, 5], rel=1e-12)
+    assert found[5] == pytest.approx(0.5 + 3.0 * 3.5, rel=1e-12)
     # The newest sample's own answer needs what the hand does until the next one.
     assert filled(10).correct(COMMAND, 9 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 0)
 

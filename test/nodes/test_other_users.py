@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
-from hapticmech_ros.control.hand_lead_kernels import SHARED
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
@@ -27,10 +26,10 @@ SECOND_NS = 1_000_000_000
 COMMANDS, FEEDBACK = "/left/device/servo_cf", "/left/device/local_feedback_gain"
 OWN, OTHER, GAIN = "/left/device/state", "/right/device/state", "/left/device/coupling_gain"
 # H along x; the other hand's force grows by so much in a period, N. A command answers the sample
-# before the newest one, and is corrected from a period before that sample on. The half of a period
-# to the middle of its own hardly counts with G = 0, where the mechanism is as heavy as the device.
+# before the newest one, and is corrected from a period before that sample on, to the middle of its
+# own. It rises by a line.
 H, RISE = 2.0, 1e-3
-CORRECTION = (2.0 + 0.5 * 0.5 * (1.0 - SHARED)) * H * RISE
+CORRECTION = 2.5 * H * RISE
 CLOSE = 1e-9
 
 
