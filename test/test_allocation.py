@@ -23,6 +23,7 @@ from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
@@ -55,7 +56,9 @@ def nodes(scene: Scene) -> Tick:
     """Do what the four nodes do in a period, without their messages' way between them."""
     simulator = Simulator(scene)
     analyser = Analyser(Mechanism(scene))
-    layout, operational_model = StateLayout(simulator.mechanism), OperationalModelWriter(analyser)
+    layout = StateLayout(simulator.mechanism)
+    past = PastRates(3, 1_000_000, simulator.mechanism.nv)
+    operational_model = OperationalModelWriter(analyser, past)
     state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(OPERATIONAL_MODEL_FIELDS)
     control, device = ControlArchitecture(scene), device_for(scene)
     points, index = len(scene.operational_points), analyser.index

@@ -27,7 +27,7 @@ from hapticmech_ros.analysis.impedance import (
     multisine,
 )
 from hapticmech_ros.analysis.linear_point import linear_point
-from hapticmech_ros.analysis.scripted_push import ROWS, fine_times, samples_of, scripted
+from hapticmech_ros.analysis.scripted_push import fine_times, samples_of, scripted
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import Analyser
@@ -46,7 +46,10 @@ from hapticmech_ros.simulation import Simulator
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
 # In which the push fades in, until what that has set in motion has died away, and how long is
 # looked at, s.
-FADING_S, SETTLING_S, WINDOW_S = 0.5, 4.0, 1.0
+FADING_S, SETTLING_S, WINDOW_S = 0.5, 8.0, 1.0
+# Rows of the script in a second, at least two a period: at 4 kHz eight a period would be more than
+# is read of a script.
+ROWS_PER_S = 8000.0
 _NOBODY = ConstantWrenchHand(kind="constant_wrench")
 
 
@@ -101,15 +104,18 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     terms = simulator.evaluate(simulator.initial_state())
     directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
     desired, alone = _admittances(still, simulator, point, frequencies)
-    fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period))
+    rows = max(2, round(ROWS_PER_S * period))
+    fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period), rows)
     push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
     push *= faded_in(fine, FADING_S)
-    times = samples_of(fine)
+    times = samples_of(fine, rows)
     last = slice(times.size - samples, None)
-    given = amplitudes(times[last], samples_of(push)[last], frequencies)
-    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6))), []
+    given = amplitudes(times[last], samples_of(push, rows)[last], frequencies)
+    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6)), times.size), []
     for direction in directions:
-        moved = (_twists(still, point, fine, push[:, None] * direction) - calm) @ direction
+        moved = (
+            _twists(still, point, fine, push[:, None] * direction, times.size) - calm
+        ) @ direction
         felt = given / amplitudes(times[last], moved[last], frequencies)
         wanted, free = (
             1.0 / np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, alone)
@@ -160,15 +166,15 @@ def _impedance(hand: Hand) -> tuple[Array, Array, Array]:
     return m, d, k
 
 
-def _twists(scene: Scene, point: str, times: Array, pushes: Array) -> Array:
-    """Return twists (n, 6) of the device that is pushed, given the rows of a hand's script."""
+def _twists(scene: Scene, point: str, times: Array, pushes: Array, ticks: int) -> Array:
+    """Return twists (ticks, 6) of the device that is pushed, given the rows of a hand's script."""
     with scripted(times, pushes) as hand:
         hands = [
             one.model_copy(update={"hand": hand}) if one.point == point else one
             for one in scene.hands
         ]
         session = SharedSession(scene.model_copy(update={"hands": tuple(hands)}))
-    return session.run(len(pushes) // ROWS)[point]["device_true_twist"]
+    return session.run(ticks)[point]["device_true_twist"]
 
 
 def _admittances(

@@ -12,7 +12,7 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                 U = G F_h + C2 (Λ_d X + (1 - β) Π) F_c + Λ_d a
                     - (k P_c (p_d - p̂) + b P_c (V_d - V̂)) - C4 (1 - Π) c_d
     acting      w = z⁻ᵈ W,  u = z⁻ᵈ U + (1 - z⁻ᵈ) (G F_h - k P_c p_d - b P_c V_d)
-                    + G ½ (1 - z⁻¹) F_h + (1 + R²)⁻¹ (1 - R²) G 5/12 (1 - z⁻¹)² F_h
+                    + G ½ (1 - z⁻¹) F_h + (1 + 2 R²)⁻¹ (1 - 8/5 R²) G 5/12 (1 - z⁻¹)² F_h
 
 with G = (1 + C6) Λ_d X - 1 + (1 - β) Π and R = 1 + G. X and a are X_τ and a_τ of
 ``operational/delay_compensation``, and c_d is c with C as it acts on the device. A force channel
@@ -36,7 +36,7 @@ import numpy as np
 from hapticmech_ros.analysis.linear_point import LinearPoint, LinearSystem, linear_point
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.force_gain import force_gain, lead_gains
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
@@ -141,7 +141,8 @@ def felt_model(scene: Scene, point: str = "", delay: int = 1) -> FeltModel:
         ClosureError: the scene cannot close.
     """
     simulator, compensated_delay = Simulator(scene), compensated_loop_delay(scene, delay)
-    mechanism = linear_point(simulator, simulator.initial_state(), point, compensated_delay)
+    before = periods_before(scene, delay)
+    mechanism = linear_point(simulator, simulator.initial_state(), point, compensated_delay, before)
     return loop_model(ControlArchitecture(scene), scene.device, mechanism, delay)
 
 
@@ -198,10 +199,12 @@ class _Loop:
         cut_off = 2.0 * np.pi * device.velocity_filter * mechanism.period
         self._filter = None if ideal else cut_off / (1.0 + cut_off)
         n = len(mechanism.step)
+        past = n // 2 * mechanism.periods_before
         # Pose, twist and measured twist of the device, state of the mechanism, the last two F_h,
-        # and d times W, U, F_h, pose and measured twist, newest first.
-        self._splits = np.cumsum([6, 6, 6, n, 12, *[6 * delay] * 4])
-        self.size = 30 + n + 30 * delay
+        # the mechanism's velocities in the last periods, and d times W, U, F_h, pose and measured
+        # twist, newest first.
+        self._splits = np.cumsum([6, 6, 6, n, 12, past, *[6 * delay] * 4])
+        self.size = 30 + n + past + 30 * delay
 
     def next(self, state: Array, acting_hand: Array, hand: Array, contact: Array) -> Array:
         """Return states (size, k) a period on, with F_h (6, k) as it acts and as sampled, and F_c.
@@ -213,10 +216,15 @@ class _Loop:
             contact: (6, k) F_c.
         """
         parts = np.split(state, self._splits)
-        pose, twist, seen, x, before, told, sent, answered, places, rates = parts
+        pose, twist, seen, x, before, past, told, sent, answered, places, rates = parts
         if self._filter is None:
             seen = twist
-        to_mechanism, to_device = self._answer(pose, seen, x, told, hand, contact)
+        half, mechanism = len(x) // 2, self._mechanism
+        free, speeds = mechanism.acceleration @ x, np.vstack((x[half:], past))
+        if mechanism.periods_before:
+            free = free + mechanism.by_past @ past[-half:]
+        past = speeds[: len(past)]
+        to_mechanism, to_device = self._answer(pose, seen, x, free, told, hand, contact)
         told, acting = self._passed_on(told, to_mechanism)
         sent, command = self._passed_on(sent, to_device)
         answered, then = self._passed_on(answered, hand)
@@ -237,19 +245,25 @@ class _Loop:
         new_twist = kept * twist + gained * net
         if self._filter is not None:
             seen = seen + self._filter * ((new_pose - pose) / self._period - seen)
-        new_x = self._mechanism.step @ x + self._mechanism.push @ (acting + contact)
-        mine = new_pose, new_twist, seen, new_x, before
+        new_x = mechanism.step @ x + mechanism.push @ (acting + contact)
+        mine = new_pose, new_twist, seen, new_x, before, past
         return np.vstack((*mine, told, sent, answered, places, rates))
 
     def _answer(
-        self, pose: Array, twist: Array, x: Array, told: Array, hand: Array, contact: Array
+        self,
+        pose: Array,
+        twist: Array,
+        x: Array,
+        free: Array,
+        told: Array,
+        hand: Array,
+        contact: Array,
     ) -> tuple[Array, Array]:
         """Return W and U of a period."""
         gains, task = self._control.gains, self._task
         channels, inertia = self._control.channels, self._control.device_inertia
         mechanism = self._mechanism
         point, speed = mechanism.pose @ x, mechanism.twist @ x
-        free = mechanism.acceleration @ x
         hand, contact = task * hand, task * contact
         forces = channels.force.hand * hand + channels.force.mechanism_feedback * contact
         if self._local:

@@ -88,18 +88,26 @@ class LinearPoint(LinearSystem):
         pose: (6, n) of the point, deviation in m and rad, world axes, per deviation.
         acceleration: (6, n) of the point's free acceleration, m/s² and rad/s²: of a_0, or of a_τ
             with delay compensation.
+        by_past: (6, n/2) of the same, by the velocities that were ``periods_before`` ago.
+        periods_before: how long ago; 0 if those are not known.
         analysis: of the point where the mechanism is linearised.
         compensated: X_τ and a_τ there.
     """
 
     pose: Array
     acceleration: Array
+    by_past: Array
+    periods_before: int
     analysis: OperationalAnalysis
     compensated: CompensatedResponse
 
 
 def linear_point(
-    simulator: Simulator, state: MechanismState, point: str = "", compensated_delay: float = 0.0
+    simulator: Simulator,
+    state: MechanismState,
+    point: str = "",
+    compensated_delay: float = 0.0,
+    periods_before: int = 0,
 ) -> LinearPoint:
     """Return the linear model of a mechanism at a state.
 
@@ -110,17 +118,24 @@ def linear_point(
         state: where; loops may be closed.
         point: operational point; the first one if empty.
         compensated_delay: τ, s; 0 for none.
+        periods_before: how long before a state the rates are that its compensation knows; 0 if none
+            are.
 
     Raises:
         InvalidInputError: unknown point.
         ClosureError: a closed loop came apart.
     """
-    return _Differences(simulator, state, point, compensated_delay).found()
+    return _Differences(simulator, state, point, compensated_delay, periods_before).found()
 
 
 class _Differences:
     def __init__(
-        self, simulator: Simulator, state: MechanismState, point: str, compensated_delay: float
+        self,
+        simulator: Simulator,
+        state: MechanismState,
+        point: str,
+        compensated_delay: float,
+        periods_before: int,
     ) -> None:
         self._simulator, self._state = simulator, state
         self._mechanism = simulator.mechanism
@@ -128,7 +143,9 @@ class _Differences:
         terms = simulator.evaluate(state)
         self._pose = terms.points[self._analyser.index].pose
         self._analysis = self._analyser.analyse(terms)
-        self._compensated = self._analyser.compensated(terms, self._analysis)
+        self._periods_before = periods_before
+        before = self._before(state.v)
+        self._compensated = self._analyser.compensated(terms, self._analysis, before)
         space = terms.space
         self._factor = space.factor
         nv = self._mechanism.nv
@@ -143,7 +160,10 @@ class _Differences:
         stepped = self._columns(size, lambda x: self._stepped(self._moved(x), calm))
         external_count = self._columns(6, lambda wrench: self._stepped(self._state, wrench))
         shown = self._columns(size, lambda x: self._shown(self._moved(x)))
-        rows = shown.reshape(3, 6, size)
+        rows, half = shown.reshape(3, 6, size), size // 2
+        by_past = np.zeros((6, half))
+        if self._periods_before:
+            by_past = self._columns(half, self._free_after)
         return LinearPoint(
             period=self._simulator.period,
             step=stepped,
@@ -151,6 +171,8 @@ class _Differences:
             twist=rows[1],
             pose=rows[0],
             acceleration=rows[2],
+            by_past=by_past,
+            periods_before=self._periods_before,
             analysis=self._analysis,
             compensated=self._compensated,
         )
@@ -185,7 +207,18 @@ class _Differences:
         terms = self._simulator.evaluate(state)
         seen = terms.points[self._analyser.index]
         found = self._analyser.analyse(terms)
-        compensated = self._analyser.compensated(terms, found)
+        before = self._before(self._state.v)
+        compensated = self._analyser.compensated(terms, found, before)
         turned = pin.log3(seen.pose.rotation @ self._pose.rotation.T)
         away = seen.pose.translation - self._pose.translation
         return np.concatenate((away, turned, seen.twist, compensated.free_acceleration))
+
+    def _before(self, rates: Array) -> Array:
+        """Return (1 + nv,) what the compensation is told of rates that were."""
+        return np.concatenate(((self._periods_before * self._simulator.period,), rates))
+
+    def _free_after(self, speed: Array) -> Array:
+        """Return the point's free acceleration at the state, after other rates, (6,)."""
+        terms = self._simulator.evaluate(self._state)
+        before = self._before(self._state.v + self._rates @ speed)
+        return self._analyser.compensated(terms, self._analysis, before).free_acceleration

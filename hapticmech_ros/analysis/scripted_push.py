@@ -25,23 +25,25 @@ from hapticmech_ros.scene.script import COLUMNS
 ROWS = 8
 
 
-def fine_times(period: float, periods: int) -> Array:
-    """Return times (ROWS n + 1,) of a script's rows in n periods, s.
+def fine_times(period: float, periods: int, rows: int = ROWS) -> Array:
+    """Return times (rows n + 1,) of a script's rows in n periods, s.
 
     Args:
         period: s.
         periods: n.
+        rows: in a period.
     """
-    return period / ROWS * np.arange(ROWS * periods + 1)
+    return period / rows * np.arange(rows * periods + 1)
 
 
-def samples_of(fine: Array) -> Array:
+def samples_of(fine: Array, rows: int = ROWS) -> Array:
     """Return what a push is at the start of each of its periods, (n, ...).
 
     Args:
-        fine: (ROWS n + 1, ...) by rows of a script.
+        fine: (rows n + 1, ...) by rows of a script.
+        rows: in a period.
     """
-    return fine[:-1:ROWS]
+    return fine[:-1:rows]
 
 
 def means_of(fine: Array) -> Array:

@@ -10,6 +10,8 @@ tells both at once. A connection between device and controller makes both ways l
 
 from __future__ import annotations
 
+from math import ceil
+
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection
@@ -40,3 +42,18 @@ def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
         raise InvalidInputError("delay", delay, "must be 0 or more periods")
     times = 2 if scene.controller.force_channel.local else 1
     return times * (scene.connection.designed + (delay + 0.5) * scene.simulation.period)
+
+
+def periods_before(scene: Scene, delay: int = 1) -> int:
+    """Return how many periods before a state the rates are of that its compensation knows.
+
+    As many as τ has, rounded up. Over a connection it is none: rates of so long ago say nothing of
+    what a hand does now.
+
+    Args:
+        scene: as of :func:`compensated_loop_delay`.
+        delay: likewise.
+    """
+    if scene.connection.designed > 0.0:
+        return 0
+    return ceil(compensated_loop_delay(scene, delay) / scene.simulation.period - 1e-6)

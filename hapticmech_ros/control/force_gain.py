@@ -39,7 +39,7 @@ def force_gain(
 def lead_gains(gain: Array) -> tuple[Array, Array]:
     """Return G and W G, of F' and F'': how a hand's wrench changes until the next sample.
 
-    W = (1 + R²)⁻¹ (1 - R²) with R = 1 + G, of a device whose user is the only one; see
+    W = (1 + 2 R²)⁻¹ (1 - 8/5 R²) with R = 1 + G, of a device whose user is the only one; see
     :mod:`~hapticmech_ros.control.hand_lead_kernels`.
 
     Args:
@@ -47,4 +47,4 @@ def lead_gains(gain: Array) -> tuple[Array, Array]:
     """
     one = np.eye(len(gain))
     square = np.linalg.matrix_power(one + gain, 2)
-    return gain, np.linalg.solve(one + square, (one - square) @ gain)
+    return gain, np.linalg.solve(one + 2.0 * square, (one - 1.6 * square) @ gain)

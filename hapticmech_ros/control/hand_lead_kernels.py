@@ -11,14 +11,14 @@ and h_2 apart, and their divided differences,
 which for even spacing is ½ ∇F + 5/12 ∇²F, as of Adams and Bashforth. The device adds
 
     G F' + Σ H_j F'_j + W (G F'' + Σ H_j F''_j)
-    W = (1 + R²)⁻¹ (1 - R²),      R = (K + 1) (1 + G)
+    W = (1 + 2 R²)⁻¹ (1 - 8/5 R²),      R = (K + 1) (1 + G)
 
 with G of :mod:`~hapticmech_ros.control.force_gain`, and H_j and F_j of K other hands, if there are
 any (:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel would
 be an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, which is 1 / (1 + G)
 along a direction. Where m is large, W is 1, and what is left is of third order in ω T. Where it is
 small, G amplifies, also what a mass of the hand's own exerts on the device, -r u of a command u,
-and the whole parabola would make that loop unstable at half the sample rate. There W tends to -1,
+and the whole parabola would make that loop unstable at half the sample rate. There W tends to -4/5,
 which attenuates that rate, and leaves an error of second order, 5/12 (1 - W) (ω T)² (m / m_d - 1).
 With masses that are rigidly fixed to K + 1 devices on one body, equal or not, no loop that is
 stable without F' and F'' is unstable with them (``test/control/test_hand_lead.py``).
@@ -96,13 +96,14 @@ def weigh(gain: Array, hands: float, bend: Array) -> bool:
             factor[i, j] = 0.0
             for k in range(6):
                 factor[i, j] += ratio[i, k] * ratio[k, j]
+            factor[i, j] *= 2.0
         factor[i, i] += 1.0
     if not solve_in_place(factor, solved, 6):
         return False
     if largest(solved) > _MOST_GROWTH * largest(bend):
         return False
     for i in range(6):
-        bend[i] = 2.0 * solved[i] - bend[i]
+        bend[i] = 1.8 * solved[i] - 0.8 * bend[i]
     return True
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
@@ -20,8 +20,9 @@ from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.coupling import coupling, transmission
+from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.operational.spectrum import rank_of
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import (
@@ -64,7 +65,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._last_ns = 0
         self._first_ns = 0
         self.analyses = 0
-        self._model = OperationalModelWriter(self._analyser)
+        periods, period_ns = periods_before(self.scene), nanoseconds(self.scene.simulation.period)
+        self._past = PastRates(periods, period_ns, self._mechanism.nv)
+        self._model = OperationalModelWriter(self._analyser, self._past)
         self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
         self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, operational_model_bounds(self.limits))
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
@@ -91,7 +94,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def reseat(self) -> None:
         """Forget what was found of states so far."""
-        self._model = OperationalModelWriter(self._analyser)
+        self._past.forget()
+        self._model = OperationalModelWriter(self._analyser, self._past)
         self.activate()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -182,7 +186,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         """Analyse the point where the mechanism says that it is from now on."""
         self._mechanism.set_operational_point(grasp_of(self._mechanism.scene, self.point, grasp))
         self._analyser = Analyser(self._mechanism, self.point, self._compensated_delay)
-        self._model = OperationalModelWriter(self._analyser)
+        self._model = OperationalModelWriter(self._analyser, self._past)
         self._grasp = grasp.tobytes()
         self._count = None
 

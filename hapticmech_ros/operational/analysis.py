@@ -57,9 +57,15 @@ class Analyser:
         self.layout = observation_layout(self.rows.size, mechanism.nv)
         self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
+        self._unknown = np.zeros(1 + mechanism.nv)
 
     def observe(
-        self, q: Array, v: Array, active: Active, closing: Closing | None = None
+        self,
+        q: Array,
+        v: Array,
+        active: Active,
+        closing: Closing | None = None,
+        before: Array | None = None,
     ) -> Observation:
         """Return Eq. 1's terms at the point at a state, and the analysis there.
 
@@ -68,16 +74,18 @@ class Analyser:
             v: (nv,) rates, rad/s or m/s.
             active: which closures are closed.
             closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
+            before: (1 + nv,) how long ago, s, and the rates that were, rad/s or m/s; see
+                :mod:`.delay_compensation`.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
         """
         if closing is not None:
             return self._observe(
-                q, v, closing.active_set, closing.packed, 1, self.compensated_delay
+                q, v, closing.active_set, closing.packed, 1, self.compensated_delay, before
             )
-        active_set = self.mechanism.active_set(active)
-        return self._observe(q, v, active_set, active_set.scratch, 0, self.compensated_delay)
+        found = self.mechanism.active_set(active)
+        return self._observe(q, v, found, found.scratch, 0, self.compensated_delay, before)
 
     def analyse(self, terms: Evaluation) -> OperationalAnalysis:
         """Return the analysis of the point from the terms of Eq. 1 at a state.
@@ -95,23 +103,30 @@ class Analyser:
         """
         return self._observe_terms(terms, 0.0)
 
-    def compensated(self, terms: Evaluation, found: OperationalAnalysis) -> CompensatedResponse:
+    def compensated(
+        self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
+    ) -> CompensatedResponse:
         """Return X_τ and a_τ for a loop with delay τ; see :mod:`.delay_compensation`.
 
         Args:
             terms: of Eq. 1 at a state.
             found: the analysis there.
+            before: as of :meth:`observe`.
 
         Raises:
             HapticMechError: as :meth:`observe`.
         """
         if self.compensated_delay == 0.0:
             return CompensatedResponse(found.inverse_inertia, found.free_acceleration)
-        return self._observe_terms(terms, self.compensated_delay).compensated
+        return self._observe_terms(terms, self.compensated_delay, before).compensated
 
-    def _observe_terms(self, terms: Evaluation, compensated_delay: float) -> Observation:
-        known = terms.closing
-        return self._observe(known.q, terms.v, known.active_set, known.packed, 1, compensated_delay)
+    def _observe_terms(
+        self, terms: Evaluation, compensated_delay: float, before: Array | None = None
+    ) -> Observation:
+        known, v = terms.closing, terms.v
+        return self._observe(
+            known.q, v, known.active_set, known.packed, 1, compensated_delay, before
+        )
 
     def _observe(
         self,
@@ -121,6 +136,7 @@ class Analyser:
         packed: Array,
         known: int,
         compensated_delay: float,
+        before: Array | None,
     ) -> Observation:
         mechanism, found = self.mechanism, np.empty(self.layout.size)
         self._position[:] = q
@@ -138,13 +154,13 @@ class Analyser:
             self.rows,
             mechanism.length,
             compensated_delay,
+            self._unknown if before is None else before,
             self._ahead,
             found,
         )
         if code == NOT_DECIDED:
-            return self._observe(
-                q, v, active_set.dense, active_set.dense.scratch, 0, compensated_delay
-            )
+            dense = active_set.dense
+            return self._observe(q, v, dense, dense.scratch, 0, compensated_delay, before)
         if code == NO_SPECTRUM:
             raise HapticMechError("SVD of S did not converge")
         if code:

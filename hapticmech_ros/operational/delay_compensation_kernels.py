@@ -70,6 +70,7 @@ def compensate(
     details: Array,
     length: float,
     compensated_delay: float,
+    before: Array,
     ahead: Array,
     compensated: Array,
 ) -> None:
@@ -90,6 +91,7 @@ def compensate(
         details: (t + 2 t²,) as ``analyse_motion`` filled them.
         length: of the mechanism, m.
         compensated_delay: τ, s.
+        before: (1 + nv,) rates that were, and before them how long ago, s; 0 if unknown.
         ahead: as long as the terms, to work in.
         compensated: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
     """
@@ -97,10 +99,16 @@ def compensate(
     directions = shaped(details[t:], (2, t, t))
     rates = shaped(local(t * nv), (t, nv))
     _unit_rates(model, data, jacobian, rows, s, directions[0], rates)
-    square = compensated_delay * compensated_delay
+    # Of v̇ by then: in the rates, in the configuration; and of how much the rates have changed.
+    in_rates, in_place, carried = compensated_delay, compensated_delay * compensated_delay, 0.0
+    if before[0] > 0.0:
+        ratio = compensated_delay / before[0]
+        in_rates *= (1.0 + ratio) / (1.0 + 2.0 * ratio)
+        in_place *= 0.5
+        carried = ratio * ratio / (1.0 + 2.0 * ratio)
     force, resisted, shown = local(nv), shaped(local(36), (t, t)), shaped(local(36), (t, t))
     for j in range(t):
-        element_resistance(model, data, q, v, rates[j], square, compensated_delay, force)
+        element_resistance(model, data, q, v, rates[j], in_place, in_rates, force)
         for i in range(t):
             resisted[i, j] = dot(rates[i], force)
             # Rows are the columns of Zᵀ, each of which is solved with L.
@@ -111,9 +119,15 @@ def compensate(
     accelerate(model, data, bias_force, passive, bias, own)
     # From here on the model's workspace is of another configuration.
     predict(model, data, q, v, bias, index, length, compensated_delay, ahead, own, compensated[36:])
-    element_resistance(model, data, q, v, own[:nv], square, compensated_delay, force)
+    element_resistance(model, data, q, v, own[:nv], in_place, in_rates, force)
     for i in range(t):
         met[i] = dot(rates[i], force)
+    if carried > 0.0:
+        for c in range(nv):
+            own[c] = carried * (v[c] - before[1 + c])
+        element_resistance(model, data, q, v, own[:nv], 0.0, 1.0, force)
+        for i in range(t):
+            met[i] += dot(rates[i], force)
     cholesky(resisted, resisted)
     for j in range(t):
         solve_lower(resisted, shown[j])

@@ -32,7 +32,7 @@ DETAILS = MODEL_SIZE + 42
 
 @kernel(
     "int64(int64[::1], float64[::1], float64[::1], int64, float64[::1], float64[::1], int64,"
-    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1])",
+    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1], float64[::1])",
     linked=True,
 )
 def observe_point(
@@ -47,6 +47,7 @@ def observe_point(
     rows: Array,
     length: float,
     delay: float,
+    before: Array,
     ahead: Array,
     observation: Array,
 ) -> int:
@@ -64,6 +65,7 @@ def observe_point(
         rows: (t,) rows of a six-vector that the task space has.
         length: of the mechanism, m.
         delay: τ of the loop, s; 0 for none.
+        before: (1 + nv,) rates that were, and before them how long ago, s; 0 if unknown.
         ahead: (size,) as long as ``packed``, to work in.
         observation: (numbers,) to fill; see ``observation_layout``. F_c is zero.
 
@@ -134,6 +136,7 @@ def observe_point(
             details,
             length,
             delay,
+            before,
             ahead,
             compensated,
         )

@@ -85,8 +85,11 @@ class SessionData(Structure):
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         hand: (22,) its last wrenches, see ``hand_lead_kernels``.
-        forth, back: messages on the way to the controller, and back; the last parts, as no sample
-            has them.
+        forth, back: messages on the way to the controller, and back.
+        past: (n + 1, 1 + nv) rates of the last ticks, one row each by turns, or none: the tick's
+            number + 1, and its rates.
+        before: (1 + nv,) how long ago, s, and the rates that were, or 0. From ``forth`` on, no
+            sample has these parts.
     """
 
     __slots__ = ()
@@ -104,10 +107,10 @@ class SessionData(Structure):
     q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
     began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
     hand = Part(33, 1)
-    forth, back = Part(34, 2), Part(35, 2)
+    forth, back, past, before = Part(34, 2), Part(35, 2), Part(36, 2), Part(37, 1)
 
     def sampled(self) -> Array:
-        """Return (n,) the part of the data that a sample has: all but the messages on the way."""
+        """Return (n,) the part of the data that a sample has: all but messages and past rates."""
         return self.data[: int(self.numbers[vars(SessionData)["forth"].at])]
 
 

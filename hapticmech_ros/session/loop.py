@@ -14,7 +14,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.loop_layout import (
@@ -107,6 +107,7 @@ class SessionLoop:
         self.simulator = Simulator(scene) if simulator is None else simulator
         self.period = self.simulator.period
         self._compensated_delay = compensated_loop_delay(scene, command_delay)
+        self._periods_before = periods_before(scene, command_delay)
         self._analyser = Analyser(self.simulator.mechanism, point, self._compensated_delay)
         self._control = ControlArchitecture(scene) if control is None else control
         self._device: SimulatedDevice = device_for(scene) if device is None else device
@@ -231,6 +232,8 @@ class SessionLoop:
             "began_v": np.zeros(mechanism.nv),
             "began_totals": np.zeros(TOTALS.size),
             "hand": np.zeros(MEMORY_SIZE),
+            "past": np.zeros((self._periods_before + 1, 1 + mechanism.nv)),
+            "before": np.zeros(1 + mechanism.nv),
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.told
@@ -273,6 +276,9 @@ class SessionLoop:
             self._chosen, self._constants = active_set, active_set.constants
             self._packed = np.zeros((4, active_set.size))
             self._give(0, (*self._constants, self._packed))
+        if state.active != self._known.active:
+            # Closing or opening changes rates in no time.
+            data.past[:] = 0.0
         self._may_latch = self.simulator.may_latch(state)
         data.q[:] = state.q
         data.v[:] = state.v
@@ -402,7 +408,7 @@ class SessionLoop:
         """Analyse where the kernel could not, or raise what is wrong."""
         state, data = self.mechanism, self._parts
         closing = self.simulator.closing(state)
-        found = self._analyser.observe(state.q, state.v, state.active, closing)
+        found = self._analyser.observe(state.q, state.v, state.active, closing, data.before)
         data.observation[:] = found.numbers
         data.contact[:] = 0.0
         if state.touching is not None and state.touching.joint_force.any():

@@ -108,6 +108,27 @@ def sense(data: SessionData) -> None:
 
 
 @inner
+def recall(past: Array, tick: int, period: float, before: Array) -> None:
+    """Fill (1 + nv,) how long ago, s, and the rates that were: those of the longest ago, or 0."""
+    before[:] = 0.0
+    count = past.shape[0]
+    if count > 1:
+        row = past[(tick + 1) % count]
+        if row[0] == tick - count + 2:
+            put(before, row)
+            before[0] = (count - 1) * period
+
+
+@inner
+def remember_rates(past: Array, tick: int, rates: Array) -> None:
+    """Remember the rates of a tick."""
+    if past.shape[0] > 1:
+        row = past[tick % past.shape[0]]
+        row[0] = tick + 1
+        put(row[1:], rates)
+
+
+@inner
 def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
@@ -115,7 +136,8 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
     put(data.began_q, data.q)
     put(data.began_v, data.v)
     put(data.began_totals, data.totals)
-    at = clock[AT]
+    at, tick, past, before = clock[AT], clock[TICK], data.past, data.before
+    recall(past, tick, times[PERIOD_S], before)
     code = observe_point(
         numbers,
         values,
@@ -128,10 +150,12 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
         rows,
         times[LENGTH],
         times[LOOP_DELAY],
+        before,
         packed[2],
         observation,
     )
     clock[KNOWN] = int(code == 0)
+    remember_rates(past, tick, data.v)
     return code == 0
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.wire.layouts import COMMANDED, GRASP, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
 from hapticmech_ros.wire.stamps import seconds_of
 from hapticmech_ros.wire.state import WireState
@@ -24,13 +25,17 @@ class OperationalModelWriter:
 
     The same as ``layouts.pack_operational_model``, without the objects between.
 
+    Args:
+        analyser: of the point.
+        past: rates of the states that were written before.
+
     Attributes:
         values: (151,) the data.
         s: (t,) singular values of the state seen last; a view.
     """
 
-    def __init__(self, analyser: Analyser) -> None:
-        self._analyser = analyser
+    def __init__(self, analyser: Analyser, past: PastRates) -> None:
+        self._analyser, self._past = analyser, past
         self._index = analyser.index
         self.values: Array = np.zeros(OPERATIONAL_MODEL_FIELDS.size)
         self.values[_DIRECTIONS] = analyser.rows.size
@@ -44,7 +49,9 @@ class OperationalModelWriter:
         Raises:
             HapticMechError: the state cannot be analysed.
         """
-        found = self._analyser.observe(state.q, state.v, state.active)
+        before = self._past.before(state.stamp_ns, state.active)
+        found = self._analyser.observe(state.q, state.v, state.active, before=before)
+        self._past.add(state.stamp_ns, state.v, state.active)
         self._model[:] = found.model
         values = self.values
         values[0], values[1] = seconds_of(state.stamp_ns)

@@ -48,12 +48,13 @@ def rates(pair, active):
     return pair.readable.evaluate(pair.q, pair.v, active).space.closed_rates(pair.v)
 
 
-def compensated(mechanism, pair, active, compensated_delay=COMPENSATED_DELAY, name=""):
+def compensated(mechanism, pair, active, compensated_delay=COMPENSATED_DELAY, name="", before=None):
     """Return terms, analysis and late answer of one implementation."""
-    return answered(mechanism, pair.q, rates(pair, active), active, compensated_delay, name)
+    rate = rates(pair, active)
+    return answered(mechanism, pair.q, rate, active, compensated_delay, name, before)
 
 
-def answered(mechanism, q, v, active, compensated_delay, name=""):
+def answered(mechanism, q, v, active, compensated_delay, name="", before=None):
     """Return terms, analysis and late answer at a state."""
     analyser, terms = (
         analyser_of(mechanism, name, compensated_delay),
@@ -61,16 +62,26 @@ def answered(mechanism, q, v, active, compensated_delay, name=""):
     )
     found = analyser.analyse(terms)
     if isinstance(analyser, Analyser):
-        return terms, found, analyser.compensated(terms, found)
-    return terms, found, analyser.compensated(terms, q, v, active, found)
+        return terms, found, analyser.compensated(terms, found, before)
+    return terms, found, analyser.compensated(terms, q, v, active, found, before)
 
 
+def earlier(pair, active, ago):
+    """Return rates that were, and how long ago, s."""
+    rng = np.random.default_rng(1)
+    return np.concatenate(((ago,), rates(pair, active) + 0.1 * rng.normal(size=pair.v.size)))
+
+
+@pytest.mark.parametrize("ago", [0.0, 0.5 * COMPENSATED_DELAY, COMPENSATED_DELAY])
 @pytest.mark.parametrize("pair", list(pairs()))
-def test_both_implementations_answer_the_same(pair):
+def test_both_implementations_answer_the_same(pair, ago):
     for active in pair.sets:
+        before = earlier(pair, active, ago)
         for name in pair.readable.point_names:
-            terms, found, expected = compensated(pair.readable, pair, active, name=name)
-            _, _, answer = compensated(pair.mechanism, pair, active, name=name)
+            terms, found, expected = compensated(
+                pair.readable, pair, active, name=name, before=before
+            )
+            _, _, answer = compensated(pair.mechanism, pair, active, name=name, before=before)
             bound = ROUNDING * condition(terms.space)
             size = np.abs(found.inverse_inertia).max()
             assert apart(answer.inverse_inertia, expected.inverse_inertia, size) < bound
@@ -83,8 +94,9 @@ def test_both_implementations_answer_the_same(pair):
 def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
     for active in pair.sets:
         analyser = Analyser(pair.mechanism, "", COMPENSATED_DELAY)
-        _, _, answer = compensated(pair.mechanism, pair, active)
-        seen = analyser.observe(pair.q, rates(pair, active), active).model
+        before = earlier(pair, active, 2e-3)
+        _, _, answer = compensated(pair.mechanism, pair, active, before=before)
+        seen = analyser.observe(pair.q, rates(pair, active), active, before=before).model
         inverse_inertia = seen[OPERATIONAL_MODEL.slice("inverse_inertia")].reshape(6, 6)
         assert (inverse_inertia == answer.inverse_inertia).all()
         free = seen[OPERATIONAL_MODEL.slice("free_acceleration")]
@@ -165,6 +177,40 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
     assert np.log2(np.divide(errors[1:], errors[:-1])) == pytest.approx(2.0, abs=0.15)
     # At 0.5 ms.
     assert errors[0] < 1e-3
+
+
+@pytest.mark.parametrize("name", ["two_link", "spatial_arm", "five_bar", "door"])
+@pytest.mark.parametrize("ago", [0.5, 1.0, 2.0])
+def test_rates_that_were_tell_it_of_a_wrench_that_grows(name, ago):
+    """X_τ F(τ) + a_τ is V̇ after τ: with them the error is of third order, without of second."""
+    simulator = Simulator(resting(name))
+    state, rng = simulator.initial_state(), np.random.default_rng(0)
+    rows = Analyser(simulator.mechanism).rows
+    slope = 1e-3 * rng.normal(size=6) * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    slope = np.where(np.isin(np.arange(6), rows), slope, 0.0)
+    held = np.zeros((len(simulator.mechanism.point_names), 6))
+    period, first = simulator.period, 400
+    states = []
+    for number in range(first + 42):
+        # Held over a period: of its middle.
+        held[0] = slope * (number + 0.5) * period
+        states.append(state)
+        state = simulator.step(state, held)
+    twists = [simulator.evaluate(one).points[0].twist for one in states]
+    errors = {True: [], False: []}
+    for count in (10, 20, 40):
+        late, back = count * period, round(ago * count)
+        then = (twists[first + count + 1] - twists[first + count - 1]) / (2.0 * period)
+        analyser, terms = Analyser(simulator.mechanism, "", late), simulator.evaluate(states[first])
+        before = np.concatenate(((back * period,), states[first - back].v))
+        for known in errors:
+            answer = analyser.compensated(terms, analyser.analyse(terms), before if known else None)
+            now = answer.inverse_inertia @ (slope * (first + count) * period)
+            now = now + answer.free_acceleration
+            errors[known].append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
+    for known, order, near in ((True, 3.0, 0.4), (False, 2.0, 0.15)):
+        assert np.log2(errors[known][2] / errors[known][1]) == pytest.approx(order, abs=near)
+    assert errors[True][-1] < 0.1 * errors[False][-1]
 
 
 def test_a_loop_in_time_gets_x_and_a_0_themselves():

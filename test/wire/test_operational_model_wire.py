@@ -13,6 +13,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.wire.layouts import (
     OPERATIONAL_MODEL_FIELDS,
     OperationalModelMessage,
@@ -44,7 +45,7 @@ def states(mechanism):
 def test_both_ways_write_the_same(name):
     mechanism = Mechanism(load_scene(name))
     analyser = Analyser(mechanism)
-    writer = OperationalModelWriter(analyser)
+    writer = OperationalModelWriter(analyser, PastRates(3, 1_000_000, mechanism.nv))
     for count, state in enumerate(states(mechanism)):
         writer.evaluate(state)
         writer.count(count)

@@ -80,13 +80,15 @@ class ReadableAnalyser:
         v: Array,
         active: Active,
         found: OperationalAnalysis,
+        before: Array | None = None,
     ) -> CompensatedResponse:
         """Return X and a_0 as a loop late by τ needs them."""
         free = found.free_acceleration
         if self.compensated_delay == 0.0:
             return CompensatedResponse(found.inverse_inertia, free)
         place = self.mechanism, terms, q, v, active, self.index, self.rows
-        return compensated_response(*place, found.spectrum, free, self.compensated_delay)
+        late = self.compensated_delay
+        return compensated_response(*place, found.spectrum, free, late, before)
 
 
 def analyser_of(

@@ -29,6 +29,7 @@ def compensated_response(
     found: Spectrum,
     free_acceleration: Array,
     compensated_delay: float,
+    before: Array | None = None,
 ) -> CompensatedResponse:
     """Return X_τ and a_τ of a point.
 
@@ -43,12 +44,20 @@ def compensated_response(
         found: spectrum of X there.
         free_acceleration: (6,) a_0.
         compensated_delay: τ, s, 0 or more.
+        before: (1 + nv,) how long ago, s, and the rates that were; none, or 0 s, if unknown.
     """
     model, data = mechanism.model, mechanism.data
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     stiffness, damping = mechanism.elements.tangents(model, data, q, v)
-    slope = compensated_delay * damping + compensated_delay**2 * stiffness
+    in_rates, in_place, changed = compensated_delay, compensated_delay**2, np.zeros_like(v)
+    if before is not None and before[0] > 0.0:
+        # v = w_1 v_1 + w_2 v_2 + h v̇ of the parabola through three rates, by its conditions.
+        times = np.array([0.0, -before[0]]) - compensated_delay
+        system = np.array([[1.0, 1.0, 0.0], [*times, 1.0], [*times**2, 0.0]])
+        one, two, in_rates = np.linalg.solve(system, [1.0, 0.0, 0.0])
+        in_place, changed = 0.5 * compensated_delay**2, one * v + two * before[1:] - v
+    slope = in_rates * damping + in_place * stiffness
     space, jacobian = terms.space, terms.points[index].jacobian[rows]
     moved = found.s > RANK_TOLERANCE
     free = space.without_closure_part(space.to_mass_metric(jacobian.T))
@@ -60,7 +69,7 @@ def compensated_response(
     if later is not terms:
         point = later.points[index]
         acceleration = point.jacobian @ own + point.drift
-    met = rates @ (slope @ own)
+    met = rates @ (slope @ own + damping @ changed)
     shown = found.duals[:, moved] * found.s[moved]
     resisted = np.eye(len(rates)) + rates @ slope @ rates.T
     inverse_inertia = np.zeros((6, 6))
