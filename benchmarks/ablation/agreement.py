@@ -14,9 +14,10 @@ from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.flat import flat_operational_model
 from hapticmech_ros.device import DeviceState
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
@@ -85,6 +86,9 @@ class _Readable:
         self._analyser = oracle("operational").ReadableAnalyser(
             mechanism, compensated_delay=compensated_delay
         )
+        # Rates of the last states, with the same closures closed, the newest one last.
+        self._past: list[tuple[Active, Array]] = []
+        self._wanted, self._period = periods_before(scene), scene.simulation.period
         self._control = oracle("control").ReadableControl(scene)
         self._device = oracle("devices").readable_device_for(scene)
         self._index = self._analyser.index
@@ -121,12 +125,25 @@ class _Readable:
                     wrenches[link] = wrenches.get(link, np.zeros(6)) + wrench
         return wrenches
 
+    def _before(self, state: MechanismState) -> Array | None:
+        """Return how long ago (s), and which rates were, if known; remember those of now."""
+        past, wanted = self._past, self._wanted
+        if past and past[-1][0] != state.active:
+            past.clear()
+        past.append((state.active, state.v.copy()))
+        if len(past) <= wanted:
+            return None
+        return np.concatenate(((wanted * self._period,), past[-1 - wanted][1]))
+
     def compare(self, sample: Sample, following: Sample, tick: int) -> dict[str, float]:
         """Return the relative difference of each part of one tick."""
         terms = self._simulator.evaluate(sample.mechanism)
         analysis = self._analyser.analyse(terms)
         state = sample.mechanism
-        compensated = self._analyser.compensated(terms, state.q, state.v, state.active, analysis)
+        before = self._before(state)
+        compensated = self._analyser.compensated(
+            terms, state.q, state.v, state.active, analysis, before
+        )
         device, point, model = sample.device, sample.point, sample.model
         environment = sample.external_wrench + sample.contact_wrench
         seen = PointMeasurement(point.pose, point.twist, environment)

@@ -111,7 +111,7 @@ class Analyser:
         Args:
             terms: of Eq. 1 at a state.
             found: the analysis there.
-            before: as of :meth:`observe`.
+            before: (1 + nv,) as of :meth:`observe`.
 
         Raises:
             HapticMechError: as :meth:`observe`.

@@ -15,8 +15,6 @@ from hapticmech_ros.times import NANOSECONDS
 # Rates as much longer ago than wanted, in periods wanted, say nothing of now; and so much of a
 # period may be missing.
 FARTHEST, MISSING = 2.0, 0.25
-# States that are remembered at most.
-REMEMBERED = 64
 
 
 class PastRates:
@@ -31,7 +29,8 @@ class PastRates:
 
     def __init__(self, periods: int, period_ns: int, size: int) -> None:
         self._wanted_ns, self._missing_ns = periods * period_ns, round(MISSING * period_ns)
-        self._states: deque[tuple[int, Array, Active]] = deque(maxlen=REMEMBERED)
+        remembered = round(FARTHEST * periods) + 2
+        self._states: deque[tuple[int, Array, Active]] = deque(maxlen=remembered)
         self._unknown = np.zeros(1 + size)
 
     def forget(self) -> None:

@@ -114,7 +114,8 @@ def recall(past: Array, tick: int, period: float, before: Array) -> None:
     count = past.shape[0]
     if count > 1:
         row = past[(tick + 1) % count]
-        if row[0] == tick - count + 2:
+        # The tick's number + 1: 0 is of no tick.
+        if row[0] > 0.0 and row[0] == tick - count + 2:
             put(before, row)
             before[0] = (count - 1) * period
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.analysis import felt_model as felt_module
 from hapticmech_ros.analysis.felt_model import felt_model, loop_model
 from hapticmech_ros.analysis.impedance import (
     FREQUENCIES_HZ,
@@ -15,6 +16,8 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
+from hapticmech_ros.control.force_gain import lead_gains
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
@@ -71,8 +74,9 @@ def test_the_devices_substeps_are_nothing_to_feel():
 
 
 def test_half_a_period_of_delay_is_carried_on_but_for_the_third_order():
-    """(F̄ - its weights of Adams and Bashforth) / F (m / m_d - 1), of a body that hangs on nothing.
+    """(F̄ - what is known of it) / F (m / m_d - 1), of a body that hangs on nothing.
 
+    F by the weights of Adams and Bashforth, but for what W lacks of 1.
     Without a position channel. Where the controller closes the force channel, it is the delay of a
     period and a half.
     """
@@ -85,13 +89,17 @@ def test_half_a_period_of_delay_is_carried_on_but_for_the_third_order():
         model = felt_model(scene.with_(simulation={"period": period}))
         mass = 1.0 / (direction @ model.mechanism.analysis.inverse_inertia @ direction)
         turn = np.exp(2j * np.pi * hertz * period)
-        late = 1.0 - 1.0 / turn
-        known = 1.0 + 0.5 * late + 5.0 / 12.0 * late**2
+        late, square = 1.0 - 1.0 / turn, (scene.device.mass / mass) ** 2
+        weight = (1.0 - 1.6 * square) / (1.0 + 2.0 * square)
         mean = (turn - 1.0) / np.log(turn)
-        wanted = np.abs(mean - known) * (mass / scene.device.mass - 1.0)
+        whole, wanted = (
+            np.abs(mean - 1.0 - 0.5 * late - one * 5.0 / 12.0 * late**2)
+            * (mass / scene.device.mass - 1.0)
+            for one in (1.0, weight)
+        )
         error = np.abs(model.ratio(direction, hertz) - 1.0)
         third = 0.375 * (2.0 * np.pi * hertz * period) ** 3 * (mass / scene.device.mass - 1.0)
-        assert wanted == pytest.approx(third, rel=0.05)
+        assert whole == pytest.approx(third, rel=0.05)
         assert error == pytest.approx(wanted, rel=0.05, abs=1e-5)
         assert wanted[-1] > 1e-3
 
@@ -203,3 +211,44 @@ def test_what_the_environment_does_is_in_it(name, local, feedback):
 def test_a_negative_delay_is_refused():
     with pytest.raises(InvalidInputError, match="0 or more periods"):
         felt_model(load_scene("two_link"), delay=-1)
+
+
+def held_growth(scene, delay, periods, mass, leads=lead_gains):
+    """Return the largest eigenvalue's size of a loop with a mass rigidly on its device.
+
+    It exerts -r u on the device while a command u acts, r = m_a / (m_a + m_d), and the device
+    samples that at the period's end. The compensation knows rates of so many periods ago.
+    """
+    simulator, late = Simulator(scene), compensated_loop_delay(scene, delay)
+    point = linear_point(simulator, simulator.initial_state(), "", late, periods)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(felt_module, "lead_gains", leads)
+        loop = felt_module._Loop(ControlArchitecture(scene), scene.device, point, delay)
+    shares = [mass / (mass + scene.device.mass)] * 3
+    shares += [1e-3 * mass / (1e-3 * mass + scene.device.inertia)] * 3
+    state, sampled = np.split(np.eye(loop.size + 6), [loop.size])
+    nothing = np.zeros_like(sampled)
+    kept, gained, _, _ = loop._move
+    alone = loop.next(state, nothing, sampled, nothing)
+    pushed = alone[6:12] - kept * state[6:12]
+    command = np.divide(pushed, gained, out=np.zeros_like(pushed), where=gained > 0.0)
+    force = -np.array(shares)[:, None] * command
+    step = np.vstack((loop.next(state, force, sampled, nothing), force))
+    return np.abs(np.linalg.eigvals(step)).max()
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+@pytest.mark.parametrize("delay", [1, 3])
+def test_neither_lead_nor_past_rates_make_a_loop_with_a_mass_less_stable(name, delay):
+    """The whole loop, position channel and delay compensation included, unlike the linear one."""
+    scene = load_scene(name)
+    scene = scene.held_at(scene.held_points[0])
+    for mass in (0.05, 1.0, 20.0):
+        without = held_growth(scene, delay, 0, mass, lambda gain: (0.0 * gain, 0.0 * gain))
+        with_both = held_growth(scene, delay, periods_before(scene, delay), mass)
+        assert with_both <= max(without, 1.0) + 1e-7
+
+
+def test_without_its_weight_the_lead_would_make_one_unstable():
+    scene = load_scene("spatial_arm")
+    assert held_growth(scene, 1, 3, 2.0, lambda gain: (gain, gain)) > 1.01

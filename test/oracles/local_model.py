@@ -100,16 +100,21 @@ def corrected(
 
 
 def led(gain: Array, hand: Sequence[Array]) -> Array:
-    """Return G (1 + (1 + G)⁶)⁻¹ (F̄ - F), (6,), by the weights of Adams and Bashforth.
+    """Return G (F' + (1 - 8/5 R²) (1 + 2 R²)⁻¹ F''), R = 1 + G, (6,): F̄ - F by its last samples.
 
     Args:
         gain: (6, 6) G.
         hand: (6,) F_h, newest first, a period apart.
     """
-    weights = {1: (0.0,), 2: (0.5, -0.5)}.get(len(hand), (11.0 / 12.0, -16.0 / 12.0, 5.0 / 12.0))
-    change = sum(weight * one for weight, one in zip(weights, hand, strict=False))
-    sixth = np.linalg.matrix_power(np.eye(6) + gain, 6)
-    return np.asarray(gain @ np.linalg.solve(np.eye(6) + sixth, change))
+    if len(hand) < 2:
+        return np.zeros(6)
+    found = gain @ (0.5 * (hand[0] - hand[1]))
+    if len(hand) > 2:
+        square = (np.eye(6) + gain) @ (np.eye(6) + gain)
+        bend = 5.0 / 12.0 * (hand[0] - 2.0 * hand[1] + hand[2])
+        weight = (np.eye(6) - 1.6 * square) @ np.linalg.inv(np.eye(6) + 2.0 * square)
+        found = found + gain @ weight @ bend
+    return np.asarray(found)
 
 
 def displacement(start: Array, end: Array) -> Array:
