@@ -35,8 +35,8 @@ def told(force, ticks, first=0):
 
 def correction(others, answered, now, gains=GAIN):
     found = others.correction(gains, round(answered * PERIOD_NS), round(now * PERIOD_NS))
-    assert found[12] == len(gains)
-    return found[:6] + found[6:12]
+    assert found[18] == len(gains)
+    return found[:18].reshape(3, 6).sum(axis=0)
 
 
 def test_a_steady_wrench_changes_nothing():
