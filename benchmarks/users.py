@@ -31,21 +31,12 @@ POINTS = {
     "stewart_platform": None,
 }
 
-
-# Of a device whose mass is given: its inertia by that, (32 mm)² as of one that is not.
-GYRATION_M2 = 1e-3
-
 # Declared of a connection, s: nothing next to a period, and enough for devices not to exchange.
 BARELY = 1e-9
 
 
 def held_scene(
-    name: str,
-    period: float,
-    late: bool = False,
-    massless: bool = False,
-    alone: bool = False,
-    mass: float | None = None,
+    name: str, period: float, late: bool = False, massless: bool = False, alone: bool = False
 ) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
@@ -55,7 +46,6 @@ def held_scene(
         late: without exchange of the hands' wrenches.
         massless: the arm is the spring and the damper alone.
         alone: nobody is in the arm's place; its device moves along with the mechanism.
-        mass: of each device, kg, with an inertia in proportion; the scene's own if left out.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -77,8 +67,6 @@ def held_scene(
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
-    if mass is not None:
-        scene = scene.with_(device={"mass": mass, "inertia": mass * GYRATION_M2})
     return scene.with_(operational_points=points, hands=hands, simulation={"period": period})
 
 
@@ -113,16 +101,13 @@ def users(
     alone: Annotated[
         bool, typer.Option("--alone", help="nobody else holds; the other device moves along")
     ] = False,
-    mass: Annotated[
-        float | None, typer.Option("--mass", help="of each device, kg; inertia in proportion")
-    ] = None,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, late, massless, alone, mass), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, late, massless, alone), PUSHER)
     ]
     print(table(rows))
 
