@@ -59,8 +59,8 @@ CAPTION = (
     "with these gains, up to 50 periods. 'Stiffest' gains leave a gain margin of 2 at the delay "
     "shown; unstable cases are not drawn."
 )
-# Smaller values are drawn at these limits: 0.1 % and 1 N/m. Periods have no limit.
-LEAST = (1e-3, 1.0, None)
+# Smaller values are drawn at these limits: 0.01 % and 1 N/m. Periods have no limit.
+LEAST = (1e-4, 1.0, None)
 
 
 # N/m, half of the default joint-constraint stiffness. Stiffer directions count as constrained.
