@@ -107,12 +107,11 @@ class DampedInverse:
 
     def torque(self, state: RobotState, target: Target, contact: Array, integral: float) -> Limited:
         """Return its torques."""
-        del contact
         found, jacobian = state.analysis, state.point.jacobian
         inverse = np.linalg.inv(found.inverse_inertia + self.factor**2 * np.eye(6))
         wrench = inverse @ (self.law.asked(state, target) - state.point.drift)
         if target.force is not None:
-            wrench[:3] += (target.force.force + integral) * target.force.direction
+            wrench += self.law.pushing(target.force, contact, integral)
         posture = self.law.posture_torque(state)
         moving = np.linalg.solve(state.factor.T, np.linalg.solve(state.factor, posture))
         null = posture - jacobian.T @ (inverse @ (jacobian @ moving))

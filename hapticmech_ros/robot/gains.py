@@ -31,8 +31,8 @@ class Gains:
         rest_rate: rate at which motion of the null space decays, 1/s.
         force_rate: rate at which the integral of a force's error grows, 1/s.
         contact_rate: rate at which motion along a controlled force decays, 1/s.
-        contact_share: share of the measured contact wrench that is balanced, but for its part along
-            a controlled force, 0 to 1; with 1 contacts do not disturb the motion.
+        contact_share: c of R4, 0 to 1: share of the measured contact wrench beside a controlled
+            force that is balanced; with 1 friction disturbs neither the force nor the motion.
 
     Raises:
         InvalidInputError: one is negative, not finite or above 1e4, or a share above 1.
@@ -47,7 +47,7 @@ class Gains:
     rest_rate: float = 30.0
     force_rate: float = 5.0
     contact_rate: float = 60.0
-    contact_share: float = 0.0
+    contact_share: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -20,10 +20,13 @@ derived in docs/robots.md.
 Along a controlled force n the motion's command is replaced by its own decay, and the force is
 commanded ahead, with an integral of its error:
 
-    nᵀ ẍ_c = -κ nᵀ ẋ,      F += n (f_d + ∫ ρ (f_d + nᵀ F_c) dt)                               (R4)
+    nᵀ ẍ_c = -κ nᵀ ẋ,      F += n (f_d + ∫ ρ (f_d + nᵀ F_c) dt) - c F_t                       (R4)
 
-Against a wall, nᵀ ẍ = 0, all other terms of R3 give no acceleration along n, so the wall's force is
--n (f_d + ∫): it does not depend on the motion along the wall.
+with F_t the contact wrench without its part along n. Against a wall, nᵀ ẍ = 0, all other terms of
+R3 give no acceleration along n, so the wall's force is -n (f_d + ∫): it depends neither on the
+motion along the wall, nor, with c = 1, on the wall's friction, which X couples to n. F_t is
+balanced up to f_d, its torques over the metric's lever included: a tool that is caught on something
+would be pushed harder and harder otherwise.
 
 τ_0 = D (a_p - r v) returns joints to a posture, with a_p = ω_p² (q_p ⊖ q) limited per joint. Forces
 of springs, dampers and stops that the scene has in joints are not compensated.
@@ -192,18 +195,32 @@ class OperationalLaw:
         error = pose_error(state.point.pose, target.pose)
         asked = self.asked(state, target) - self._too_fast(state, target, error)
         wrench = state.shaped.inverse @ (asked - state.point.drift)
-        balanced = self.gains.contact_share * contact
         if target.force is not None:
-            along = target.force.direction
-            pushed = target.force.force + integral + float(along @ balanced[:3])
-            wrench[:3] += pushed * along
-        wrench -= balanced
+            wrench += self.pushing(target.force, contact, integral)
         task = state.point.jacobian.T @ wrench
         null = self.null_torque(state, target, error)
         limited = limited_torque(state.bias_force, task, null, self.torque_limits)
         moving = dtrsv(state.factor, limited.torque - state.bias_force, lower=1)
         acceleration = dtrsv(state.factor, moving, lower=1, trans=1)
         return Command(limited.torque, acceleration, wrench, asked, error, limited)
+
+    def pushing(self, force: ForceTask, contact: Array, integral: float) -> Array:
+        """Return what a controlled force adds to F (R4), (6,), N and N m, world axes at the point.
+
+        Args:
+            force: that is controlled.
+            contact: (6,) F_c, by the environment on the robot, N and N m, world axes at the point.
+            integral: of the force's error, N; see :meth:`next_integral`.
+        """
+        beside, lever = force.without(contact), self.lever
+        # A point without angles has no lever: its torques are nobody's.
+        beside[3:] *= lever > 0.0
+        size = float(np.linalg.norm(np.r_[beside[:3], beside[3:] / (lever or 1.0)]))
+        most = abs(force.force)
+        share = self.gains.contact_share * (most / size if size > most else 1.0)
+        added = -share * beside
+        added[:3] += (force.force + integral) * force.direction
+        return added
 
     def null_torque(self, state: RobotState, target: Target, error: Array) -> Array:
         """Return L Σ y_i u_i + Nᵀ τ_0 (nv,) of R3, N m or N.

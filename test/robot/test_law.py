@@ -139,13 +139,40 @@ def test_a_controlled_force_stands_against_a_wall_whatever_moves_along_it():
             np.testing.assert_allclose(reached, command.asked, rtol=1e-8, atol=1e-8)
 
 
-def test_balanced_contact_does_not_disturb_the_motion():
-    law = law_of("iiwa14", gains=Gains(contact_share=1.0))
-    for seed, (q, v) in enumerate(poses("iiwa14", 5, seed=6, least=0.05)):
-        contact = np.random.default_rng(seed).normal(size=6) * 20.0
-        command = law.command(law.state(q, v), target_near(law, q, seed), contact)
-        _, reached = accelerated(law, q, v, command.torque, contact)
-        np.testing.assert_allclose(reached, command.asked, rtol=EXACT, atol=EXACT)
+@pytest.mark.parametrize("name", NAMES)
+def test_friction_disturbs_neither_a_controlled_force_nor_the_motion_along_the_wall(name):
+    law = law_of(name)
+    for seed, (q, v) in enumerate(poses(name, 5, seed=6, least=0.05)):
+        rng = np.random.default_rng(seed)
+        n = rng.normal(size=3)
+        n /= np.linalg.norm(n)
+        row = n @ law.state(q, v).point.jacobian[:3]
+        along = v - row * (row @ v) / (row @ row)
+        force, near = ForceTask(n, 20.0), target_near(law, q, seed)
+        target = Target(near.pose, near.twist, near.acceleration, force)
+        # A wall with friction, which presses with the force that is asked for.
+        contact = force.without(rng.normal(size=6) * np.repeat((8.0, 4.0 * law.lever), 3))
+        contact[:3] -= 20.0 * n
+        command = law.command(law.state(q, along), target, contact)
+        _, reached = accelerated(law, q, along, command.torque, contact)
+        np.testing.assert_allclose(reached, command.asked, rtol=1e-8, atol=1e-8)
+        # The motion does not leave the wall.
+        assert n @ reached[:3] == pytest.approx(0.0, abs=1e-8)
+
+
+def test_what_holds_a_tool_fast_is_balanced_up_to_the_controlled_force():
+    law = law_of("iiwa14")
+    force = ForceTask(np.array([0.0, 0.0, 1.0]), 5.0)
+    weights = np.repeat((1.0, 1.0 / law.lever), 3)
+    for size in (1.0, 4.9, 5.1, 1e3):
+        beside = np.array([0.6, 0.0, 0.0, 0.0, 0.8 * law.lever, 0.0]) * size
+        pushed = law.pushing(force, beside - 7.0 * np.eye(6)[2], integral=2.0)
+        assert pushed[2] == 7.0
+        pushed[2] = 0.0
+        np.testing.assert_allclose(pushed, -min(1.0, 5.0 / size) * beside, rtol=1e-12)
+        assert np.linalg.norm(weights * pushed) <= 5.0 * (1.0 + 1e-12)
+    half = law.with_gains(Gains(contact_share=0.5))
+    np.testing.assert_allclose(half.pushing(force, np.eye(6)[0], 0.0)[0], -0.5)
 
 
 def test_what_rests_on_its_target_stays_there():
