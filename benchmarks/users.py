@@ -3,14 +3,14 @@
 """``python -m benchmarks.users``: what one user feels while another holds the mechanism.
 
 Of three shipped scenes, held at two links or at both ends of one: a free hand pushes at one, a firm
-arm holds the other, with a mass that is rigidly on its device or without; see
+arm holds the other: its mass behind a grip, rigidly on its device, or without mass; see
 ``analysis/beside_others.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import typer
@@ -35,17 +35,24 @@ POINTS = {
 BARELY = 1e-9
 
 
-def held_scene(
-    name: str, period: float, late: bool = False, massless: bool = False, alone: bool = False
-) -> Scene:
+# Of the grip, assumed: about twice the firm arm's stiffness, so that its mass of 0.55 kg swings at
+# 8 Hz between them, and with its lever in rotation (``scene/arm_impedances.py``).
+GRIP = {"stiffness": 1000.0, "damping": 10.0, "angular_stiffness": 0.9, "angular_damping": 9e-3}
+
+
+# Who holds the other point.
+Holder = Literal["grip", "rigid", "massless", "nobody"]
+
+
+def held_scene(name: str, period: float, holder: Holder = "grip", late: bool = False) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
     Args:
         name: of the shipped scene.
         period: s.
+        holder: an arm whose mass is behind a grip, one whose mass is rigidly on its device, one
+            that is the spring and the damper alone, or nobody, whose device moves along.
         late: without exchange of the hands' wrenches.
-        massless: the arm is the spring and the damper alone.
-        alone: nobody is in the arm's place; its device moves along with the mechanism.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -56,14 +63,16 @@ def held_scene(
         {"name": label, "link": link, "origin": {"xyz": list(xyz)}}
         for label, (link, xyz) in zip((PUSHER, HOLDER), places, strict=True)
     ]
-    arm = {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}
-    if massless:
+    arm: dict[str, object] = {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}
+    if holder == "grip":
+        arm["grip"] = GRIP
+    elif holder == "massless":
         firm = ArmHand.model_validate(arm).model_dump()
         arm = {key: firm[key] for key in SpringDamperHand.model_fields} | {"kind": "spring_damper"}
     nobody = {"kind": "constant_wrench"}
     hands: list[dict[str, object]] = [
         {"point": PUSHER, "hand": nobody},
-        {"point": HOLDER, "hand": nobody if alone else arm},
+        {"point": HOLDER, "hand": nobody if holder == "nobody" else arm},
     ]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
@@ -95,19 +104,16 @@ def users(
     late: Annotated[
         bool, typer.Option("--late", help="devices do not hear each other's hands; 1 kHz only")
     ] = False,
-    massless: Annotated[
-        bool, typer.Option("--massless", help="the arm has no mass that is rigidly on its device")
-    ] = False,
-    alone: Annotated[
-        bool, typer.Option("--alone", help="nobody else holds; the other device moves along")
-    ] = False,
+    holder: Annotated[
+        Holder, typer.Option(help="whose mass is behind a grip, rigidly on its device, or nothing")
+    ] = "grip",
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
     rows = [
         Row(name, period, one)
         for name in POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, late, massless, alone), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, holder, late), PUSHER)
     ]
     print(table(rows))
 

@@ -3,8 +3,8 @@
 """What a user feels of a mechanism that others hold as well: felt over desired impedance.
 
 One user's device is pushed by a small multisine, the others hold the mechanism by their arms of
-impedance Z = s M + D + K / s, which stay where they took hold. With Y the admittance of the
-mechanism alone between points, and b all points that the others hold, desired is
+impedance Z, which stay where they took hold. With Y the admittance of the mechanism alone between
+points, and b all points that the others hold, desired is
 
     v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
 
@@ -29,6 +29,7 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scripted_push import fine_times, samples_of, scripted
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
@@ -103,7 +104,7 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     simulator = Simulator(still)
     terms = simulator.evaluate(simulator.initial_state())
     directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
-    desired, alone = _admittances(still, simulator, point, frequencies)
+    desired, alone = admittances(still, simulator, point, frequencies)
     rows = max(2, round(ROWS_PER_S * period))
     fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period), rows)
     push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
@@ -153,17 +154,26 @@ def _still(hand: Hand) -> Hand:
     raise InvalidInputError("hand", hand.kind, rule)
 
 
-def _impedance(hand: Hand) -> tuple[Array, Array, Array]:
-    """Return M, D and K (6, 6) of a hand, SI, world axes at the point held."""
-    mass = damping = stiffness = (0.0, 0.0)
+def hand_impedance(hand: Hand, s: complex) -> Array:
+    """Return Z(s) (6, 6) of a hand that holds still, N s/m and N m s/rad, world axes.
+
+    It is s M + D + K / s; behind a grip with Z_g = D_g + K_g / s it is (1 / Z + 1 / Z_g)⁻¹.
+
+    Args:
+        hand: an arm, a spring and damper, or nobody's.
+        s: complex frequency, 1/s; not 0.
+    """
+    if not isinstance(hand, ArmHand | SpringDamperHand):
+        return np.zeros((6, 6), dtype=complex)
+    stiffness, damping = spring_gains(hand)
+    along = damping + stiffness / s
     if isinstance(hand, ArmHand):
-        mass = hand.mass, hand.angular_inertia
-    if isinstance(hand, ArmHand | SpringDamperHand):
-        damping = hand.damping, hand.angular_damping
-        stiffness = hand.stiffness, hand.angular_stiffness
-    line, turn = (np.diag(np.repeat(six, 3)) for six in ((1.0, 0.0), (0.0, 1.0)))
-    m, d, k = (line * a + turn * b for a, b in (mass, damping, stiffness))
-    return m, d, k
+        along += s * np.repeat((hand.mass, hand.angular_inertia), 3)
+        if hand.grip is not None:
+            held, lost = spring_gains(hand.grip)
+            grip = lost + held / s
+            along = along * grip / (along + grip)
+    return np.diag(along)
 
 
 def _twists(scene: Scene, point: str, times: Array, pushes: Array, ticks: int) -> Array:
@@ -177,10 +187,20 @@ def _twists(scene: Scene, point: str, times: Array, pushes: Array, ticks: int) -
     return session.run(ticks)[point]["device_true_twist"]
 
 
-def _admittances(
+def admittances(
     scene: Scene, simulator: Simulator, point: str, frequencies: Array
 ) -> tuple[Array, Array]:
-    """Return (k, 6, 6) of a point: with the others' arms, and without."""
+    """Return the admittance of a mechanism at a point, with the others' arms and without.
+
+    Args:
+        scene: with several ``hands``.
+        simulator: of the scene.
+        point: operational point, of one of them.
+        frequencies: (k,) Hz, not 0.
+
+    Returns:
+        Twist per wrench, (k, 6, 6) complex each, world axes, m/s and rad/s per N and N m.
+    """
     names = [point, *(name for name in scene.held_points if name != point)]
     state, period = simulator.initial_state(), simulator.period
     points = [linear_point(simulator, state, name) for name in names]
@@ -189,23 +209,15 @@ def _admittances(
     whole[:size, :size] = points[0].step
     whole[:size, size:] = np.hstack([one.push for one in points])
     rates = np.real(logm(whole)) / period
-    a, b = rates[:size, :size], rates[:size, size:]
     shown = np.vstack([one.twist for one in points])
-    impedances = [_impedance(scene.held_at(name).hand) for name in names[1:]]
-    m, d, k = (block_diag(*parts) for parts in zip(*impedances, strict=True))
-    own, others, seen = b[:, :6], b[:, 6:], shown[6:]
-    # F_b = -(M v̇_b + D v_b + K p_b), v̇_b by F_b itself, p_b integrated.
-    free = np.linalg.inv(np.eye(len(m)) + m @ seen @ others)
-    by_state, by_push = -free @ (m @ seen @ a + d @ seen), -free @ m @ seen @ own
-    joined = np.block(
-        [[a + others @ by_state, -others @ free @ k], [seen, np.zeros((len(m), len(m)))]]
-    )
-    pushed = np.vstack([own + others @ by_push, np.zeros((len(m), 6))])
-    read = np.hstack([shown[:6], np.zeros((6, len(m)))])
-    return (
-        _response(joined, pushed, read, frequencies),
-        _response(a, own, shown[:6], frequencies),
-    )
+    y = _response(rates[:size, :size], rates[:size, size:], shown, frequencies)
+    hands, held = [scene.held_at(name).hand for name in names[1:]], []
+    for one, frequency in zip(y, frequencies, strict=True):
+        s = 2j * np.pi * frequency
+        z = block_diag(*(hand_impedance(hand, s) for hand in hands))
+        shared = np.linalg.solve(np.eye(len(z)) + one[6:, 6:] @ z, one[6:, :6])
+        held.append(one[:6, :6] - one[:6, 6:] @ z @ shared)
+    return np.array(held), y[:, :6, :6]
 
 
 def _response(a: Array, b: Array, c: Array, frequencies: Array) -> Array:

@@ -54,6 +54,8 @@ NOBODY = Held(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)))
 def held_by(scene: Scene) -> Held | None:
     """Return the linear impedance of the scene's hand; None if this model has none for it."""
     hand: object = scene.hand
+    if isinstance(hand, ArmHand) and hand.grip is not None:
+        return None
     if isinstance(hand, SpringDamperHand | ArmHand):
         stiffness, damping = spring_gains(hand)
         mass = [0.0] * 6

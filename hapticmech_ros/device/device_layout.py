@@ -35,8 +35,8 @@ DEVICE_MODEL = Layout(
 )
 # What is published: what is measured, the wrench of the hand as it is reported, and the wrench
 # applied; and what is not: position, rotation and twist of the body; measured rotation; where the
-# device started, and where the hand took hold; the window in which it holds; and its wrench.
-# Rotations go row by row.
+# device started, and where the hand took hold; the window in which it holds; position, rotation and
+# twist of its mass behind a grip, and what pulls that; and its wrench. Rotations go row by row.
 DEVICE_STATE = Layout(
     {
         **DEVICE_SAMPLE.fields,
@@ -47,6 +47,9 @@ DEVICE_STATE = Layout(
         "home": PLACE,
         "anchor": PLACE,
         "window": ONE,
+        "limb": PLACE,
+        "limb_twist": Field(6, TWIST),
+        "pull": Field(6, WRENCH),
         "own": Field(6, WRENCH),
     }
 )

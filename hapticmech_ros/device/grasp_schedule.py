@@ -25,7 +25,7 @@ class GraspSchedule:
         start: s since it could take hold.
         switches: s after the start, increasing: it lets go and takes hold in turns.
         holds_first: whether it holds before the first of them.
-        mass: kg, of the hand, moves with the device while it holds.
+        mass: kg, of the hand, moves with the device while it holds; 0 behind a grip.
         inertia: kg m^2, likewise.
     """
 
@@ -43,5 +43,7 @@ def grasp_schedule_of(hand: Hand) -> GraspSchedule:
     """Return when a scene's hand holds."""
     switches = tuple(sorted(hand.release_at + hand.grab_at))
     holds_first = not switches or switches[0] in hand.release_at
-    mass, inertia = (hand.mass, hand.angular_inertia) if isinstance(hand, ArmHand) else (0.0, 0.0)
+    mass = inertia = 0.0
+    if isinstance(hand, ArmHand) and hand.grip is None:
+        mass, inertia = hand.mass, hand.angular_inertia
     return GraspSchedule(hand.start_delay, switches, holds_first, mass, inertia)

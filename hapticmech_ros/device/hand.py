@@ -16,7 +16,14 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import hand_kernels as laws
 from hapticmech_ros.device.grasp_schedule import GraspSchedule
-from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand, TargetHand
+from hapticmech_ros.scene.hand import (
+    ArmHand,
+    ConstantWrenchHand,
+    Grip,
+    Hand,
+    ScriptedHand,
+    TargetHand,
+)
 from hapticmech_ros.scene.script import read_script
 
 
@@ -62,6 +69,9 @@ def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
         head[laws.KIND] = laws.SPRING
         head[laws.STIFFNESS : laws.TREMBLING] = np.concatenate(spring_gains(hand))
         rows = np.column_stack(_target_table(hand))
+        if isinstance(hand, ArmHand) and hand.grip is not None:
+            head[laws.LIMB_MASS : laws.GRIP] = np.repeat((hand.mass, hand.angular_inertia), 3)
+            head[laws.GRIP : laws.TIMES] = np.concatenate(spring_gains(hand.grip))
     tremor = None if hand is None else hand.tremor
     if tremor is not None:
         head[laws.SPEED] = 2.0 * np.pi * tremor.frequency
@@ -70,7 +80,7 @@ def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
     return np.concatenate((head, schedule.switches, rows.ravel()))
 
 
-def spring_gains(hand: TargetHand) -> tuple[Array, Array]:
+def spring_gains(hand: TargetHand | Grip) -> tuple[Array, Array]:
     """Return stiffnesses and dampings (6,), N/m, N m/rad and N s/m, N m s/rad."""
     stiffness = np.array([hand.stiffness] * 3 + [hand.angular_stiffness] * 3)
     damping = np.array([hand.damping] * 3 + [hand.angular_damping] * 3)

@@ -4,6 +4,8 @@
 
 A target goes from waypoint to waypoint with minimum jerk, from where the hand took hold. What the
 hand's own mass takes of its wrench is not in these. Before its start the hand's wrench is zero.
+A mass behind a grip is pulled to the target instead, and the grip's spring and damper pull the
+device to the mass.
 
 A hand is one array:
 
@@ -15,6 +17,8 @@ A hand is one array:
     SPEED         rad/s, of tremor; 0 for none
     HOLDS_FIRST   1 if it holds before it first switches
     SWITCHES      how often it lets go and takes hold; from TIMES on, when, s after the start
+    LIMB_MASS     6, masses and inertias behind the grip; 0 without one
+    GRIP          12, its stiffness and damping
 
 and behind those times a table of rows of 7: a waypoint's time (s), displacement (m) and rotation
 vector (rad), or a script's time, force and torque.
@@ -38,10 +42,10 @@ from hapticmech_ros.rotation_kernels import (
 
 NOBODY, CONSTANT, SPRING, SCRIPT, STAIRS = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, START, STIFFNESS, DAMPING, TREMBLING, SWAY = 0, 1, 2, 8, 14, 20
-SPEED, HOLDS_FIRST, SWITCHES, TIMES = 26, 27, 28, 29
+SPEED, HOLDS_FIRST, SWITCHES, LIMB_MASS, GRIP, TIMES = 26, 27, 28, 29, 35, 47
 ROW_SIZE = 7
 # Numbers that the laws need for what they compute on the way.
-WORK_SIZE = 36
+WORK_SIZE = 42
 
 
 @inner
@@ -70,7 +74,7 @@ def hand_wrench(
         body: (18,) the device.
         held: (12,) position and rotation when the hand took hold.
         wrench: to fill, N and N m.
-        work: (36,) scratch.
+        work: (42,) scratch.
     """
     wrench[:] = 0.0
     moving = elapsed - hand[START]
@@ -89,10 +93,15 @@ def hand_wrench(
 
 
 @inner
+def grip_wrench(hand: Array, limb: Array, body: Array, wrench: Array, work: Array) -> None:
+    """Fill ``wrench`` (6,) with F_h of a grip between a mass and the device, (18,) each."""
+    grip = hand[GRIP:TIMES]
+    _pull(grip[:6], grip[6:], limb, body, wrench, work)
+
+
+@inner
 def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, work: Array) -> None:
-    offset, rate, stretch, spin = work[:6], work[6:12], work[12:15], work[15:18]
-    turn, goal = shaped(work[18:27], (3, 3)), shaped(work[27:36], (3, 3))
-    stiffness, damping = hand[STIFFNESS:DAMPING], hand[DAMPING:TREMBLING]
+    offset, rate, goal, turn = work[:6], work[6:12], work[12:30], shaped(work[30:39], (3, 3))
     _target(hand[TIMES + int(hand[SWITCHES]) :], time, offset, rate)
     if hand[SPEED] > 0.0:
         sine, cosine = np.sin(hand[SPEED] * time), np.cos(hand[SPEED] * time)
@@ -100,14 +109,25 @@ def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, w
             offset[i] += sine * hand[SWAY + i]
             rate[i] += hand[SPEED] * cosine * hand[SWAY + i]
     exp3(offset[3:], turn)
-    multiply(turn, shaped(held[3:12], (3, 3)), goal)
-    multiply_transposed(goal, shaped(body[3:12], (3, 3)), turn)
-    log3(turn, stretch)
-    angular_rate(offset[3:], rate[3:], spin)
+    multiply(turn, shaped(held[3:12], (3, 3)), shaped(goal[3:12], (3, 3)))
+    angular_rate(offset[3:], rate[3:], goal[15:])
     for i in range(3):
-        way = held[i] + offset[i] - body[i]
-        wrench[i] = stiffness[i] * way + damping[i] * (rate[i] - body[12 + i])
-        angular = damping[3 + i] * (spin[i] - body[15 + i])
+        goal[i] = held[i] + offset[i]
+        goal[12 + i] = rate[i]
+    _pull(hand[STIFFNESS:DAMPING], hand[DAMPING:TREMBLING], goal, body, wrench, work[30:])
+
+
+@inner
+def _pull(
+    stiffness: Array, damping: Array, goal: Array, body: Array, wrench: Array, work: Array
+) -> None:
+    """Fill what spring and damper (6,) exert on a body, pulling it to another one, (18,) each."""
+    turn, stretch = shaped(work[:9], (3, 3)), work[9:12]
+    multiply_transposed(shaped(goal[3:12], (3, 3)), shaped(body[3:12], (3, 3)), turn)
+    log3(turn, stretch)
+    for i in range(3):
+        way, angular = goal[i] - body[i], damping[3 + i] * (goal[15 + i] - body[15 + i])
+        wrench[i] = stiffness[i] * way + damping[i] * (goal[12 + i] - body[12 + i])
         wrench[3 + i] = stiffness[3 + i] * stretch[i] + angular
 
 

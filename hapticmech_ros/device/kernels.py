@@ -8,7 +8,8 @@ u follows the command, limited by the actuators and held over a sample period (z
 with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
 all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
 friction (:mod:`~hapticmech_ros.device.friction_kernels`). F_h, between device and hand, is
-F_s - Λ_a ẍ.
+F_s - Λ_a ẍ. A mass behind a grip is a body of its own, moved by the same steps: F_s pulls it, and
+F_h is what the grip's spring and damper exert.
 
 A substep of length h drifts for h/2, changes the twist by the forces there, and drifts for h/2 with
 the new one (position Verlet), so that a wrench acts by its mean over the substep to second order:
@@ -39,7 +40,13 @@ from hapticmech_ros.device.driver_kernels import (
 )
 from hapticmech_ros.device.friction_kernels import rub, stop
 from hapticmech_ros.device.grasp_schedule import OPEN
-from hapticmech_ros.device.hand_kernels import WORK_SIZE, grasp_window, hand_wrench
+from hapticmech_ros.device.hand_kernels import (
+    LIMB_MASS,
+    WORK_SIZE,
+    grasp_window,
+    grip_wrench,
+    hand_wrench,
+)
 from hapticmech_ros.rotation_kernels import (
     exp3,
     log3,
@@ -62,10 +69,13 @@ HAND = DEVICE_MODEL.size
 SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
     "twist", "hand_wrench", "applied", "body", "seen"
 )
-HOME, ANCHOR, WINDOW, OWN = DEVICE_STATE.starts("home", "anchor", "window", "own")
+HOME, ANCHOR, WINDOW, LIMB, PULL, OWN = DEVICE_STATE.starts(
+    "home", "anchor", "window", "limb", "pull", "own"
+)
 PUBLISHED_SIZE = BODY
-# Of a substep: the twist at its start, all forces but the hand's, and the hand's in its middle.
-BEFORE_SIZE = 18
+# Of a substep: the twist at its start, all forces but the hand's, the hand's in its middle, and the
+# twist of the mass behind a grip at its start.
+BEFORE_SIZE = 24
 
 
 @inner
@@ -138,7 +148,24 @@ def _take(data: Array, ticks: int, index: int, out: Array) -> None:
         put(anchor, data[HELD:TASK])
     elif window > 0 and window != out[WINDOW]:
         put(anchor, out[BODY : BODY + 12])
+    if window != OPEN and window != out[WINDOW]:
+        put(out[LIMB:PULL], out[BODY:SEEN])
     out[WINDOW] = window
+
+
+@inner
+def _has_limb(data: Array, out: Array) -> bool:
+    """Return whether a mass behind a grip moves with the hand now."""
+    moves: bool = out[WINDOW] != OPEN and data[HAND + LIMB_MASS] > 0.0
+    return moves
+
+
+@inner
+def _speed_up(data: Array, out: Array, share: float) -> None:
+    """Change the twist of the mass behind a grip by what acts on it over a share of a substep."""
+    for i in range(6):
+        gain = share * data[STEP] * data[TASK + i] / data[HAND + LIMB_MASS + i]
+        out[LIMB + 12 + i] += gain * (out[PULL + i] - out[OWN + i])
 
 
 @inner
@@ -146,9 +173,14 @@ def _push(data: Array, elapsed: float, out: Array, work: Array) -> None:
     """Fill the wrench of the scene's hand, ``elapsed`` (s) since it could hold, if it holds."""
     if out[WINDOW] == OPEN:
         out[OWN:] = 0.0
+        return
+    hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
+    if _has_limb(data, out):
+        limb = out[LIMB:PULL]
+        hand_wrench(hand, elapsed, limb, anchor, out[PULL:OWN], work)
+        grip_wrench(hand, limb, body, out[OWN:], work)
     else:
-        body, anchor = out[BODY:SEEN], out[ANCHOR:WINDOW]
-        hand_wrench(data[HAND:], elapsed, body, anchor, out[OWN:], work)
+        hand_wrench(hand, elapsed, body, anchor, out[OWN:], work)
 
 
 @inner
@@ -206,7 +238,7 @@ def _begin(data: Array, state: Array, ticks: int, out: Array) -> None:
 def _half_substep(data: Array, out: Array, before: Array, work: Array) -> None:
     """Move ``out`` to the middle of a substep, with the twist that is predicted there.
 
-    ``before`` (18,) is filled with the twist at its start, and all forces but the hand's.
+    ``before`` (24,) is filled with the twists at its start, and all forces but the hand's.
     """
     body, own, given = out[BODY:SEEN], out[OWN:], work[:6]
     _give(data, data[COMMAND:WEIGHT], out[APPLIED:PUBLISHED_SIZE], given)
@@ -217,6 +249,10 @@ def _half_substep(data: Array, out: Array, before: Array, work: Array) -> None:
         before[6 + i] = data[PUSH + i] + data[WEIGHT + i] + given[i]
         net = before[6 + i] + own[i] - data[DAMPING + i] * before[i]
         body[12 + i] += 0.5 * data[start + i] * net
+    if _has_limb(data, out):
+        put(before[18:], out[LIMB + 12 : PULL])
+        _drift(data, out[LIMB:PULL], work[6:])
+        _speed_up(data, out, 0.5)
 
 
 @inner
@@ -225,7 +261,7 @@ def _end_substep(
 ) -> bool:
     """End substep ``index`` from its middle; then the hand lets go or takes hold.
 
-    ``before`` (18,) is as of :func:`_half_substep`, and is filled with the hand's wrench (6,) in
+    ``before`` (24,) is as of :func:`_half_substep`, and is filled with the hand's wrench (6,) in
     the middle. Return whether the hand held.
     """
     body, own = out[BODY:SEEN], out[OWN:]
@@ -236,7 +272,11 @@ def _end_substep(
         lost = 0.5 * gain[i] * data[DAMPING + i]
         pushed = gain[i] * (before[6 + i] + own[i])
         body[12 + i] = ((1.0 - lost) * before[i] + pushed) / (1.0 + lost)
-    put(before[12:], own)
+    put(before[12:18], own)
+    if _has_limb(data, out):
+        put(out[LIMB + 12 : PULL], before[18:])
+        _speed_up(data, out, 1.0)
+        _drift(data, out[LIMB:PULL], work)
     _resist(data, gain, out[HOME:ANCHOR], body, work)
     _drift(data, body, work)
     _take(data, ticks, index + 1, out)
@@ -253,9 +293,9 @@ def _finish(data: Array, state: Array, held: bool, before: Array, out: Array, wo
         data: the device.
         state: at the period's start.
         held: whether the hand held in the last substep.
-        before: (18,) as of :func:`_end_substep`, of that.
+        before: (24,) as of :func:`_end_substep`, of that.
         out: at its end; of the hand's wrench its own mass takes its part away.
-        work: (36,) scratch.
+        work: (42,) scratch.
     """
     body, own = out[BODY:SEEN], out[OWN:]
     if data[ARM] + data[ARM + 3] > 0.0 and held and out[WINDOW] != OPEN:
@@ -300,11 +340,11 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
-        state: (83,) where to start.
+        state: (107,) where to start.
         command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        out: (83,) to fill.
+        out: (107,) to fill.
     """
     _command(data, state, command, obeys)
     move_device(data, state, ticks, out)
@@ -319,11 +359,11 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
-        state: (83,) at the period's start.
+        state: (107,) at the period's start.
         command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        out: (83,) to fill.
+        out: (107,) to fill.
     """
     _command(data, state, command, obeys)
     _begin(data, state, ticks, out)
@@ -335,8 +375,8 @@ def half_substep(data: Array, out: Array, before: Array) -> None:
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
-        out: (83,) state, changed.
-        before: (18,) to fill in part, for :func:`end_substep`.
+        out: (107,) state, changed.
+        before: (24,) to fill in part, for :func:`end_substep`.
     """
     _half_substep(data, out, before, local(WORK_SIZE))
 
@@ -349,8 +389,8 @@ def end_substep(data: Array, ticks: int, index: int, out: Array, before: Array) 
         data: (numbers,) the device; see ``device_layout``.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         index: of the substep.
-        out: (83,) state, changed.
-        before: (18,) of :func:`half_substep`, completed for :func:`finish`.
+        out: (107,) state, changed.
+        before: (24,) of :func:`half_substep`, completed for :func:`finish`.
     """
     return _end_substep(data, ticks, index, out, before, local(WORK_SIZE))
 
@@ -361,10 +401,10 @@ def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> 
 
     Args:
         data: (numbers,) the device; see ``device_layout``.
-        state: (83,) at the period's start.
+        state: (107,) at the period's start.
         held: whether the hand held in the last substep.
-        before: (18,) of the last substep; see :func:`end_substep`.
-        out: (83,) state, completed.
+        before: (24,) of the last substep; see :func:`end_substep`.
+        out: (107,) state, completed.
     """
     _finish(data, state, held, before, out, local(WORK_SIZE))
 
@@ -376,10 +416,11 @@ def stand(data: Array, holds: bool, out: Array) -> None:
     Args:
         data: (numbers,) the device; see ``device_layout``.
         holds: whether the hand can take hold now.
-        out: (83,) zero but for where it is, its home and its anchor.
+        out: (107,) zero but for where it is, its home and its anchor.
     """
     work = local(WORK_SIZE)
     out[WINDOW] = grasp_window(data[HAND:], 0.0) if holds else OPEN
+    put(out[LIMB:PULL], out[BODY:SEEN])
     _push(data, 0.0, out, work)
     _quantise(data, out[BODY:SEEN], out[:3], out[SEEN:HOME], work)
     quaternion_of(shaped(out[SEEN:HOME], (3, 3)), out[3:SPEED])
@@ -393,8 +434,8 @@ def observe(data: Array, before: Array, out: Array) -> None:
 
     Args:
         data: (numbers,) the device, and what its actuators did; see ``device_layout``.
-        before: (83,) its state at the period's start.
-        out: (83,) its state at the end, of which F_h is filled.
+        before: (107,) its state at the period's start.
+        out: (107,) its state at the end, of which F_h is filled.
     """
     estimate_hand(data, before, out)
 

@@ -19,7 +19,7 @@ NO_WRENCH.flags.writeable = False
 # Where in the array its parts are: poses, and what is numbers.
 _PLACES = {
     part: DEVICE_STATE.start(name)
-    for part, name in (("pose", "body"), ("home", "home"), ("anchor", "anchor"))
+    for part, name in (("pose", "body"), ("home", "home"), ("anchor", "anchor"), ("limb", "limb"))
 }
 _POSITION, _QUATERNION, _SEEN = (
     DEVICE_STATE.slice(name) for name in ("position", "quaternion", "seen")
@@ -34,9 +34,11 @@ _NUMBERS = {
         ("applied", "applied"),
         ("reported", "hand_wrench"),
         ("window", "window"),
+        ("limb_twist", "limb_twist"),
+        ("pull", "pull"),
     )
 }
-_TWIST, _MEASURED_TWIST, _OWN, _APPLIED, _REPORTED, _WINDOW = _NUMBERS.values()
+_TWIST, _MEASURED_TWIST, _OWN, _APPLIED, _REPORTED, _WINDOW, _LIMB_TWIST, _PULL = _NUMBERS.values()
 
 
 class DeviceState:
@@ -45,7 +47,7 @@ class DeviceState:
     It is one array, which kernels work on; its parts are views of it, or made when asked for.
 
     Args:
-        flat: (83,) a :data:`~hapticmech_ros.device.device_layout.DEVICE_STATE`, which it keeps.
+        flat: (107,) a :data:`~hapticmech_ros.device.device_layout.DEVICE_STATE`, which it keeps.
     """
 
     __slots__ = ("flat",)
@@ -62,7 +64,8 @@ class DeviceState:
     def resting(cls, pose: pin.SE3) -> DeviceState:
         """Return a state at rest at a pose, ideal encoders, with nothing that acts and no hand."""
         state = cls(np.zeros(DEVICE_STATE.size))
-        return state.replaced(pose=pose, measured_pose=pose, home=pose, anchor=pose, window=-1)
+        places = dict.fromkeys(("pose", "measured_pose", "home", "anchor", "limb"), pose)
+        return state.replaced(**places, window=-1)
 
     def replaced(self, **parts: Any) -> DeviceState:
         """Return a copy of the same kind with other parts.
@@ -145,6 +148,21 @@ class DeviceState:
     def window(self) -> int:
         """In which the hand holds; see :mod:`~hapticmech_ros.device.grasp_schedule`."""
         return int(self.flat[_WINDOW][0])
+
+    @property
+    def limb(self) -> pin.SE3:
+        """Pose of the hand's mass behind a grip; where the hand took hold without one."""
+        return self._pose_at("limb")
+
+    @property
+    def limb_twist(self) -> Array:
+        """(6,) twist of that mass, m/s and rad/s, world axes."""
+        return self.flat[_LIMB_TWIST]
+
+    @property
+    def pull(self) -> Array:
+        """(6,) by the arm on that mass, N and N m, world axes."""
+        return self.flat[_PULL]
 
     @property
     def published(self) -> Array:

@@ -120,10 +120,27 @@ class SpringDamperHand(TargetHand):
     kind: Literal["spring_damper"]
 
 
-class ArmHand(TargetHand):
-    """Hand and arm: a mass on the device, rigidly, with spring and damper to the moving target.
+class Grip(Part):
+    """Tissue between a device and what moves as one mass with hand and arm: a spring and damper.
 
-    F_h, between device and hand, is the spring's and damper's wrench less mass times acceleration.
+    Attributes:
+        stiffness: N/m.
+        damping: N s/m.
+        angular_stiffness: N m/rad.
+        angular_damping: N m s/rad.
+    """
+
+    stiffness: Positive
+    damping: NonNegative = 0.0
+    angular_stiffness: Positive
+    angular_damping: NonNegative = 0.0
+
+
+class ArmHand(TargetHand):
+    """Hand and arm: a mass on the device, with spring and damper to the moving target.
+
+    The mass is rigidly on the device, and F_h, between device and hand, is the spring's and
+    damper's wrench less mass times acceleration; or it is behind a grip, whose wrench is F_h.
 
     Attributes:
         kind: of hand.
@@ -131,17 +148,25 @@ class ArmHand(TargetHand):
             see docs/devices.md.
         mass: kg, of hand and arm as felt at the point held.
         angular_inertia: kg m^2, about that point, isotropic.
+        grip: between device and mass; none: the mass is rigidly on the device.
     """
 
     kind: Literal["arm"]
     impedance: ArmImpedance = "relaxed"
     mass: NonNegative = 0.5
     angular_inertia: NonNegative = 5.0e-4
+    grip: Grip | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _from_impedance(cls, given: object) -> object:
         return with_impedance(given)
+
+    @model_validator(mode="after")
+    def _moves_by_itself(self) -> ArmHand:
+        if self.grip and not (self.mass > 0.0 and self.angular_inertia > 0.0):
+            raise ValueError("mass and angular_inertia must be above 0 behind a grip")
+        return self
 
 
 # A relaxed arm that stays where it takes hold, and takes hold at once.

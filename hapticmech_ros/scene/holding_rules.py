@@ -54,14 +54,21 @@ def _sampling(scene: SceneDocument) -> Iterator[SceneProblem]:
     device, hand = scene.device, scene.hand
     step = scene.simulation.period / device.substeps
     rule = "times the device's substep must not exceed its {}: more substeps, or less damping"
-    arm = (hand.mass, hand.angular_inertia) if isinstance(hand, ArmHand) else (0.0, 0.0)
-    sources = [("device", device.damping, device.angular_damping, 0.0, 0.0)]
+    own = device.mass, device.inertia
+    sources = [("device", device.damping, device.angular_damping, *own)]
     if isinstance(hand, TargetHand):
-        sources.append(("hand", hand.damping, hand.angular_damping, *arm))
+        moved = own
+        if isinstance(hand, ArmHand):
+            arm = hand.mass, hand.angular_inertia
+            moved = arm if hand.grip else (own[0] + arm[0], own[1] + arm[1])
+            if hand.grip:
+                grip, least = hand.grip, (min(own[0], arm[0]), min(own[1], arm[1]))
+                sources.append(("hand.grip", grip.damping, grip.angular_damping, *least))
+        sources.append(("hand", hand.damping, hand.angular_damping, *moved))
     for source, damping, angular_damping, mass, inertia in sources:
-        if damping * step > device.mass + mass:
+        if damping * step > mass:
             yield SceneProblem(f"{source}.damping", damping, rule.format("mass"))
-        if angular_damping * step > device.inertia + inertia:
+        if angular_damping * step > inertia:
             key = f"{source}.angular_damping"
             yield SceneProblem(key, angular_damping, rule.format("inertia"))
 

@@ -68,8 +68,8 @@ class SessionData(Structure):
         answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
         sample: (19,) of the device.
         device: the device, see ``device_layout``.
-        state: (83,) of the device.
-        later: (83,) its next one.
+        state: (107,) of the device.
+        later: (107,) its next one.
         counter: of joint constraints.
         wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``TOLD`` of ``loop_layout``.
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
