@@ -44,7 +44,9 @@ GRIP = {"stiffness": 1000.0, "damping": 10.0, "angular_stiffness": 0.9, "angular
 Holder = Literal["grip", "rigid", "massless", "nobody"]
 
 
-def held_scene(name: str, period: float, holder: Holder = "grip", late: bool = False) -> Scene:
+def held_scene(
+    name: str, period: float, holder: Holder = "grip", late: bool = False, stiffness: float = 0.0
+) -> Scene:
     """Return a scene held at two points, by nobody and by an arm.
 
     Args:
@@ -53,6 +55,7 @@ def held_scene(name: str, period: float, holder: Holder = "grip", late: bool = F
         holder: an arm whose mass is behind a grip, one whose mass is rigidly on its device, one
             that is the spring and the damper alone, or nobody, whose device moves along.
         late: without exchange of the hands' wrenches.
+        stiffness: of the joint constraints, N/m, their damping with its root; 0: the scene's own.
     """
     scene = load_scene(name)
     point, places = scene.operational_points[0], POINTS[name]
@@ -74,6 +77,12 @@ def held_scene(name: str, period: float, holder: Holder = "grip", late: bool = F
         {"point": PUSHER, "hand": nobody},
         {"point": HOLDER, "hand": nobody if holder == "nobody" else arm},
     ]
+    if stiffness:
+        own = scene.controller.joint_constraint
+        damping = own.damping * float(np.sqrt(stiffness / own.stiffness))
+        stiff = own.model_copy(update={"stiffness": stiffness, "damping": damping})
+        controller = scene.controller.model_copy(update={"joint_constraint": stiff})
+        hands = [hand | {"controller": controller} for hand in hands]
     if late:
         hands = [hand | {"connection": {"expected": BARELY}} for hand in hands]
     return scene.with_(operational_points=points, hands=hands, simulation={"period": period})
@@ -101,19 +110,28 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def users(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(help="of the three; all of them if none", metavar="SCENES")
+    ] = None,
     late: Annotated[
         bool, typer.Option("--late", help="devices do not hear each other's hands; 1 kHz only")
     ] = False,
     holder: Annotated[
         Holder, typer.Option(help="whose mass is behind a grip, rigidly on its device, or nothing")
     ] = "grip",
+    stiffness: Annotated[
+        float, typer.Option(min=0.0, help="of joint constraints, N/m; 0: the scene's own")
+    ] = 0.0,
 ) -> None:
     """Push beside another user's arm, and print by how much what is felt is off."""
+    for name in scenes or ():
+        if name not in POINTS:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(POINTS)}")
     rows = [
         Row(name, period, one)
-        for name in POINTS
+        for name in scenes or POINTS
         for period in (PERIODS_S[:1] if late else PERIODS_S)
-        for one in felt_beside_others(held_scene(name, period, holder, late), PUSHER)
+        for one in felt_beside_others(held_scene(name, period, holder, late, stiffness), PUSHER)
     ]
     print(table(rows))
 
