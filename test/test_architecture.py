@@ -3,6 +3,7 @@
 """The layout's promises: a core without ROS and without clocks, small files, errors not asserts."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -247,3 +248,16 @@ def test_every_module_and_public_name_says_what_it_is(path):
 @named(QUIET)
 def test_the_core_prints_nothing(path):
     assert "print" not in called(path)
+
+
+def test_graphs_of_nodes_are_tested_in_the_folders_that_make_collects_them_from():
+    folder = Path(__file__).parent
+    marked = {
+        path.relative_to(folder).parts[0]
+        for path in folder.rglob("*.py")
+        if re.search(r"pytest\.mark\.(ros|alone)\b", path.read_text(encoding="utf-8"))
+    }
+    makefile = (folder.parent / "Makefile").read_text(encoding="utf-8")
+    named = re.search(r"^GRAPHS := (.*)$", makefile, re.MULTILINE)
+    assert marked == {Path(name).name for name in named.group(1).split()}
+    assert len(re.findall(r"pytest \$\(GRAPHS\) -m '?(?:ros and not )?alone", makefile)) == 2
