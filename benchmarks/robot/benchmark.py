@@ -228,22 +228,25 @@ class RobotResults(MachineResults):
         )
 
     def _goals(self) -> list[Verdict]:
-        """Return in which tasks our law, with the observer, is ahead of others along the path."""
+        """Return in which tasks our law, with the observer, is ahead of the others, in what."""
         goals = []
         keys = dict.fromkeys((row.task, row.condition) for row in self.rows)
         for task, condition in keys:
-            errors = {
-                row.law: np.inf if row.measured is None else row.measured.path_rms_mm
-                for row in self.rows
-                if (row.task, row.condition) == (task, condition)
-            }
-            own = errors.pop(OURS + OBSERVED, np.inf)
-            errors.pop(OURS, None)
-            if not errors:
-                continue
-            other = min(errors, key=lambda name: errors[name])
-            seen = f"{own:.3g} mm, {other} {errors[other]:.3g} mm"
-            goals.append(verdict(f"{task}, {condition}: least error", seen, own <= errors[other]))
+            rows = [row for row in self.rows if (row.task, row.condition) == (task, condition)]
+            for what, unit, of in (
+                ("path", "mm", lambda one: one.path_rms_mm),
+                ("force", "N", lambda one: one.force_rms_n),
+            ):
+                errors = {
+                    row.law: np.inf if row.measured is None else of(row.measured) for row in rows
+                }
+                own = errors.pop(OURS + OBSERVED, np.inf)
+                errors.pop(OURS, None)
+                if errors:
+                    other = min(errors, key=lambda name: errors[name])
+                    seen = f"{own:.3g} {unit}, {other} {errors[other]:.3g} {unit}"
+                    least = f"{task}, {condition}: least error of the {what}"
+                    goals.append(verdict(least, seen, own <= errors[other]))
         return goals
 
 
@@ -257,9 +260,9 @@ def _cells(found: Measured | None) -> tuple[str, ...]:
     return (
         f"{found.path_rms_mm:.3f}",
         f"{found.path_max_mm:.3f}",
-        f"{found.force_rms_n:.2f}",
+        f"{found.force_rms_n:.3f}",
         f"{found.force_peak_n:.0f}",
-        f"{found.slide_rms_mm:.2f}",
+        f"{found.slide_rms_mm:.3f}",
         f"{found.peak_torque:.2f}",
         f"{found.torque_rate:.2f}",
         number(found.drift, ".3f"),
