@@ -67,6 +67,13 @@ def test_the_others_arm_is_on_the_body(grip):
         assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6 * np.abs(wanted).max())
 
 
+@pytest.fixture
+def soon_settled(monkeypatch):
+    """A free body on arms has no slow motion, as scenes with joint dampers have."""
+    monkeypatch.setattr(beside_others, "SETTLING_S", 1.5)
+
+
+@pytest.mark.usefixtures("soon_settled")
 def test_what_is_felt_beside_an_arm_behind_its_grip():
     """The arm holds on and stays where it is, whatever it does in the scene."""
     scene = scene_from_document(document({**HOLDS, "grip": GRIP}))
@@ -83,6 +90,7 @@ def test_what_is_felt_beside_an_arm_behind_its_grip():
         assert one.error(10.0) < 0.01
 
 
+@pytest.mark.usefixtures("soon_settled")
 def test_a_device_that_nobody_holds_is_nothing_to_feel():
     """But for half a period of what is lighter than the device, which it does not carry on."""
     scene = scene_from_document(document({"kind": "constant_wrench", "force": [1.0, 0.0, 0.0]}))

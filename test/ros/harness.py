@@ -41,7 +41,10 @@ _counter = itertools.count()
 
 
 def next_domain() -> int:
-    """Return a domain id that no other test of this run uses: 1 to 100 are safe on Linux."""
+    """Return a domain id that no test uses at the same time: 1 to 100 are safe on Linux.
+
+    Each of two processes that share a run comes back to one after 50 tests.
+    """
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
     each = 100 // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     return 1 + each * worker + (os.getpid() + next(_counter)) % each

@@ -87,11 +87,13 @@ def test_control_topics_take_the_lane_and_the_middleware_serves_whoever_listens(
 def test_without_it_everything_takes_the_middleware(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     parameters = {**OFTEN, "transport": "middleware"}
+    # A test that killed nodes may have had this domain before.
+    before = set(folder_of(domain).iterdir())
     with Graph("five_bar", parameters=parameters, environment=private_environment(domain)):
         peer.until(renders(statuses), "rendering")
         assert {figures(statuses[node])["transport"] for node in NODES} == {"middleware"}
         assert not any("transport of" in key for s in statuses.values() for key in figures(s))
-        assert list(folder_of(domain).iterdir()) == []
+        assert set(folder_of(domain).iterdir()) <= before
 
 
 @pytest.mark.parametrize("transitions", [["active_shutdown"], ["deactivate", "cleanup"]])
