@@ -33,6 +33,9 @@ from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
 PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2
 STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
+# Beside other programs a process may take half a minute to start. One that has been up for so long,
+# and has said nothing where it is watched, is silent because it saw the other one first.
+STARTS_WITHIN_S, SILENT_FOR_S = 90.0, 5.0
 # A log line is with the watcher by then, ns; and what it says of two.
 LOGGED_NS = 2_000_000
 SECOND = "more than one publisher"
@@ -191,7 +194,8 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
             _wait_alone(rig, kind, joined)
             since, asked_ns = rig.ring.count, time.monotonic_ns()
             rig.restart(kind.original)
-        first_ns = _first(rig, kind, since, asked_ns, None if before else joined.teller)
+        newcomer, teller = (kind.original, None) if before else (kind.name, joined.teller)
+        first_ns = _first(rig, kind, since, asked_ns, newcomer, teller)
         time.sleep(STAYS_S)
         left_ns = joined.leave(killed)
         cause_ns = _cause(rig, kind, since, asked_ns, first_ns)
@@ -224,11 +228,17 @@ def _wait_alone(rig: Rig, kind: Kind, joined: Double) -> None:
 
 
 def _first(
-    rig: Rig, kind: Kind, since: int, asked_ns: int, teller: ReportingProcess | None
+    rig: Rig,
+    kind: Kind,
+    since: int,
+    asked_ns: int,
+    newcomer: str,
+    teller: ReportingProcess | None,
 ) -> int | None:
     """Wait for the newcomer's first message, and return when that was; None if it never says any.
 
-    One that cannot tell is known by the numbers of its messages: the other counted further.
+    One that is silent because it saw the other first is none the worse for it. One that cannot tell
+    is known by the numbers of its messages: the other counted further.
     """
 
     def told() -> int | None:
@@ -245,9 +255,16 @@ def _first(
         newer = found["number"] < np.maximum.accumulate(found["number"]) - NEWER_BY
         return int(found["arrived_ns"][int(np.argmax(newer))]) if newer.any() else None
 
-    # One that is silent because it saw the other first is none the worse for it.
-    with suppress(BenchError):
-        wait_until(lambda: told() is not None, JOINS_WITHIN_S, f"{kind.name} to speak")
+    def silent() -> bool:
+        up = [event["at_ns"] for event in rig.said(asked_ns) if event["node"] == newcomer]
+        return bool(up) and time.monotonic_ns() - up[0] > SILENT_FOR_S * 1e9
+
+    if teller is None:
+        what = f"{newcomer} to be up"
+        wait_until(lambda: told() is not None or silent(), STARTS_WITHIN_S, what, rig.watch.check)
+    else:
+        with suppress(BenchError):
+            wait_until(lambda: told() is not None, JOINS_WITHIN_S, f"{newcomer} to speak")
     return told()
 
 
@@ -303,5 +320,5 @@ def first_heard(
     if told:
         return min(told)
     # The start of a process may have interrupted rendering before.
-    off = arrived[1:][~on[1:] & on[:-1]]
-    return int(off[-1]) if off.size else asked_ns
+    last = arrived[:-1][~on[1:] & on[:-1]]
+    return int(last[-1]) if last.size else asked_ns
