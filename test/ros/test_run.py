@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,13 +15,11 @@ from shutil import copy
 import pytest
 from std_msgs.msg import Float64MultiArray
 
+from benchmarks.children import wait_until
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.loading import find_scene
 from hapticmech_ros.readiness import ADDRESS, Readiness
-from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
 from ros.harness import WAIT_S, Peer
 
 pytestmark = pytest.mark.ros
@@ -49,21 +48,22 @@ def ended(domain: int, *options: str, **environment: str) -> tuple[int, str]:
         return process.returncode, output
 
 
-@pytest.mark.alone
 def test_a_duration_counts_from_when_all_nodes_are_up(domain: int, tmp_path: Path) -> None:
     """Importing and discovery take a second, on a busy machine many."""
     bag, readiness = tmp_path / "bag", Readiness()
     options = ["five_bar", "--duration", "3", "--record", str(bag)]
     with running(domain, *options, **{ADDRESS: readiness.address}) as process:
+        # It is a service itself, and says that all its nodes are up.
+        wait_until(readiness.pids, 4.0 * WAIT_S, "the graph to be up")
+        up = time.monotonic()
         output, _ = process.communicate(timeout=4 * WAIT_S)
+        # What it said was seen a little later, on a busy machine by some tenths of a second.
+        assert time.monotonic() - up > 3.0 - 0.5
         assert process.returncode == 0, output
-        # It is a service itself.
         assert readiness.pids() == {process.pid}
     readiness.close()
     with BagReader(bag) as reader:
-        samples = [unpack_device(decode(data)) for _, _, data in reader.serialized("/device/state")]
-    # A busy machine has fewer samples, not a shorter run.
-    assert samples[-1].stamp_ns - samples[0].stamp_ns > 2.9 * NANOSECONDS
+        assert len(list(reader.serialized("/device/state"))) > 100
 
 
 def test_a_node_that_was_up_is_started_again(domain: int, peer: Peer) -> None:
