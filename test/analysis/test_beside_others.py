@@ -70,7 +70,7 @@ def test_the_others_arm_is_on_the_body(grip):
 @pytest.fixture
 def soon_settled(monkeypatch):
     """A free body on arms has no slow motion, as scenes with joint dampers have."""
-    monkeypatch.setattr(beside_others, "SETTLING_S", 1.5)
+    monkeypatch.setattr(beside_others, "SETTLING_S", 4.0)
 
 
 @pytest.mark.usefixtures("soon_settled")
