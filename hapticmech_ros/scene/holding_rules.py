@@ -50,7 +50,10 @@ def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]
 
 
 def _sampling(scene: SceneDocument) -> Iterator[SceneProblem]:
-    """Explicit damping is stable where a step takes less than all speed."""
+    """Explicit damping is stable where a step takes less than all speed, and so is a grip's spring.
+
+    That one joins masses as light as the device's inertia.
+    """
     device, hand = scene.device, scene.hand
     step = scene.simulation.period / device.substeps
     rule = "times the device's substep must not exceed its {}: more substeps, or less damping"
@@ -64,6 +67,13 @@ def _sampling(scene: SceneDocument) -> Iterator[SceneProblem]:
             if hand.grip:
                 grip, least = hand.grip, (min(own[0], arm[0]), min(own[1], arm[1]))
                 sources.append(("hand.grip", grip.damping, grip.angular_damping, *least))
+                stiff = "times the square of the device's substep must not exceed the lighter {}"
+                if grip.stiffness * step**2 > least[0]:
+                    key = "hand.grip.stiffness"
+                    yield SceneProblem(key, grip.stiffness, stiff.format("mass"))
+                if grip.angular_stiffness * step**2 > least[1]:
+                    key = "hand.grip.angular_stiffness"
+                    yield SceneProblem(key, grip.angular_stiffness, stiff.format("inertia"))
         sources.append(("hand", hand.damping, hand.angular_damping, *moved))
     for source, damping, angular_damping, mass, inertia in sources:
         if damping * step > mass:

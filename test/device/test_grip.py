@@ -171,9 +171,18 @@ def test_a_mass_behind_a_grip_has_to_be_one():
     for key in ("mass", "angular_inertia"):
         with pytest.raises(ValueError, match="must be above 0 behind a grip"):
             arm(**{key: 0.0})
-    hand = arm(grip={**GRIP, "damping": 1e4}).model_dump()
-    with pytest.raises(SceneError, match=r"hand\.grip\.damping"):
-        load_scene("five_bar").with_(hand=hand)
+    scene = load_scene("five_bar")
+    device, still = scene.device, ({"time": 0.0},)
+    step = scene.simulation.period / device.substeps
+    for key, most in (
+        ("damping", device.mass / step),
+        ("angular_damping", device.inertia / step),
+        ("stiffness", device.mass / step**2),
+        ("angular_stiffness", device.inertia / step**2),
+    ):
+        with pytest.raises(SceneError, match=rf"hand\.grip\.{key}"):
+            scene.with_(hand=arm({**GRIP, key: 1.01 * most}, still).model_dump())
+        scene.with_(hand=arm({**GRIP, key: 0.99 * most}, still).model_dump())
 
 
 def test_a_script_has_no_use_for_it():
