@@ -116,14 +116,27 @@ def traced():
     tracemalloc.stop()
 
 
-@pytest.mark.usefixtures("traced")
+@pytest.fixture
+def traced_later():
+    """Tracing makes ticks several times as long: what only warms up is not traced."""
+    yield tracemalloc.start
+    tracemalloc.stop()
+
+
 @pytest.mark.parametrize(("make", "scene"), CASES)
-def test_ticks_leave_nothing_behind(make: Callable[[Scene], Tick], scene: Scene) -> None:
+def test_ticks_leave_nothing_behind(
+    make: Callable[[Scene], Tick], scene: Scene, traced_later: Callable[[], None]
+) -> None:
     tick = make(scene)
     # A set of closures has tables of its own, once, and what touches has terms that are remembered:
     # loops latch, and contacts come, before it counts.
     changes = any(closure.latch_distance for closure in scene.closures) or scene.contacts
-    for _ in range(TICKS if changes else WARM_UP):
+    if changes:
+        for _ in range(TICKS):
+            tick()
+    traced_later()
+    # What comes again and again is made anew, and traced from then on.
+    for _ in range(WARM_UP):
         tick()
     gc.collect()
     arrays = arrays_now()
@@ -131,15 +144,15 @@ def test_ticks_leave_nothing_behind(make: Callable[[Scene], Tick], scene: Scene)
     objects = len(gc.get_objects())
     # A table of the interpreter grows once, for whatever test came before; what ticks leave behind
     # they leave behind again.
-    left = []
-    for _ in range(2):
+    left: list[int] = []
+    while not left or (left[-1] >= LEFT_BEHIND and len(left) < 2):
         before, _ = tracemalloc.get_traced_memory()
         for _ in range(TICKS):
             tick()
         gc.collect()
         after, _ = tracemalloc.get_traced_memory()
         left.append(after - before)
-    assert min(left) < LEFT_BEHIND, left
+    assert left[-1] < LEFT_BEHIND, left
     assert len(gc.get_objects()) - objects < OBJECTS
     assert arrays_now() <= arrays
 

@@ -62,7 +62,8 @@ def boss(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     told = folder / "scheduler.json"
     options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     with process("dask_scheduler", *options, "--scheduler-file", str(told)) as found:
-        wait_until(told.is_file)
+        # Dask opens the file before it writes into it.
+        wait_until(lambda: told.is_file() and told.read_bytes().rstrip().endswith(b"}"))
         yield json.loads(told.read_text(encoding="utf-8"))["address"], found
 
 

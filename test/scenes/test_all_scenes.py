@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every shipped scene, taken hold of for two seconds: nothing comes apart, and all is bounded."""
 
+import re
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from hapticmech_ros.plan.scene_check import check_scene
 from oracles.sessions import SessionRun
 
 SCENES = sorted(shipped_scenes())
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "library.md").read_text(encoding="utf-8")
 SPAN = 2.0
 # What `scene check` has to say of a scene, on purpose: the guide of the lift is redundant.
 WARNINGS = {"scissor_lift": ("redundant closures: guide_pin",)}
@@ -24,8 +27,12 @@ def run_of(name):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_check_has_nothing_else_to_say(name):
+def test_the_check_says_what_the_librarys_page_says_and_nothing_else(name):
     found = check_scene(load_scene(name))
+    (numbers,) = re.findall(rf"^\| `{name}` \| ([\d |]+) \|$", PAGE, re.MULTILINE)
+    rows = sum(rows for _, _, rows, _ in found.closures)
+    expected = (found.nv, len(found.closures), rows, found.rank, found.mobility)
+    assert [int(part) for part in numbers.split("|")] == [*expected, found.points[0].count]
     assert found.warnings == WARNINGS.get(name, ())
     for point in found.points:
         size = 3 if load_scene(name).task_space == "planar" else 6
