@@ -7,13 +7,20 @@ from contextlib import suppress
 
 import pytest
 
+from hapticmech_ros import graph
 from hapticmech_ros.compilation.library import compile_ahead
+from ros import forked
 from ros.harness import Peer, next_domain
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_kernels() -> None:
     compile_ahead()
+
+
+@pytest.fixture(autouse=True)
+def graphs_are_forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(graph, "start_process", forked.start)
 
 
 @pytest.fixture(autouse=True)

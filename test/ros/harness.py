@@ -28,10 +28,11 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from ruamel.yaml import YAML
 
-from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.graph import private_environment, ros_arguments, stop_process
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.scene import document_of
+from ros.forked import start
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0
@@ -231,7 +232,7 @@ def running(
     for old, new in (remaps or {}).items():
         given += ["-r", f"{old}:={new}"]
     command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *given, *arguments]
-    process = start_process(command, private_environment(domain))
+    process = start(command, private_environment(domain))
     try:
         yield process
     finally:
