@@ -38,6 +38,9 @@ NODES = "hapticmech_ros.nodes.entry"
 # All that nodes import except rclpy, which starts threads as it is imported.
 IMPORTED = ("control", "device", "loading", "operational", "robot", "simulation")
 
+# Where a process looks for packages and libraries, once, as it begins.
+SEARCHED = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
+
 
 class Forked:
     """A forked process; as ``subprocess.Popen``.
@@ -88,10 +91,11 @@ class Origin:
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         os.set_inheritable(theirs.fileno(), True)
         # Before NumPy is there, as nodes do.
+        self._environment = dict(os.environ)
         as_nodes = {"OPENBLAS_NUM_THREADS": "1", "PYDANTIC_DISABLE_PLUGINS": "__all__"}
         self._process = subprocess.Popen(
             [sys.executable, __file__, str(theirs.fileno())],
-            env=os.environ | as_nodes,
+            env=self._environment | as_nodes,
             stdin=subprocess.DEVNULL,
             close_fds=True,
             pass_fds=(theirs.fileno(),),
@@ -99,6 +103,10 @@ class Origin:
         )
         theirs.close()
         self._codes: dict[int, int] = {}
+
+    def imports_as(self, environment: Mapping[str, str]) -> bool:
+        """Return whether a process with an environment would find the same packages."""
+        return all(environment.get(name) == self._environment.get(name) for name in SEARCHED)
 
     def fork(
         self, command: Sequence[str], environment: Mapping[str, str], pipe_output: bool
@@ -151,10 +159,11 @@ def _origin() -> Origin:
 
 def start(command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False) -> Any:
     """Start a process; as ``graph.start_process``, but forked where it runs nodes."""
-    if list(command[:3]) != [sys.executable, "-m", NODES]:
-        return start_process(command, environment, pipe_output)
     chosen = dict(environment)
     choose_discovery(chosen)
+    runs_nodes = list(command[:3]) == [sys.executable, "-m", NODES]
+    if not runs_nodes or not _origin().imports_as(chosen):
+        return start_process(command, environment, pipe_output)
     return _origin().fork(command, chosen, pipe_output)
 
 
