@@ -83,12 +83,22 @@ class Peer:
             self.executor.spin_until_future_complete(self._never, timeout_sec=min(left, 0.05))
 
     def until(self, condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
-        """Handle messages until the condition holds."""
+        """Handle messages until the condition holds.
+
+        It is looked at after each message; later, up to 10 ms, by as much as looking takes.
+        """
         end = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > end:
+        while True:
+            begun = time.monotonic()
+            if condition():
+                return
+            looked = time.monotonic()
+            if looked > end:
                 raise TimeoutError(f"waited {timeout:g} s in vain for {what}")
-            self.executor.spin_until_future_complete(self._never, timeout_sec=0.01)
+            again = looked + min(looked - begun, 0.01)
+            self.executor.spin_once(timeout_sec=0.01)
+            while (left := again - time.monotonic()) > 0.0:
+                self.executor.spin_once(timeout_sec=left)
 
     def statuses(self) -> dict[str, Any]:
         """Return a mapping that always holds the last status of every node, by name."""

@@ -105,13 +105,14 @@ def test_plays_at_a_rate_with_the_bags_clock(bag: Path, peer: Peer, domain: int)
     options = ("--rate", "0.5", "--clock", "200", "--start-offset", "0.2", "--duration", "0.6")
     with bag_command(domain, "play", bag, "/arm/state", *options, *WAIT) as player:
         assert "300 messages played" in end(player)
-        peer.until(lambda: len(heard) == 300, "all messages")
+        peer.until(lambda: len(heard) == 300 and len(clock) > 10, "all messages")
+        peer.run(0.1)
     assert numbers(heard) == [i / 7 for i in range(100, 400)]
     times = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
     assert times == sorted(times)
     assert START + SECOND // 5 <= times[0] < times[-1]
     # On a grid of 1/200 s at half speed, however many a stall has swallowed.
-    assert 10 < len(times) <= 241 + 2
+    assert len(times) <= 241 + 2
 
 
 def test_pauses_and_resumes(bag: Path, peer: Peer, domain: int) -> None:

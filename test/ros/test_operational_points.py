@@ -52,8 +52,8 @@ def test_a_topic_and_a_parameter_put_the_point_elsewhere(domain: int, peer: Peer
         command.publish(grasp(peer, "link1", 0.02, 0.01))
         peer.until(lambda: told[-1].header.frame_id == "link1", "the new place")
         assert position(told[-1]) == [0.02, 0.01, 0.0]
-        count = len(states)
-        peer.until(lambda: len(states) > count + 5, "states")
+        count, before = len(states), len(poses)
+        peer.until(lambda: len(states) > count + 5 and len(poses) > before + 5, "states and poses")
         state = layout.unpack(states[-1].data)
         point = grasp_written(SCENE, "", "link1 0.02 0.01 0")
         assert state.grasps[0].tolist() == flat_grasp(SCENE, point).tolist()

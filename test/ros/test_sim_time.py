@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +16,15 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros import Mechanism, load_scene
+from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.state import StateLayout
 from ros.harness import RELIABLE, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
+# s, after which the hand pushes: each millisecond is a message and its answers.
+START_DELAY = 0.1
 MS = 1_000_000
 STEP_NS = 10 * MS
 PERIODS = 10
@@ -188,12 +192,20 @@ class Loop:
         return [float(np.linalg.norm(sample.applied[:3])) for sample in samples]
 
 
+@pytest.fixture
+def soon(tmp_path: Path) -> str:
+    """A scene whose hand does not wait for long."""
+    path = tmp_path / "soon.yaml"
+    copy_scene("five_bar", path, [f"hand.start_delay={START_DELAY}"], False)
+    return str(path)
+
+
 @pytest.mark.parametrize("step_s", [-8.0, 8.0])
 def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
-    domain: int, peer: Peer, step_s: float
+    domain: int, peer: Peer, soon: str, step_s: float
 ) -> None:
     given = {"use_sim_time": True, "diagnostics_period": 0.05}
-    with running(",".join(NODES), domain, **given):
+    with running(",".join(NODES), domain, soon, **given):
         loop = Loop(peer)
         loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
         peer.until(loop.pushing, "the push")
@@ -217,11 +229,11 @@ def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
     ("seconds", "nanoseconds"), [(-1, 0), (-(2**31), 2**32 - 1), (2**31 - 1, 2**32 - 1)]
 )
 def test_time_that_no_stamp_can_hold_ends_nobody(
-    domain: int, peer: Peer, seconds: int, nanoseconds: int
+    domain: int, peer: Peer, soon: str, seconds: int, nanoseconds: int
 ) -> None:
     """The last is a time, though one that no stamp can tell."""
     given = {"use_sim_time": True, "diagnostics_period": 0.05}
-    with running(",".join(NODES), domain, **given) as process:
+    with running(",".join(NODES), domain, soon, **given) as process:
         loop = Loop(peer)
         loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
         peer.until(loop.pushing, "the push")
