@@ -25,8 +25,8 @@ def graphs_are_forked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True)
 def as_urgent_as_nodes(request: pytest.FixtureRequest) -> None:
-    """Beside another worker's graph: two at nice -20 left a test no processor for minutes."""
-    if "PYTEST_XDIST_WORKER" in os.environ and request.node.get_closest_marker("ros"):
+    """Who watches nodes: two at nice -20 left a test no processor for minutes, or for a few ms."""
+    if request.node.get_closest_marker("ros"):
         with suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, 0, -20)
 

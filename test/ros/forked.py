@@ -38,8 +38,8 @@ NODES = "hapticmech_ros.nodes.entry"
 # All that nodes import except rclpy, which starts threads as it is imported.
 IMPORTED = ("control", "device", "loading", "operational", "robot", "simulation")
 
-# Where a process looks for packages and libraries, once, as it begins.
-SEARCHED = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
+# What a process reads once, as it begins: where packages and libraries are, and what comes first.
+AT_THE_BEGINNING = ("PYTHON", "LD_", "AMENT_")
 
 
 class Forked:
@@ -104,9 +104,9 @@ class Origin:
         theirs.close()
         self._codes: dict[int, int] = {}
 
-    def imports_as(self, environment: Mapping[str, str]) -> bool:
-        """Return whether a process with an environment would find the same packages."""
-        return all(environment.get(name) == self._environment.get(name) for name in SEARCHED)
+    def begins_as(self, environment: Mapping[str, str]) -> bool:
+        """Return whether a process with an environment would begin as this one did."""
+        return _read_first(environment) == _read_first(self._environment)
 
     def fork(
         self, command: Sequence[str], environment: Mapping[str, str], pipe_output: bool
@@ -152,6 +152,10 @@ class Origin:
         return found
 
 
+def _read_first(environment: Mapping[str, str]) -> dict[str, str]:
+    return {k: value for k, value in environment.items() if k.startswith(AT_THE_BEGINNING)}
+
+
 @cache
 def _origin() -> Origin:
     return Origin()
@@ -162,7 +166,7 @@ def start(command: Sequence[str], environment: Mapping[str, str], pipe_output: b
     chosen = dict(environment)
     choose_discovery(chosen)
     runs_nodes = list(command[:3]) == [sys.executable, "-m", NODES]
-    if not runs_nodes or not _origin().imports_as(chosen):
+    if not runs_nodes or not _origin().begins_as(chosen):
         return start_process(command, environment, pipe_output)
     return _origin().fork(command, chosen, pipe_output)
 

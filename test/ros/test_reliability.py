@@ -77,7 +77,7 @@ def test_a_double(graph: Graph, kind: object) -> None:
 @pytest.mark.parametrize("node", NODES)
 def test_a_kill(graph: Graph, node: str) -> None:
     # None where nobody heard the device's first output after it.
-    trials = (try_kill(graph.rig, node) for _ in range(5))
+    trials = (try_kill(graph.rig, node) for _ in range(10))
     trial = next((one for one in trials if one is not None), None)
     assert trial is not None
     survived(trial)
