@@ -36,6 +36,7 @@ from ros.forked import start
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0
+LOOK_S = 0.002
 # The graph without its device.
 OTHERS = ",".join(name for name in NODES if name != "haptic_device")
 _counter = itertools.count()
@@ -85,7 +86,8 @@ class Peer:
     def until(self, condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
         """Handle messages until the condition holds.
 
-        It is looked at after each message; later, up to 10 ms, by as much as looking takes.
+        It is looked at when a message has come, but not more often than conditions may that send
+        one themselves, nor, up to 10 ms, for more than half of the time.
         """
         end = time.monotonic() + timeout
         while True:
@@ -95,7 +97,7 @@ class Peer:
             looked = time.monotonic()
             if looked > end:
                 raise TimeoutError(f"waited {timeout:g} s in vain for {what}")
-            again = looked + min(looked - begun, 0.01)
+            again = looked + min(max(looked - begun, LOOK_S), 0.01)
             self.executor.spin_once(timeout_sec=0.01)
             while (left := again - time.monotonic()) > 0.0:
                 self.executor.spin_once(timeout_sec=left)

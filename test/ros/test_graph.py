@@ -20,6 +20,8 @@ from real_time import grants_real_time
 from ros.harness import Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
+# With a machine that has other work.
+PATIENT = {"teleoperation_controller.input_timeout": 0.1, "haptic_device.command_timeout": 0.1}
 
 
 @pytest.mark.parametrize("composed", [False, True], ids=["four_processes", "composed"])
@@ -28,7 +30,8 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
     point = peer.listen("mechanism/handle/measured_cp", PoseStamped)
     counts = peer.listen("analysis/handle/constraint_count", UInt8)
     statuses = peer.statuses()
-    with Graph("five_bar", composed, environment=private_environment(domain)) as graph:
+    environment = private_environment(domain)
+    with Graph("five_bar", composed, parameters=PATIENT, environment=environment) as graph:
         peer.until(lambda: device and point and _travel(device) > 0.01, "the device to move 10 mm")
         peer.until(lambda: set(NODES) <= set(statuses), "diagnostics of all nodes")
         peer.until(lambda: counts, "a count")
@@ -174,6 +177,8 @@ def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.
     )
     try:
         peer.until(lambda: set(NODES) <= set(statuses), "the graph")
+        # Of what was never rendered the end is no success.
+        peer.until(lambda: statuses["haptic_device"].message == "rendering", "a force")
         process.send_signal(number)
         assert process.wait(10.0) == 0
         statuses.clear()

@@ -31,6 +31,8 @@ pytestmark = pytest.mark.ros
 TURNS = ", ".join(
     f"{{time: {1.5 * turn}, xyz: [{-0.02 if turn % 2 else 0.0}, 0.0, 0.0]}}" for turn in range(20)
 )
+# With a machine that has other work.
+PATIENT = {"diagnostics_period": 0.1, "command_timeout": 0.1, "input_timeout": 0.1}
 HAND = f"hand={{kind: arm, impedance: firm, start_delay: 3.0, waypoints: [{TURNS}]}}"
 
 
@@ -65,15 +67,8 @@ def test_a_hand_feels_the_mechanism_through_it(
     turned = "0.0 0.0 1.2"
     with (
         emulated("--scene", str(scene), "--trace", str(trace), "--mounting", turned) as service,
-        running(OTHERS, domain, str(scene), diagnostics_period=0.1),
-        running(
-            "haply_device",
-            domain,
-            str(scene),
-            uri=service.uri,
-            mounting_yaw=1.2,
-            diagnostics_period=0.1,
-        ),
+        running(OTHERS, domain, str(scene), **PATIENT),
+        running("haply_device", domain, str(scene), uri=service.uri, mounting_yaw=1.2, **PATIENT),
     ):
         rendering(peer, statuses)
         # Along the way that the hand pulls, and in the world's axes.
@@ -237,7 +232,8 @@ def test_it_engages_again_with_a_service_that_comes_back(
         peer.until(lambda: statuses["haply_device"].message != "rendering", "its loss")
         with emulated("--scene", str(scene), port=first.port):
             rendering(peer, statuses)
-            assert figures(statuses["haply_device"])["connections_lost"] == "1"
+            # Once, or more often on a busy machine.
+            assert int(figures(statuses["haply_device"])["connections_lost"]) >= 1
 
 
 @pytest.mark.alone

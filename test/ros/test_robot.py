@@ -117,6 +117,7 @@ def test_the_robot_moves_by_as_much_as_the_mechanism(
         peer.until(
             lambda: np.linalg.norm(seen.handle - handle - (seen.tool - tool)) < 0.002,
             "a robot that has caught up",
+            3 * WAIT_S,
         )
         assert np.linalg.norm(seen.tool - tool) > 0.01
         assert int(seen.counts()["saturated"]) == 0
@@ -160,7 +161,7 @@ def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
             push.publish(peer.wrench(1.0, 1.0, 0.0, 0.0, 0.0, 0.0))
             return max(map(abs, seen.joints[-1].velocity)) > 0.1
 
-        peer.until(moves, "a robot that moves")
+        peer.until(moves, "a robot that moves", 3 * WAIT_S)
         refused = peer.call(Trigger, "robot/tare_wrench", Trigger.Request())
         assert not refused.success
         assert "the robot moves" in refused.message

@@ -65,8 +65,9 @@ def test_commands_that_end_are_at_zero_within_20_ms(domain: int, peer: Peer) -> 
         bench = Bench(peer)
         peer.until(bench.pushed, "the push")
         peer.until(bench.zero, "its end")
-        # By the device's own samples: how late a starved machine takes them does not count.
-        assert 0 < bench.zero_after_ns(bench.last_ns) <= 20 * MS
+        # By the device's own samples: how late a starved machine takes them does not count, nor
+        # that it was at zero before it took the last command.
+        assert bench.zero_after_ns(bench.last_ns) <= 20 * MS
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

@@ -269,9 +269,16 @@ def test_several_users_are_heard_in_their_namespaces(
         stage.until(lambda: all(felt.values()), "the wrenches of both")
         devices = {f"{p}/device" for p in points}
         stage.until(lambda: devices <= children(frames), "frames of both devices")
-    texts = {m.ns: m.text for m in pictures[-1].markers if m.ns.startswith("count/")}
-    assert texts["count/left"] == "left: 1 joint constraint"
-    assert texts["count/right"] == "right: 2 joint constraints"
+
+        def texts() -> dict[str, str]:
+            return {m.ns: m.text for m in pictures[-1].markers if m.ns.startswith("count/")}
+
+        counted = {
+            "count/left": "left: 1 joint constraint",
+            "count/right": "right: 2 joint constraints",
+        }
+        # Until a count is heard, the state tells how many there are.
+        stage.until(lambda: texts() == counted, "both counts")
     balls = {m.ns: m for m in pictures[-1].markers if m.ns.startswith("device/") and not m.id}
     assert [balls[f"device/{p}"].pose.position.x for p in points] == [0.1, 0.2]
     assert balls["device/left"].color != balls["device/right"].color

@@ -109,7 +109,7 @@ def test_two_devices_feel_each_other(domain: int, peer: Peer, tmp_path: Path) ->
                 last = np.array([six(message)[:3] for message in forces[-100:]])
                 return np.ptp(last, axis=0).max() < 0.03
 
-            peer.until(settled, f"{other} to come to rest")
+            peer.until(settled, f"{other} to come to rest", 60.0)
             # A push may as well make smaller what is felt at rest: the vectors are compared.
             before = np.mean([six(message)[:3] for message in forces[-50:]], axis=0)
 
