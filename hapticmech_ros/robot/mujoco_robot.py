@@ -193,7 +193,7 @@ class MujocoRobot:
             self._mujoco.mj_step(self.model, self.data)
         # Positions, contacts and forces of the state reached, not of the one before.
         self._mujoco.mj_forward(self.model, self.data)
-        if not np.isfinite(self.data.qpos).all() or any(w.number for w in self.data.warning):
+        if not np.isfinite(self.data.qpos).all() or self.data.warning.number.any():
             raise HapticMechError("MuJoCo's motion of the robot is lost")
 
     def contact_wrench(self) -> Array:
