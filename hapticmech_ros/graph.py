@@ -53,6 +53,11 @@ class AuxiliaryProcess:
         self._name, self._loss, self._notify = name, loss, notify
         self._told = False
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has ended, as :meth:`look` has told."""
+        return self._told
+
     def look(self) -> None:
         """Tell once if it has ended."""
         if not self._told and self.process.poll() is not None:
@@ -143,10 +148,18 @@ class Graph:
         """Processes that serve a live page, by name."""
         return {n: p for n, p in self.processes.items() if n.rpartition("/")[2] == PAGE}
 
+    @property
+    def notified(self) -> dict[str, str]:
+        """Environment in which a process beside the graph tells it that it is up."""
+        return {ADDRESS: self._readiness.address}
+
+    def is_up(self, process: subprocess.Popen[str]) -> bool:
+        """Return whether a process has said that it is up."""
+        return process.pid in self._readiness.pids()
+
     def is_ready(self) -> bool:
         """Return whether all processes are up: their nodes are active, unless started by others."""
-        pids = self._readiness.pids()
-        return all(process.pid in pids for process in self.processes.values())
+        return all(map(self.is_up, self.processes.values()))
 
     def reports(self) -> dict[str, Report]:
         """Return how each node was when it said so last, by its full name."""

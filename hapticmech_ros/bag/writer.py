@@ -8,6 +8,7 @@ import os
 import sqlite3
 import threading
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 
@@ -223,7 +224,7 @@ class BagWriter:
         if connection.msgtype not in self._types_in_file:
             self._types_in_file.add(connection.msgtype)
             self._file.add_msgtype(connection)
-        self._file.add_connection(connection, as_yaml(dump_qos_v9(list(profiles))))
+        self._file.add_connection(connection, _offered_yaml(tuple(profiles)))
 
     def _is_full(self, time_ns: int) -> bool:
         span = self._files[-1]
@@ -273,3 +274,9 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+@lru_cache(maxsize=256)
+def _offered_yaml(profiles: tuple[Qos, ...]) -> str:
+    """Return what publishers offer as a storage keeps it; a graph has few different ones."""
+    return as_yaml(dump_qos_v9(list(profiles)))

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,6 +26,9 @@ from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.wire.topic import DEVICE, MECHANISM
+
+if TYPE_CHECKING:
+    from hapticmech_ros.graph import AuxiliaryProcess, Graph
 
 CHECK_PERIOD_S = 0.2
 
@@ -99,7 +102,7 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import AuxiliaryProcess, Graph, start_process
+    from hapticmech_ros.graph import AuxiliaryProcess, Graph
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
@@ -158,14 +161,8 @@ def run(
         parameters["use_sim_time"] = True
     nodes += [*([VIEWER] if view else []), *([PAGE] if live else [])]
     recorder = None
-    if record is not None:
-        if record.exists():
-            raise BagError(f"{record} exists: choose another place for --record")
-        command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
-        command += ["--out", str(record), "--storage", storage, "--transport", transport]
-        loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
-        process = start_process(command, os.environ)
-        recorder = AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
+    if record is not None and record.exists():
+        raise BagError(f"{record} exists: choose another place for --record")
     whole = True
     try:
         with ExitStack() as stack:
@@ -175,6 +172,8 @@ def run(
                 )
             )
             console.print(f"running {scene}; Ctrl-C ends it")
+            if record is not None:
+                recorder = _recorder(record, storage, transport, graph)
             pages = [
                 AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
                 for name, page in graph.pages.items()
@@ -192,7 +191,7 @@ def run(
                 if recorder is not None:
                     recorder.look()
                 line.show(graph.reports())
-                if ends is None and graph.is_ready():
+                if ends is None and graph.is_ready() and _hears(recorder, graph):
                     say_ready()
                     ends = time.monotonic() + (duration or float("inf"))
                 if ends is not None:
@@ -357,3 +356,19 @@ def settings_of(texts: list[str]) -> dict[str, object]:
             raise InvalidInputError("--set", text, "must be [NODE.]PARAMETER=VALUE")
         found[name] = read_yaml(value, f"--set {text}")
     return found
+
+
+def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> AuxiliaryProcess:
+    """Start a recorder of everything beside a graph."""
+    from hapticmech_ros.graph import AuxiliaryProcess, start_process
+
+    command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
+    command += ["--out", str(record), "--storage", storage, "--transport", transport]
+    loss = f"the bag {record} is incomplete (hapticmech bag repair {record} may help)"
+    process = start_process(command, os.environ | graph.notified)
+    return AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
+
+
+def _hears(recorder: AuxiliaryProcess | None, graph: Graph) -> bool:
+    """Return whether a recorder hears the graph, or there is none, or none any more."""
+    return recorder is None or recorder.has_ended or graph.is_up(recorder.process)

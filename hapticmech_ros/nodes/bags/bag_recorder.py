@@ -27,6 +27,7 @@ from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
 from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
+from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.times import nanoseconds
 
 DISCOVERY_PERIOD_S = 0.2
@@ -108,6 +109,11 @@ class BagRecorderNode(QuietEventsNode):
                 topic = self._hear(name, types, hashes)
             if topic is not None and offered:
                 topic.follow(offered, now)
+
+    @property
+    def hears(self) -> bool:
+        """Whether a message has come."""
+        return any(topic.count for topic in self.heard.values())
 
     def finish(self) -> None:
         """Announce what was heard too briefly to be announced until now."""
@@ -214,15 +220,19 @@ def _record(
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     begun = time.monotonic()
-    looked = -DISCOVERY_PERIOD_S
+    looked, ready = -DISCOVERY_PERIOD_S, False
     print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
     while rclpy.ok() and not stop.asked and not spool.failure:
         now = time.monotonic() - begun
         if options.duration_s is not None and now >= options.duration_s:
             break
         if now - looked >= DISCOVERY_PERIOD_S:
-            looked = now
+            looked, known = now, len(node.heard)
             node.discover()
+            # Nobody is new, and messages come.
+            if not ready and len(node.heard) == known and node.hears:
+                ready = True
+                say_ready()
         inbox.gather()
     node.finish()
     executor.remove_node(node)

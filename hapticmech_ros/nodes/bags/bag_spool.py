@@ -11,6 +11,7 @@ import queue
 import threading
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from rosbags.interfaces import Qos
 
@@ -20,7 +21,16 @@ from hapticmech_ros.errors import BagError
 FLUSH_PERIOD_S = 0.4
 # Most that may wait for a disk; what comes then is dropped, and counted.
 LONGEST_QUEUE_BYTES = 512 << 20
-_Item = tuple[str, int, bytes]
+_Message = tuple[str, int, bytes]
+_NOTHING: _Message = ("", 0, b"")
+
+
+class _Topic(NamedTuple):
+    """What is announced."""
+
+    name: str
+    msgtype: str
+    offered: tuple[Qos, ...]
 
 
 class BagSpool:
@@ -34,7 +44,7 @@ class BagSpool:
 
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer
-        self._queue: queue.SimpleQueue[_Item | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Message | _Topic | None] = queue.SimpleQueue()
         self._put_bytes = self._written_bytes = 0
         self.dropped = 0
         self.failure: BagError | None = None
@@ -43,12 +53,12 @@ class BagSpool:
         self._thread.start()
 
     def add_topic(self, name: str, msgtype: str, offered: Sequence[Qos]) -> None:
-        """Announce a topic at once, before its first message is put.
+        """Queue the announcement of a topic, before its first message is put.
 
-        Raises:
-            BagError: as :meth:`BagWriter.add_topic`.
+        It takes milliseconds, in which whoever listens would lose messages; what the writer refuses
+        ends writing, as a full disk does.
         """
-        self._writer.add_topic(name, msgtype, offered=offered)
+        self._queue.put(_Topic(name, msgtype, tuple(offered)))
 
     def put(self, name: str, time_ns: int, data: bytes) -> None:
         """Queue a message."""
@@ -76,17 +86,24 @@ class BagSpool:
             try:
                 item = self._queue.get(timeout=FLUSH_PERIOD_S)
             except queue.Empty:
-                item = ("", 0, b"")
+                item = _NOTHING
             if item is None:
                 return
             begun = time.monotonic()
             try:
-                if item[0] and not self.failure:
-                    self._writer.write(*item)
+                if not self.failure:
+                    self._write(item)
                 if begun - flushed >= FLUSH_PERIOD_S and not self.failure:
                     flushed = begun
                     self._writer.flush()
             except BagError as error:
                 self.failure = error
-            self._written_bytes += len(item[2])
+            if not isinstance(item, _Topic):
+                self._written_bytes += len(item[2])
             self.worst_wait_s = max(self.worst_wait_s, time.monotonic() - begun)
+
+    def _write(self, item: _Message | _Topic) -> None:
+        if isinstance(item, _Topic):
+            self._writer.add_topic(item.name, item.msgtype, offered=item.offered)
+        elif item[0]:
+            self._writer.write(*item)

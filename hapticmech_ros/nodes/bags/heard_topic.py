@@ -99,11 +99,7 @@ class HeardTopic:
             self.announce(offered)
 
     def announce(self, offered: Sequence[QoSProfile]) -> None:
-        """Write the topic into the bag, if it is not there yet, and what was heard until now.
-
-        Raises:
-            BagError: as :meth:`BagWriter.add_topic`.
-        """
+        """Put the topic into the bag, if it is not there yet, and what was heard until now."""
         if self._held is None:
             return
         held, self._held = self._held, None
