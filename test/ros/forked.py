@@ -127,6 +127,8 @@ class Origin:
             output = os.fdopen(reader, encoding="utf-8")
         while "begun" not in (told := self._receive()):
             self._codes[told["pid"]] = told["code"]
+        # The system gives a number again after a while.
+        self._codes.pop(told["begun"], None)
         return Forked(self, told["begun"], command, output)
 
     def code_of(self, pid: int, timeout: float | None) -> int | None:
@@ -181,6 +183,8 @@ def _serve(channel: socket.socket) -> list[str]:
         importlib.import_module(f"hapticmech_ros.{name}")
     if len(list(Path("/proc/self/task").iterdir())) != 1:
         raise RuntimeError("there is a thread, which would be missing after a fork")
+    # A signal that comes while Python forks would be lost if Python were to handle it.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.collect()
     gc.freeze()
     with selectors.DefaultSelector() as selector:
@@ -214,6 +218,7 @@ def _serve(channel: socket.socket) -> list[str]:
 
 def _begin(request: Mapping[str, Any], outputs: Sequence[int], parent: int) -> None:
     """Become what was asked for, up to what it runs."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     _end_with_parent()
     if os.getppid() != parent:
         os.kill(os.getpid(), signal.SIGTERM)
