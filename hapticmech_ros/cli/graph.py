@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from hapticmech_ros.graph import AuxiliaryProcess, Graph
 
 CHECK_PERIOD_S = 0.2
+# A recorder that hears nothing for so long after the nodes are up is not waited for any more.
+HEARS_WITHIN_S = 20.0
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
 StorageOption = Annotated[str, typer.Option(help="mcap or sqlite3")]
@@ -179,7 +181,7 @@ def run(
                 for name, page in graph.pages.items()
             ]
             line = stack.enter_context(live_line())
-            left, ends = CHECK_PERIOD_S, None
+            left, up, ends = CHECK_PERIOD_S, None, None
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 if respawn:
                     for sentence in graph.respawn():
@@ -191,7 +193,9 @@ def run(
                 if recorder is not None:
                     recorder.look()
                 line.show(graph.reports())
-                if ends is None and graph.is_ready() and _hears(recorder, graph):
+                if up is None and graph.is_ready():
+                    up = time.monotonic()
+                if ends is None and up is not None and _hears(recorder, graph, up):
                     say_ready()
                     ends = time.monotonic() + (duration or float("inf"))
                 if ends is not None:
@@ -369,6 +373,11 @@ def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> Auxil
     return AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
 
 
-def _hears(recorder: AuxiliaryProcess | None, graph: Graph) -> bool:
-    """Return whether a recorder hears the graph, or there is none, or none any more."""
-    return recorder is None or recorder.has_ended or graph.is_up(recorder.process)
+def _hears(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
+    """Return whether a recorder hears a graph that is up since a time, or is not waited for."""
+    if recorder is None or recorder.has_ended or graph.is_up(recorder.process):
+        return True
+    if time.monotonic() - up < HEARS_WITHIN_S:
+        return False
+    typer.echo(f"the recorder has heard nothing for {HEARS_WITHIN_S:g} s", err=True)
+    return True

@@ -11,7 +11,6 @@ executables and commands that are started as people start them.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import importlib
 import json
@@ -29,9 +28,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from hapticmech_ros.discovery import choose_discovery
-from hapticmech_ros.graph import start_process
+from hapticmech_ros.graph import _end_with_parent, start_process
 
-_PR_SET_PDEATHSIG = 1
 # Bytes of a request: arguments and an environment.
 _LARGEST = 1 << 17
 NODES = "hapticmech_ros.nodes.entry"
@@ -165,16 +163,12 @@ def _origin() -> Origin:
 
 def start(command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False) -> Any:
     """Start a process; as ``graph.start_process``, but forked where it runs nodes."""
+    runs_nodes = list(command[:3]) == [sys.executable, "-m", NODES]
+    if not runs_nodes or not _origin().begins_as(environment):
+        return start_process(command, environment, pipe_output)
     chosen = dict(environment)
     choose_discovery(chosen)
-    runs_nodes = list(command[:3]) == [sys.executable, "-m", NODES]
-    if not runs_nodes or not _origin().begins_as(chosen):
-        return start_process(command, environment, pipe_output)
     return _origin().fork(command, chosen, pipe_output)
-
-
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _serve(channel: socket.socket) -> list[str]:

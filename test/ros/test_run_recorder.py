@@ -10,12 +10,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.experiment.demo import DemoError, record_graph
+from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _hears
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from ros.harness import WAIT_S, Peer
 
@@ -154,3 +156,17 @@ def test_a_demo_says_how_its_recorder_ended(
     bag = tmp_path / "bag"
     with pytest.raises(DemoError, match=f"ended by itself: signal 9: {bag} is incomplete"):
         record_graph("two_link", bag, composed=True, seconds=1.0, show=show)
+
+
+def test_a_recorder_that_hears_nothing_is_not_waited_for_without_an_end(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    recorder, now = SimpleNamespace(has_ended=False, process=None), time.monotonic()
+    deaf, hears = (SimpleNamespace(is_up=lambda _, up=up: up) for up in (False, True))
+    assert _hears(recorder, hears, now)
+    assert not _hears(recorder, deaf, now)
+    assert not capsys.readouterr().err
+    assert _hears(recorder, deaf, now - HEARS_WITHIN_S)
+    assert "has heard nothing for 20 s" in capsys.readouterr().err
+    assert _hears(SimpleNamespace(has_ended=True), deaf, now)
+    assert _hears(None, deaf, now)

@@ -63,11 +63,15 @@ class Bench:
 def test_commands_that_end_are_at_zero_within_20_ms(domain: int, peer: Peer) -> None:
     with running("haptic_device", domain, **STILL):
         bench = Bench(peer)
-        peer.until(bench.pushed, "the push")
-        peer.until(bench.zero, "its end")
-        # By the device's own samples: how late a starved machine takes them does not count, nor
-        # that it was at zero before it took the last command.
-        assert bench.zero_after_ns(bench.last_ns) <= 20 * MS
+        # Again where a starved device was at zero before it took the last command.
+        for _ in range(5):
+            peer.until(bench.pushed, "the push")
+            peer.until(bench.zero, "its end")
+            after_ns = bench.zero_after_ns(bench.last_ns)
+            if after_ns > 0:
+                break
+        # By the device's own samples: how late a starved machine takes them does not count.
+        assert 0 < after_ns <= 20 * MS
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
