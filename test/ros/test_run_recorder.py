@@ -16,8 +16,8 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
-from hapticmech_ros.experiment.demo import DemoError, record_graph
 from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _hears
+from hapticmech_ros.experiment.demo import DemoError, record_graph
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from ros.harness import WAIT_S, Peer
 
