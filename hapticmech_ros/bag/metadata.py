@@ -28,6 +28,8 @@ FILE_NAME = "metadata.yaml"
 ROOT = "rosbag2_bagfile_information"
 # Key and value in custom_data while the writer is still at it.
 UNFINISHED = ("recording", "unfinished")
+# Key in custom_data of how many messages a recording has lost; of one topic with its name behind.
+LOST, UNKNOWN = "lost", "unknown"
 # rosbag2's starting time of a bag, or file, that has no message.
 NEVER_NS = 2**63 - 1
 # Bytes of the file; one of a thousand files and a hundred topics has 300 kB.
@@ -114,11 +116,11 @@ class FileSpan:
     end_ns: int = 0
     count: int = 0
 
-    def add(self, time_ns: int) -> None:
-        """Count one more message."""
-        self.start_ns = min(self.start_ns, time_ns)
-        self.end_ns = max(self.end_ns, time_ns)
-        self.count += 1
+    def add(self, times_ns: Sequence[int]) -> None:
+        """Count messages that were received at these times, ns."""
+        self.start_ns = min(self.start_ns, *times_ns)
+        self.end_ns = max(self.end_ns, *times_ns)
+        self.count += len(times_ns)
 
 
 def bag_information(
@@ -220,6 +222,37 @@ def is_recording(folder: Path) -> bool:
     except FileError:
         return False
     return UNFINISHED[1] in text and is_unfinished(read_metadata(folder))
+
+
+def losses_as_data(lost: Mapping[str, int | None]) -> dict[str, str] | None:
+    """Return ``custom_data`` that says how many messages of each topic a recording has lost.
+
+    Only topics of which any were lost, or may have been, and ``lost`` for all; texts, as rosbag2
+    wants them. None where nobody has counted.
+    """
+    if not lost:
+        return None
+    known = [count for count in lost.values() if count is not None]
+    some = {name: count for name, count in sorted(lost.items()) if count != 0}
+    told = {f"{LOST} {name}": UNKNOWN if n is None else str(n) for name, n in some.items()}
+    return {LOST: str(sum(known)), **told}
+
+
+def losses_of(information: Mapping[str, Any]) -> dict[str, int | None] | None:
+    """Return what :func:`losses_as_data` has written: of each topic that lost any, None: unknown.
+
+    Returns:
+        By topic; None if nobody has counted.
+    """
+    data = information.get("custom_data")
+    if not isinstance(data, Mapping) or LOST not in data:
+        return None
+    told = {str(key).partition(" ")[2]: str(value) for key, value in data.items()}
+    return {
+        name: int(text) if text.isdecimal() else None
+        for name, text in told.items()
+        if name.startswith("/")
+    }
 
 
 def as_yaml(value: object) -> str:

@@ -8,6 +8,8 @@ After :meth:`flush` all that was written is the operating system's, and a kill d
 from __future__ import annotations
 
 import sqlite3
+import struct
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Protocol
@@ -19,6 +21,14 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 # What SQLite needs for a message besides its bytes: row, index, unused parts of pages.
 ROW_BYTES = 48
+# Of an mcap file: a chunk is closed once it is longer.
+LARGEST_CHUNK = 1 << 20
+# A message in an mcap file (https://mcap.dev/spec#message-op0x05) up to its data: opcode, length
+# of what follows, channel, sequence (none is known), times of log and of publication, ns.
+_MCAP_MESSAGE = struct.Struct("<BQHIQQ")
+_OPCODE, _AFTER_LENGTH = 0x05, _MCAP_MESSAGE.size - 9
+# Times of reception, ns, and serialized messages.
+Messages = Sequence[tuple[int, bytes | memoryview]]
 
 
 class StorageFile(Protocol):
@@ -38,8 +48,8 @@ class StorageFile(Protocol):
         """Write a topic."""
         ...
 
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Write a message."""
+    def write_many(self, connection: Connection, messages: Messages) -> None:
+        """Write messages of a topic."""
         ...
 
     def flush(self) -> None:
@@ -77,6 +87,27 @@ class McapFile(McapWriter):
         self.chunk.bio.truncate()
         write_channel(self.chunk.bio, self.channels[-1], self.schemas)
 
+    def write_many(self, connection: Connection, messages: Messages) -> None:
+        """Write messages into the pending chunk, and that if it is large then."""
+        chunk, stream = self.chunk, self.chunk.bio
+        index = chunk.msgs[connection.id]
+        head, offset = _MCAP_MESSAGE.pack, stream.tell()
+        for time_ns, data in messages:
+            index.append((time_ns, offset))
+            size = _AFTER_LENGTH + len(data)
+            offset += _MCAP_MESSAGE.size + len(data)
+            stream.write(head(_OPCODE, size, connection.id, 0, time_ns, time_ns))
+            stream.write(data)
+        times = [time_ns for time_ns, _ in messages]
+        first, last = min(times), max(times)
+        self.message_start_time = min(first, self.message_start_time)
+        self.message_end_time = max(last, self.message_end_time)
+        chunk.message_start_time = min(first, chunk.message_start_time)
+        chunk.message_end_time = max(last, chunk.message_end_time)
+        self.channel_stats[connection.id] += len(messages)
+        if offset > LARGEST_CHUNK:
+            self.close_chunk()
+
     def close_chunk(self) -> None:
         """Write the pending chunk; one without messages has the times 0, as mcap asks."""
         if not self.chunk.msgs:
@@ -112,10 +143,13 @@ class SqliteFile(Sqlite3Writer):
         self.cursor = self.conn.cursor()
         self._bytes = 0
 
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Write a message into the open transaction."""
-        super().write(connection, timestamp, data)
-        self._bytes += len(data) + ROW_BYTES
+    def write_many(self, connection: Connection, messages: Messages) -> None:
+        """Write messages into the open transaction."""
+        self.cursor.executemany(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES(?, ?, ?)",
+            [(connection.id, time_ns, data) for time_ns, data in messages],
+        )
+        self._bytes += sum(len(data) + ROW_BYTES for _, data in messages)
 
     def flush(self) -> None:
         """Commit."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 import os
 import sqlite3
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 from rosbags.interfaces import (
     Connection,
@@ -27,10 +27,11 @@ from hapticmech_ros.bag.metadata import (
     FileSpan,
     as_yaml,
     bag_information,
+    losses_as_data,
     write_metadata,
 )
 from hapticmech_ros.bag.offered_qos import offered_qos
-from hapticmech_ros.bag.storage import STORAGE_FILES, StorageFile
+from hapticmech_ros.bag.storage import STORAGE_FILES, Messages, StorageFile
 from hapticmech_ros.errors import BagError
 
 # What is older than this, by the messages' times, a killed writer leaves on disk.
@@ -140,19 +141,32 @@ class BagWriter:
         """Write one serialized message (CDR with its four-byte header), received at ``time_ns``.
 
         Raises:
+            BagError: as :meth:`write_many`.
+        """
+        self.write_many(name, [(time_ns, data)])
+
+    def write_many(self, name: str, messages: Messages) -> None:
+        """Write serialized messages of one topic: times of reception, ns, and bytes.
+
+        Together they go into one file.
+
+        Raises:
             BagError: topic not announced, bag closed, or storage full.
         """
+        if not messages:
+            return
         with self._lock:
             self._check_open()
             connection = self._connections.get(name)
             if connection is None:
                 raise BagError(f"bag {self.path}: topic {name} was not announced")
+            time_ns = messages[0][0]
             try:
                 if self._is_full(time_ns):
                     self._next_file()
-                self._file.write(connection, time_ns, data)
-                self._counts[name] += 1
-                self._files[-1].add(time_ns)
+                self._file.write_many(connection, messages)
+                self._counts[name] += len(messages)
+                self._files[-1].add([time_ns for time_ns, _ in messages])
                 if self._flushed_ns is None:
                     self._flushed_ns = time_ns
                 elif abs(time_ns - self._flushed_ns) >= FLUSH_NS:
@@ -188,8 +202,12 @@ class BagWriter:
             except _FAILURES as error:
                 raise BagError(f"cannot write bag {self.path}: {error}") from error
 
-    def close(self) -> None:
+    def close(self, lost: Mapping[str, int | None] = MappingProxyType({})) -> None:
         """Write index and metadata; does nothing the second time.
+
+        Args:
+            lost: messages of each topic that were lost before they came here, where that was
+                counted; None: not known. It stands in the metadata's ``custom_data``.
 
         Raises:
             BagError: storage full.
@@ -198,9 +216,10 @@ class BagWriter:
             if self._closed:
                 return
             self._closed = True
+            information = self._information(finished=True) | {"custom_data": losses_as_data(lost)}
             try:
-                self._file.close(VERSION, as_yaml(self._information(finished=True)))
-                write_metadata(self.path, self._information(finished=True))
+                self._file.close(VERSION, as_yaml(information))
+                write_metadata(self.path, information)
             except _FAILURES as error:
                 raise BagError(f"cannot finish bag {self.path}: {error}") from error
 

@@ -19,7 +19,7 @@ from typing import Any, Protocol
 from hapticmech_ros.nodes.lane import Arrived, Lane
 from hapticmech_ros.nodes.lane_connections import MOST_BYTES
 from hapticmech_ros.nodes.lane_folder import LaneError
-from hapticmech_ros.nodes.origin import INSIDE, Listener
+from hapticmech_ros.nodes.origin import INSIDE, BatchListener, Listener
 from hapticmech_ros.nodes.sent_numbers import check_finite
 from hapticmech_ros.times import NANOSECONDS
 
@@ -211,18 +211,16 @@ class Exchange:
         self._delivering = False
         self._outlets = 0
 
-    def join_lane(self, environment: Mapping[str, str], timed: bool = False) -> None:
+    def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
 
         Args:
             environment: of this process.
-            timed: whether origins are to say when a message was sent.
         """
         if self.lane is not None or self.refusal:
             return
         try:
             self.lane = Lane.open(environment)
-            self.lane.timed = timed
         except LaneError as error:
             self.refusal = str(error)
 
@@ -248,10 +246,8 @@ class Exchange:
         lane_topic = f"{topic} {kind}" if kind and not stays else ""
         return Outlet(self, publisher, self._line(topic), lane_topic, self._outlets, stays, later)
 
-    def listen(
-        self, topic: str, listener: Listener, kind: str = "", every: bool = False
-    ) -> Callable[[bytes], bool]:
-        """Hand a topic's messages to ``listener``.
+    def listen(self, topic: str, listener: Listener, kind: str = "") -> Callable[[bytes], bool]:
+        """Hand the latest message of each publisher of a topic to ``listener``.
 
         Its subscription must hear the same topic, raw. Returned is what tells of a message that it
         brings whether it has been handed over already.
@@ -260,14 +256,33 @@ class Exchange:
             topic: its full name.
             listener: called with messages and their origin.
             kind: the messages' type, if they may come over the lane.
-            every: whether all messages of other processes are wanted; else the latest of each
-                publisher.
         """
+        self._line(topic).listeners.append(listener)
+        if self.lane is not None and kind:
+            self.lane.listen(f"{topic} {kind}", listener)
+        return self._tells_copies(topic, kind)
+
+    def listen_to_all(
+        self, topic: str, listener: BatchListener, kind: str
+    ) -> Callable[[bytes], bool]:
+        """Hand all messages of other processes on a topic to ``listener``, in batches.
+
+        Args:
+            topic: its full name.
+            listener: called with messages and their origins.
+            kind: the messages' type.
+
+        Returns:
+            As :meth:`listen`.
+        """
+        if self.lane is not None:
+            self.lane.listen_to_all(f"{topic} {kind}", listener)
+        return self._tells_copies(topic, kind)
+
+    def _tells_copies(self, topic: str, kind: str) -> Callable[[bytes], bool]:
         line, lane = self._line(topic), self.lane
-        line.listeners.append(listener)
         if lane is None or not kind:
             return line.had
-        lane.listen(f"{topic} {kind}", listener, every)
 
         def had(message: bytes) -> bool:
             if lane.linked:

@@ -14,7 +14,7 @@ import secrets
 import select
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +34,7 @@ from hapticmech_ros.nodes.lane_connections import (
     remove_socket,
 )
 from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
-from hapticmech_ros.nodes.origin import Listener, Origin
+from hapticmech_ros.nodes.origin import INSIDE, Batch, BatchListener, Listener, Origin
 from hapticmech_ros.times import NANOSECONDS
 
 # Looks for new processes, and at what could not be sent, come so often.
@@ -47,10 +47,10 @@ BEHIND_NS, WAITED_NS = 3_000_000, 20_000
 
 
 class Arrived(NamedTuple):
-    """A message from another process, its origin, and the listener it is for."""
+    """What has come, its origin, and the listener it is for: a message, or a batch of them."""
 
-    listener: Listener
-    message: bytes
+    listener: Callable[..., None]
+    message: bytes | Batch
     origin: Origin
 
 
@@ -61,7 +61,13 @@ class _Heard:
     topic: str
     code: int
     listeners: list[Listener] = field(default_factory=list)
-    all: bool = False
+    batch_listeners: list[Callable[[Batch, Origin], None]] = field(default_factory=list)
+    batch: Batch = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """How many listeners it has."""
+        return len(self.listeners) + len(self.batch_listeners)
 
 
 class Lane:
@@ -71,7 +77,6 @@ class Lane:
         folder: where processes meet; this user's alone.
 
     Attributes:
-        timed: whether origins say when a message was sent, from processes that come from then on.
         refused: connections of other users, and messages that broke the rules.
         copied: topic and message of all that came and the middleware brings too; for whoever
             collects to take.
@@ -81,13 +86,14 @@ class Lane:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.timed = False
         self.refused = 0
         self.copied: list[tuple[str, bytes]] = []
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._heard: dict[str, _Heard] = {}
         self._codes: dict[int, _Heard] = {}
+        self._filled: list[_Heard] = []
+        self._records = False
         self._next_code = self._next_serial = 1
         # Raised with every change of what is heard.
         self._version = 0
@@ -143,14 +149,28 @@ class Lane:
         """Messages that a full connection has not taken."""
         return sum(outgoing.lost for outgoing in self._outgoing.values())
 
-    def listen(self, topic: str, listener: Listener, every: bool = False) -> None:
-        """Hear a topic.
+    def listen(self, topic: str, listener: Listener) -> None:
+        """Hear the latest message of each publisher of a topic.
 
         Args:
             topic: full name and type.
             listener: called with a message, serialized, and its origin.
-            every: whether it wants all messages; else the latest of each publisher.
         """
+        self._hear(topic).listeners.append(listener)
+        self._tell_anew()
+
+    def listen_to_all(self, topic: str, listener: BatchListener) -> None:
+        """Hear all messages of a topic; those that have come together are handed over together.
+
+        Args:
+            topic: full name and type.
+            listener: called with messages, serialized, each with its origin.
+        """
+        self._hear(topic).batch_listeners.append(lambda batch, _: listener(batch))
+        self._records = True
+        self._tell_anew()
+
+    def _hear(self, topic: str) -> _Heard:
         heard = self._heard.get(topic)
         if heard is None:
             while self._next_code in self._codes:
@@ -158,15 +178,13 @@ class Lane:
             heard = self._heard[topic] = _Heard(topic, self._next_code)
             self._codes[self._next_code] = heard
             self._next_code = (self._next_code + 1) % MOST_CODES
-        heard.listeners.append(listener)
-        heard.all |= every
-        self._tell_anew()
+        return heard
 
     def silence(self, topic: str, listener: Listener) -> None:
-        """Hear a topic no more."""
+        """Hear the latest messages of a topic no more."""
         heard = self._heard[topic]
         heard.listeners.remove(listener)
-        if not heard.listeners:
+        if not heard.count:
             del self._heard[topic], self._codes[heard.code]
         self._tell_anew()
 
@@ -184,10 +202,10 @@ class Lane:
             message: serialized.
             both: whether the middleware carries it too.
         """
-        gone, turned = [], False
+        gone, turned, sent_ns = [], False, time.time_ns()
         self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
         for outgoing, code in self._to.get(topic, ()):
-            frame = HEADER.pack(MESSAGE, both, code, outlet, number, count) + message
+            frame = HEADER.pack(MESSAGE, both, code, outlet, number, count, sent_ns) + message
             if not outgoing.send(frame):
                 gone.append(outgoing)
             elif outgoing.is_full or outgoing.stalled:
@@ -202,8 +220,8 @@ class Lane:
 
         Args:
             timeout_s: how long to wait for anything to come.
-            whole: whether all that has come is wanted now; else the rest comes with the next call,
-                unless this process is behind.
+            whole: whether all that has come by now is wanted; else a message of each process, and
+                the rest comes with the next call, unless this process is behind.
         """
         found: list[Arrived] = []
         asked = time.monotonic_ns()
@@ -222,8 +240,12 @@ class Lane:
                 self._read_topics(outgoing)
             else:
                 self._accept()
-        if self.timed:
-            found.sort(key=lambda one: one.origin.sent_ns)
+        for heard in self._filled:
+            # Of several publishers.
+            heard.batch.sort(key=_sent_ns)
+            found += [Arrived(one, heard.batch, INSIDE) for one in heard.batch_listeners]
+            heard.batch = []
+        self._filled.clear()
         return found
 
     def look(self) -> None:
@@ -289,7 +311,7 @@ class Lane:
             return
         connection.setblocking(False)
         if self._is_ours(connection):
-            incoming = Incoming(connection, self._next_serial, self.timed)
+            incoming = Incoming(connection, self._next_serial)
             self._incoming[connection.fileno()] = incoming
             self._next_serial += 1
             self._wait_for_all()
@@ -307,7 +329,10 @@ class Lane:
 
     def _tell(self, incoming: Incoming) -> None:
         """Tell a process that speaks which topics are heard here."""
-        told = [(h.topic, h.code, len(h.listeners), h.all) for h in self._heard.values()]
+        told = [
+            (heard.topic, heard.code, heard.count, bool(heard.batch_listeners))
+            for heard in self._heard.values()
+        ]
         try:
             incoming.tell(told, self._version)
         except OSError:
@@ -317,6 +342,7 @@ class Lane:
         """Read what is heard at the other end."""
         try:
             outgoing.read_topics()
+            self._sort()
         except BlockingIOError:
             self._sort()
         except OSError:
@@ -336,49 +362,47 @@ class Lane:
                 self._readers[topic] = self._readers.get(topic, 0) + counted
 
     def _receive(self, incoming: Incoming, found: list[Arrived], whole: bool) -> None:
-        """Take a message, or all; then the latest of those of which not every one is wanted.
+        """Take a message, or all that have come by now: others may come as fast as they are taken.
 
-        To ask for one more and be told that there is none costs as much as a message.
+        Of those of which not every one is wanted the latest is found. To ask for one more and be
+        told that there is none costs as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
         base = incoming.serial << 32
         size, frame = HEADER.size, self._frame
+        left = incoming.bytes_waiting() if whole or self._records else 0
         while True:
             try:
-                length, sent_ns = incoming.receive(frame)
+                length = incoming.connection.recv_into(frame)
             except BlockingIOError:
                 return
             except OSError:
-                self._close_incoming(incoming)
-                return
+                length = 0
             if not length:
                 self._close_incoming(incoming)
                 return
-            if length <= size or frame[0] != MESSAGE:
+            left -= length
+            if length > size and frame[0] == MESSAGE:
+                _, both, code, outlet, number, count, sent_ns = HEADER.unpack_from(frame)
+                # None: of before it was silenced.
+                heard = self._codes.get(code)
+            else:
                 self.refused += 1
-                continue
-            _, both, code, outlet, number, count = HEADER.unpack_from(frame)
-            heard = self._codes.get(code)
-            if heard is None:
-                # Of before it was silenced.
-                continue
-            origin = Origin(base | outlet, number, count, sent_ns)
-            message = bytes(frame[size:length])
-            if both:
-                self.copied.append((heard.topic, message))
-            for listener in heard.listeners:
-                arrived = Arrived(listener, message, origin)
-                if heard.all:
-                    found.append(arrived)
-                    continue
-                key = id(listener), outlet
-                at = newest.get(key)
-                if at is None:
-                    newest[key] = len(found)
-                    found.append(arrived)
-                else:
-                    found[at] = arrived
-            if not (whole or heard.all):
+                heard = None
+            if heard is not None:
+                origin = Origin(base | outlet, number, count, sent_ns)
+                message = bytes(frame[size:length])
+                if both:
+                    self.copied.append((heard.topic, message))
+                for listener in heard.listeners:
+                    key = id(listener), outlet
+                    at = newest.setdefault(key, len(found))
+                    found[at : at + 1] = (Arrived(listener, message, origin),)
+                if heard.batch_listeners:
+                    if not heard.batch:
+                        self._filled.append(heard)
+                    heard.batch.append((message, origin))
+            if left <= 0:
                 return
 
     def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
@@ -401,3 +425,7 @@ class Lane:
 
     def _wait_for_all(self) -> None:
         self._waited = [self._listening.fileno(), *self._incoming, *self._outgoing]
+
+
+def _sent_ns(item: tuple[bytes, Origin]) -> int:
+    return item[1].sent_ns

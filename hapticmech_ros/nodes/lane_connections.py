@@ -9,11 +9,14 @@ killed it. User ids are those that the kernel tells of the peer.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import socket
 import stat
 import struct
+import sys
+import termios
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -40,18 +43,17 @@ KEPT_BYTES = 1 << 22
 MOST_SOCKETS = 1024
 # Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
 # which of the sending process's outlets, number of its last message through the middleware, and
-# of this one among those over the lane.
-HEADER = struct.Struct("<BBHIQQ")
+# of this one among those over the lane; when it was sent, ns of the machine's clock.
+HEADER = struct.Struct("<BBHIQQq")
 MESSAGE, TOPICS = 1, 2
 # By which a process that hears numbers its topics.
 MOST_CODES = 1 << 16
-_VERSION = 2
+_VERSION = 3
 _BACKLOG = 64
 _CREDENTIALS = struct.Struct("3i")
-# By which Linux is asked when a message was sent, and how it tells: Python has no names for these.
-_SO_TIMESTAMPNS = 35
-_TIME = struct.Struct("qq")
-_TOLD_BYTES = socket.CMSG_SPACE(_TIME.size)
+_NO_BYTES = bytes(struct.calcsize("i"))
+# Lists of topics that a peer may send at once; the rest waits for the next look at it.
+_MOST_LISTS = 16
 
 
 class BrokenRuleError(Exception):
@@ -134,14 +136,14 @@ class Outgoing:
         return True
 
     def read_topics(self) -> None:
-        """Read what is heard at the other end now, as often as it has told that.
+        """Read what is heard at the other end now; of several lists the last one holds.
 
         Raises:
-            BlockingIOError: all is read.
+            BlockingIOError: all is read. Without it there may be more.
             OSError: the connection is gone.
             BrokenRuleError: what it tells cannot be read.
         """
-        while True:
+        for _ in range(_MOST_LISTS):
             frame = self.connection.recv(HEADER.size + MOST_TOLD)
             if not frame:
                 raise ConnectionResetError
@@ -171,39 +173,20 @@ class Incoming:
     Args:
         connection: to it.
         serial: number of the connection in this process.
-        timed: whether to ask the system when each message was sent.
 
     Attributes:
         told: which version of what is heard here it knows.
     """
 
-    def __init__(self, connection: socket.socket, serial: int, timed: bool = False) -> None:
+    def __init__(self, connection: socket.socket, serial: int) -> None:
         self.connection = connection
         self.serial = serial
         self.told = -1
-        self._timed = timed
-        if timed:
-            connection.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
 
-    def receive(self, frame: memoryview) -> tuple[int, int]:
-        """Receive a message.
-
-        Returns:
-            Its length in bytes, 0 if the connection is closed, and when it was sent, ns of the
-            machine's clock, or 0 if that was not asked for.
-
-        Raises:
-            BlockingIOError: there is none.
-            OSError: the connection is gone.
-        """
-        if not self._timed:
-            return self.connection.recv_into(frame), 0
-        length, told, _, _ = self.connection.recvmsg_into([frame], _TOLD_BYTES)
-        for level, kind, data in told:
-            if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
-                seconds, nanoseconds = _TIME.unpack_from(data)
-                return length, int(seconds * NANOSECONDS + nanoseconds)
-        return length, time.time_ns()
+    def bytes_waiting(self) -> int:
+        """Return how many bytes of messages have come and were not received yet."""
+        there = fcntl.ioctl(self.connection, termios.FIONREAD, _NO_BYTES)
+        return int.from_bytes(there, sys.byteorder)
 
     def tell(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
         """Tell it what is heard here, unless it knows: another time if its socket is full.
@@ -221,7 +204,7 @@ class Incoming:
         if len(text) > MOST_TOLD:
             text = json.dumps({"version": _VERSION, "topics": []}).encode()
         try:
-            self.connection.send(HEADER.pack(TOPICS, 0, 0, 0, 0, 0) + text)
+            self.connection.send(HEADER.pack(TOPICS, 0, 0, 0, 0, 0, 0) + text)
         except BlockingIOError:
             return
         self.told = version

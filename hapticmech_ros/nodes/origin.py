@@ -21,7 +21,7 @@ class Origin(NamedTuple):
             for in this process.
         number: by which its publisher counts what it sends through the middleware.
         sent: by which it counts what it sends over the lane; 0: it came another way.
-        sent_ns: when it was sent over the lane, ns of the machine's clock; 0: nobody asked for it.
+        sent_ns: when it was sent over the lane, ns of the machine's clock; 0: it came another way.
     """
 
     via: int
@@ -33,3 +33,6 @@ class Origin(NamedTuple):
 INSIDE = Origin(WITHIN, 0)
 
 Listener = Callable[[bytes, Origin], None]
+# Of a topic's messages that came together, in the order in which they were sent.
+Batch = list[tuple[bytes, Origin]]
+BatchListener = Callable[[Batch], None]

@@ -1,10 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records the graph's topics as they are on the wire into a rosbag2 bag.
+"""The recorder of an experiment: once it hears every topic of a graph it lets waiting hands start.
 
-A process of its own, so that a slow disk delays nobody. Once it hears every topic it lets waiting
-hands start. Tells its parent how it goes by lines of JSON on standard output: ready, started (a
-hand pushes), progress, done or failed.
+Its parent reads how it goes in lines of JSON on its standard output: ready, what it waits for
+(every second), started (a hand pushes), progress, done or failed.
 """
 
 from __future__ import annotations
@@ -13,104 +12,92 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import rclpy
 from rclpy.experimental import EventsExecutor
-from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
+from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.nodes.bags.bag_recorder import (
+    DISCOVERY_PERIOD_S,
+    BagRecorderNode,
+    RecordOptions,
+)
+from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
-from hapticmech_ros.nodes.message_class import message_class
-from hapticmech_ros.nodes.message_info import Info, WithInfo
-from hapticmech_ros.nodes.origin import Origin
-from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
-from hapticmech_ros.nodes.quiet_events import QuietEventsNode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
 TAIL_S = 1.2
 PROGRESS_PERIOD_S = 0.1
+WAITING_PERIOD_S = 1.0
+_HAND_WRENCH = DEVICE_FIELDS.slice("hand_wrench")
 
 
-class RecorderNode(QuietEventsNode):
-    """Writes every message of the table's topics to a bag, and sees when the first hand starts.
+class RecorderNode(BagRecorderNode):
+    """Records the table's topics, and sees when the first hand starts.
 
     Args:
-        writer: of the bag.
+        spool: of the bag.
+        options: of the recording; its topics are those of the table.
         points: the operational points held.
         exchange: brings what comes over the lane.
+
+    Attributes:
+        started_ns: when the first hand started, ns of the machine's clock; None: not yet.
     """
 
-    def __init__(self, writer: BagWriter, points: Sequence[str], exchange: Exchange) -> None:
-        super().__init__("recorder")
-        self._exchange = exchange
-        self._writer = writer
-        self.messages = 0
+    def __init__(
+        self, spool: BagSpool, options: RecordOptions, points: Sequence[str], exchange: Exchange
+    ) -> None:
         users = users_of(points)
+        topics = {topic.of(at, space) for space, at in users for topic in TOPICS}
+        super().__init__(spool, replace(options, topics=tuple(topics)), exchange)
         full = self.resolve_topic_name
-        self._silent = {full(topic.of(at, space)) for space, at in users for topic in _expected()}
+        self._expected = {full(topic.of(at, space)) for space, at in users for topic in _expected()}
         self._watched = {full(DEVICE_STATE.of(at, space)) for space, at in users}
+        self._decode = FlatArray(DEVICE_FIELDS).decode
         self._start_hands = [
             self.create_client(Trigger, f"{space}/{START_HAND}" if space else START_HAND)
             for space, _ in users
         ]
         self._asked = False
         self.started_ns: int | None = None
-        names = {full(topic.of(at, space)): topic for space, at in users for topic in TOPICS}
-        for name, topic in names.items():
-            self._record(topic, name)
 
-    def _record(self, topic: Topic, name: str) -> None:
-        self._writer.add_topic(name, topic.type, topic.qos)
-        qos = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
-        kind = message_class(topic.type)
-
-        def write(data: bytes, time_ns: int) -> None:
-            self._writer.write(name, time_ns, data)
-            self.messages += 1
-            self._silent.discard(name)
-            if name in self._watched and self.started_ns is None:
-                self._look_for_start(data, time_ns)
-
-        def handed(data: bytes, origin: Origin) -> None:
-            write(data, origin.sent_ns or time.time_ns())
-
-        had = self._exchange.listen(name, handed, kind.__name__, every=True)
-
-        def callback(data: bytes, info: Info) -> None:
-            if not had(data):
-                write(data, int(info["received_timestamp"]) or time.time_ns())
-
-        self.create_subscription(kind, name, WithInfo(callback), qos, raw=True)
+    def watch(self, name: str) -> Callable[[Messages], None] | None:
+        """Look for the start of the hand in what a device measures."""
+        return self._look_for_start if name in self._watched else None
 
     def start_hands_when_ready(self) -> None:
         """Let the hands start once every topic of the graph has been heard."""
-        if self._asked or self._silent:
-            return
-        if all(client.service_is_ready() for client in self._start_hands):
+        if not self._asked and not self.waits_for():
             self._asked = True
             for client in self._start_hands:
                 client.call_async(Trigger.Request())
 
-    def silent(self) -> list[str]:
-        """Return the topics of the graph from which nothing has come yet."""
-        return sorted(self._silent)
+    def waits_for(self) -> list[str]:
+        """Return the topics from which nothing has come yet; then services that are not there."""
+        heard = {name for name, topic in self.heard.items() if topic.count}
+        return sorted(self._expected - heard) or [
+            client.srv_name for client in self._start_hands if not client.service_is_ready()
+        ]
 
-    def _look_for_start(self, data: bytes, now_ns: int) -> None:
-        measured = unpack_device(deserialize_message(data, Float64MultiArray).data).measured
-        if measured.hand_wrench.any():
-            self.started_ns = now_ns
+    def _look_for_start(self, messages: Messages) -> None:
+        for time_ns, data in messages:
+            if self.started_ns is None and self._decode(bytes(data))[_HAND_WRENCH].any():
+                self.started_ns = time_ns
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -120,25 +107,31 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap")
     parser.add_argument("--scene", required=True)
     parser.add_argument("--duration", type=float, required=True, help="s after the hand starts")
-    parser.add_argument("--start-timeout", type=float, default=30.0, help="s to wait for the hand")
+    parser.add_argument(
+        "--start-timeout", type=float, default=30.0, help="s without anything new before the start"
+    )
     options, ros_arguments = parser.parse_known_args(list(arguments))
     stop = StopRequest()
     rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
     exchange = Exchange()
     try:
         points = load_scene(options.scene).held_points
-        exchange.join_lane(os.environ, timed=True)
-        with BagWriter(options.out, options.storage) as writer:
-            node = RecorderNode(writer, points, exchange)
-            failure = _record_until_done(node, exchange, stop, options)
-            messages = node.messages
+        exchange.join_lane(os.environ)
+        spool = BagSpool(BagWriter(options.out, options.storage))
+        try:
+            recording = RecordOptions(options.out, storage=options.storage)
+            node = RecorderNode(spool, recording, points, exchange)
+            failure = _record_until_done(node, spool, exchange, stop, options)
             # First, so that others do not count on who is about to leave.
             exchange.close()
+            node.finish()
             node.destroy_node()
+        finally:
+            spool.close()
         if failure:
             write_progress("failed", reason=failure)
             return 1
-        write_progress("done", messages=messages)
+        write_progress("done", messages=sum(topic.count for topic in node.heard.values()))
         return 0
     except HapticMechError as error:
         write_progress("failed", reason=str(error))
@@ -149,33 +142,52 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _record_until_done(
-    node: RecorderNode, exchange: Exchange, stop: StopRequest, options: argparse.Namespace
-) -> str | None:
-    """Return None when all is recorded, or why not."""
+    node: RecorderNode,
+    spool: BagSpool,
+    exchange: Exchange,
+    stop: StopRequest,
+    options: argparse.Namespace,
+) -> str:
+    """Return nothing when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     write_progress("ready")
-    begun = time.monotonic()
-    started = last_told = 0.0
-    while rclpy.ok() and not stop.asked:
+    looked = told = -DISCOVERY_PERIOD_S
+    begun, started, missing = time.monotonic(), 0.0, None
+    while rclpy.ok() and not stop.asked and not spool.failure:
         inbox.gather()
         now = time.monotonic()
+        if now - looked >= DISCOVERY_PERIOD_S:
+            node.discover()
+            looked = now
         if node.started_ns is None:
             node.start_hands_when_ready()
+            before, missing = missing, node.waits_for()
+            if missing != before:
+                begun = now
+            if now - told >= WAITING_PERIOD_S:
+                told = now
+                write_progress("waiting", missing=missing)
             if now - begun > options.start_timeout:
-                silent = f"; nothing on {', '.join(node.silent())}" if node.silent() else ""
-                return f"the hand did not start within {options.start_timeout:g} s{silent}"
+                return _in_vain(missing, options.start_timeout)
             continue
         if not started:
             started = now
             write_progress("started")
-        if now - last_told >= PROGRESS_PERIOD_S:
-            last_told = now
+        if now - told >= PROGRESS_PERIOD_S:
+            told = now
             write_progress("progress", elapsed_s=min(now - started, options.duration))
         if now - started >= options.duration + TAIL_S:
-            return None
+            return ""
     return "stopped by a signal before the experiment was over"
+
+
+def _in_vain(missing: Sequence[str], timeout_s: float) -> str:
+    """Return what was waited for in vain, in words."""
+    if missing:
+        return f"for {timeout_s:g} s nothing came from {', '.join(missing)}"
+    return f"the hand did not start within {timeout_s:g} s after it was told to"
 
 
 def _expected() -> list[Topic]:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.offered_qos import offered_qos
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.bags import bag_spool
@@ -28,11 +29,11 @@ class StalledWriter(BagWriter):
         self.go = threading.Event()
         self._full = full
 
-    def write(self, name: str, time_ns: int, data: bytes | memoryview) -> None:
+    def write_many(self, name: str, messages: Messages) -> None:
         assert self.go.wait(30.0)
         if self._full:
             raise BagError("no space left")
-        super().write(name, time_ns, data)
+        super().write_many(name, messages)
 
 
 def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
@@ -40,10 +41,10 @@ def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
     spool = BagSpool(writer)
     spool.add_topic("/v", UINT8, [offered_qos("stream")])
     for i in range(20_000):
-        spool.put("/v", i, DATA)
+        spool.put("/v", [(i, DATA)])
     writer.go.set()
     spool.close()
-    assert spool.dropped == 0
+    assert not spool.dropped
     with BagReader(tmp_path / "bag") as bag:
         assert [time for _, time, _ in bag.serialized()] == list(range(20_000))
 
@@ -56,10 +57,10 @@ def test_a_queue_that_is_full_drops_and_counts(
     spool = BagSpool(writer)
     spool.add_topic("/v", UINT8, [])
     for i in range(500):
-        spool.put("/v", i, DATA)
+        spool.put("/v", [(i, DATA)])
     writer.go.set()
     spool.close()
-    assert spool.dropped == 500 - 101
+    assert spool.dropped == {"/v": 500 - 101}
     with BagReader(tmp_path / "bag") as bag:
         assert bag.topics["/v"].count == 101
 
@@ -68,7 +69,7 @@ def test_a_full_disk_is_told_and_the_bag_is_finished(tmp_path: Path) -> None:
     writer = StalledWriter(tmp_path / "bag", full=True)
     spool = BagSpool(writer)
     spool.add_topic("/v", UINT8, [])
-    spool.put("/v", 1, DATA)
+    spool.put("/v", [(1, DATA)])
     writer.go.set()
     with pytest.raises(BagError, match="no space left"):
         spool.close()

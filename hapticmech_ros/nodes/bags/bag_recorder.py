@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rosbags.typesys import Stores, get_typestore
 
+from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import BagError, HapticMechError
@@ -110,15 +112,20 @@ class BagRecorderNode(QuietEventsNode):
             if topic is not None and offered:
                 topic.follow(offered, now)
 
+    def watch(self, name: str) -> Callable[[Messages], None] | None:
+        """Return who looks on at what a topic brings; nobody does."""
+        return None
+
     @property
     def hears(self) -> bool:
         """Whether a message has come."""
         return any(topic.count for topic in self.heard.values())
 
     def finish(self) -> None:
-        """Announce what was heard too briefly to be announced until now."""
+        """Announce what was heard too briefly to be announced until now, and note what was lost."""
         for topic in self.heard.values():
             topic.announce(self._offers(topic.name)[0])
+            self._spool.note_lost(topic.name, topic.lost)
 
     def missing(self) -> list[str]:
         """Return topics asked for by name that nobody published."""
@@ -148,7 +155,13 @@ class BagRecorderNode(QuietEventsNode):
         if not reason:
             try:
                 self.heard[name] = HeardTopic(
-                    self, self._spool, name, types[0], self._time_ns, self._exchange
+                    self,
+                    self._spool,
+                    name,
+                    types[0],
+                    self._time_ns,
+                    self._exchange,
+                    self.watch(name),
                 )
             except BagError as error:
                 reason = str(error)
@@ -182,7 +195,7 @@ def record(options: RecordOptions) -> int:
     exchange = Exchange()
     # Nodes that follow /clock are not on the lane.
     if options.transport == "auto" and not options.use_sim_time:
-        exchange.join_lane(os.environ, timed=True)
+        exchange.join_lane(os.environ)
     try:
         writer = BagWriter(
             options.path,
@@ -250,5 +263,5 @@ def _report(node: BagRecorderNode, spool: BagSpool, path: Path) -> None:
     for name in node.missing():
         print(f"  {name}: nobody published it")
     if spool.dropped:
-        print(f"  {spool.dropped} messages dropped: the disk was too slow")
+        print(f"  {sum(spool.dropped.values())} messages dropped: the disk was too slow")
     sys.stdout.flush()

@@ -15,14 +15,15 @@ from typing import NamedTuple
 
 from rosbags.interfaces import Qos
 
+from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError
 
 FLUSH_PERIOD_S = 0.4
 # Most that may wait for a disk; what comes then is dropped, and counted.
 LONGEST_QUEUE_BYTES = 512 << 20
-_Message = tuple[str, int, bytes]
-_NOTHING: _Message = ("", 0, b"")
+_Part = tuple[str, Messages]
+_NOTHING: _Part = ("", [])
 
 
 class _Topic(NamedTuple):
@@ -37,16 +38,17 @@ class BagSpool:
     """Writes messages to a bag from a thread of its own.
 
     Attributes:
-        dropped: messages that found the queue full.
+        dropped: messages that found the queue full, by topic.
         failure: why writing has ended before its time; the rest is dropped.
         worst_wait_s: longest time that a write has kept the queue waiting.
     """
 
     def __init__(self, writer: BagWriter) -> None:
         self._writer = writer
-        self._queue: queue.SimpleQueue[_Message | _Topic | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Part | _Topic | None] = queue.SimpleQueue()
         self._put_bytes = self._written_bytes = 0
-        self.dropped = 0
+        self.dropped: dict[str, int] = {}
+        self._lost: dict[str, int | None] = {}
         self.failure: BagError | None = None
         self.worst_wait_s = 0.0
         self._thread = threading.Thread(target=self._work, name="bag", daemon=True)
@@ -60,23 +62,30 @@ class BagSpool:
         """
         self._queue.put(_Topic(name, msgtype, tuple(offered)))
 
-    def put(self, name: str, time_ns: int, data: bytes) -> None:
-        """Queue a message."""
+    def put(self, name: str, messages: Messages) -> None:
+        """Queue messages of a topic."""
         if self.failure or self._put_bytes - self._written_bytes > LONGEST_QUEUE_BYTES:
-            self.dropped += 1
+            self.dropped[name] = self.dropped.get(name, 0) + len(messages)
             return
-        self._put_bytes += len(data)
-        self._queue.put((name, time_ns, data))
+        self._put_bytes += _bytes(messages)
+        self._queue.put((name, messages))
+
+    def note_lost(self, name: str, lost: int | None) -> None:
+        """Note how many messages of a topic were lost on their way; None: that is not known."""
+        self._lost[name] = lost
 
     def close(self) -> None:
-        """Write all that is queued, and finish the bag.
+        """Write all that is queued, and finish the bag, with what was lost or dropped of it.
 
         Raises:
             BagError: storage full.
         """
         self._queue.put(None)
         self._thread.join()
-        self._writer.close()
+        for name, lost in self._lost.items():
+            if lost is not None:
+                self._lost[name] = lost + self.dropped.get(name, 0)
+        self._writer.close(self._lost)
         if self.failure:
             raise self.failure
 
@@ -99,11 +108,15 @@ class BagSpool:
             except BagError as error:
                 self.failure = error
             if not isinstance(item, _Topic):
-                self._written_bytes += len(item[2])
+                self._written_bytes += _bytes(item[1])
             self.worst_wait_s = max(self.worst_wait_s, time.monotonic() - begun)
 
-    def _write(self, item: _Message | _Topic) -> None:
+    def _write(self, item: _Part | _Topic) -> None:
         if isinstance(item, _Topic):
             self._writer.add_topic(item.name, item.msgtype, offered=item.offered)
-        elif item[0]:
-            self._writer.write(*item)
+        elif item[1]:
+            self._writer.write_many(*item)
+
+
+def _bytes(messages: Messages) -> int:
+    return sum(len(data) for _, data in messages)

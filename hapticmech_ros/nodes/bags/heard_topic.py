@@ -11,12 +11,13 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.message_info import Info, WithInfo
-from hapticmech_ros.nodes.origin import Origin
+from hapticmech_ros.nodes.origin import Batch, Origin
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
@@ -36,6 +37,7 @@ class HeardTopic:
         msgtype: such as ``std_msgs/msg/UInt8``.
         clock: gives the time of reception, ns, of a message with its info; 0 if there is none yet.
         exchange: brings what comes over the lane.
+        watch: called with the times (ns) and bytes of messages as they come, if anybody looks on.
 
     Attributes:
         count: messages recorded.
@@ -55,7 +57,9 @@ class HeardTopic:
         msgtype: str,
         clock: Callable[[Info], int],
         exchange: Exchange,
+        watch: Callable[[Messages], None] | None = None,
     ) -> None:
+        self._watch = watch
         self.name, self.type = name, msgtype
         self.count = 0
         self.untimed = 0
@@ -63,13 +67,13 @@ class HeardTopic:
         self._publishers = 0
         self._node, self._spool, self._clock = node, spool, clock
         self._class = message_class(msgtype)
-        self._held: list[tuple[int, bytes]] | None = []
+        self._held: list[tuple[int, bytes | memoryview]] | None = []
         self._request: QoSProfile | None = None
         self._subscription: Any = None
         self._old: Any = None
         self._key = (0, 0)
         self._sent: dict[int, int] = {}
-        self._had = exchange.listen(name, self._hear_on_lane, self._class.__name__, every=True)
+        self._had = exchange.listen_to_all(name, self._hear_on_lane, self._class.__name__)
         self._doubles: set[tuple[int, int]] = set()
         self._had_last = False
         self._ahead: dict[tuple[int, bytes], None] = {}
@@ -104,8 +108,7 @@ class HeardTopic:
             return
         held, self._held = self._held, None
         self._spool.add_topic(self.name, self.type, [as_recorded(offer) for offer in offered])
-        for time_ns, data in held:
-            self._spool.put(self.name, time_ns, data)
+        self._spool.put(self.name, held)
 
     def _subscribe(self, wanted: QoSProfile, now_s: float) -> None:
         if self._old is not None:
@@ -118,15 +121,20 @@ class HeardTopic:
             self._class, self.name, WithInfo(self._hear), wanted, raw=True
         )
 
-    def _hear_on_lane(self, data: bytes, origin: Origin) -> None:
-        last = self._sent.get(origin.via)
-        if last is not None:
-            self._lost += origin.sent - last - 1
-        self._sent[origin.via] = origin.sent
-        if (origin.number, data) in self._ahead:
-            del self._ahead[origin.number, data]
-        else:
-            self._keep(origin.sent_ns or time.time_ns(), data)
+    def _hear_on_lane(self, batch: Batch) -> None:
+        sent = self._sent
+        for _, origin in batch:
+            number = origin.sent
+            self._lost += number - sent.get(origin.via, number - 1) - 1
+            sent[origin.via] = number
+        if self._ahead:
+            batch = [item for item in batch if not self._was_ahead(*item)]
+        self._keep([(origin.sent_ns, data) for data, origin in batch])
+
+    def _was_ahead(self, data: bytes, origin: Origin) -> bool:
+        """Return whether the middleware has brought a message before, and forget that."""
+        key = origin.number, data
+        return key in self._ahead and self._ahead.pop(key) is None
 
     def _hear(self, data: bytes, info: Info) -> None:
         had = self._had(data)
@@ -149,16 +157,18 @@ class HeardTopic:
                 del self._ahead[next(iter(self._ahead))]
         time_ns = self._clock(info)
         if time_ns:
-            self._keep(time_ns, data)
+            self._keep([(time_ns, data)])
         else:
             self.untimed += 1
 
-    def _keep(self, time_ns: int, data: bytes) -> None:
-        self.count += 1
+    def _keep(self, messages: Messages) -> None:
+        self.count += len(messages)
+        if self._watch is not None:
+            self._watch(messages)
         if self._held is None:
-            self._spool.put(self.name, time_ns, data)
+            self._spool.put(self.name, messages)
         else:
-            self._held.append((time_ns, data))
+            self._held += messages
 
 
 def _is_weaker(wanted: QoSProfile, present: QoSProfile) -> bool:
