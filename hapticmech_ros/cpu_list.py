@@ -1,16 +1,21 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of processors as Linux writes them: ``0,2-3``."""
+"""Processors: their numbers as Linux writes them (``0,2-3``), and how many this process may use."""
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
 
 from hapticmech_ros.errors import InvalidInputError
 
 ANY = "any"
 _RULE = "must be numbers and ranges of CPUs, such as 0,2-3, or 'any'"
+# Control groups of versions 2 and 1, and where a process's own are listed.
+GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 _PART = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
 
 
@@ -42,3 +47,33 @@ def listed(cpus: Iterable[int]) -> str:
         else:
             runs.append([cpu, cpu])
     return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in runs)
+
+
+def available_cores() -> float:
+    """Return how many processors this process may use: its affinity, and quotas of its groups.
+
+    A container with ``--cpus 1.5`` has 1.5, whatever number of processors it sees.
+    """
+    found = float(len(os.sched_getaffinity(0)))
+    with suppress(OSError):
+        for line in OWN_GROUPS.read_text(encoding="utf-8").splitlines():
+            _, controllers, name = line.split(":", 2)
+            folder = GROUPS / "cpu" if "cpu" in controllers.split(",") else GROUPS
+            if controllers and folder == GROUPS:
+                continue
+            own = PurePosixPath(name.lstrip("/"))
+            for group in (own, *own.parents):
+                found = min(found, _quota(folder / group))
+    return found
+
+
+def _quota(group: Path) -> float:
+    """Return how many processors a control group may use; infinity: any number."""
+    with suppress(OSError, ValueError):
+        most, period = (group / "cpu.max").read_text(encoding="ascii").split()
+        return float("inf") if most == "max" else int(most) / int(period)
+    with suppress(OSError, ValueError):
+        most = (group / "cpu.cfs_quota_us").read_text(encoding="ascii")
+        period = (group / "cpu.cfs_period_us").read_text(encoding="ascii")
+        return int(most) / int(period) if int(most) > 0 else float("inf")
+    return float("inf")

@@ -23,6 +23,8 @@ _REPORT = b"X_HAPTICMECH_REPORT="
 # s, for which a process waits where others have just said so too: ten messages fill a socket.
 _PATIENCE_S = 0.5
 _LARGEST = 1 << 16
+# Of what was said, so much is read at once: more may come as fast as it is read.
+_AT_ONCE = 256
 _CREDENTIALS = struct.Struct("3i")
 
 
@@ -103,13 +105,13 @@ class Readiness:
 
     def pids(self) -> frozenset[int]:
         """Return the processes that have said so, by what the system says of the sender."""
-        while True:
+        for _ in range(_AT_ONCE):
             try:
                 text, ancillary, _, _ = self._socket.recvmsg(
                     _LARGEST, socket.CMSG_SPACE(_CREDENTIALS.size)
                 )
             except BlockingIOError:
-                return frozenset(self._ready)
+                break
             for line in text.split(b"\n"):
                 if line == READY:
                     for level, kind, data in ancillary:
@@ -117,6 +119,7 @@ class Readiness:
                             self._ready.add(_CREDENTIALS.unpack(data[: _CREDENTIALS.size])[0])
                 elif line.startswith(_REPORT):
                     self._take(line.removeprefix(_REPORT))
+        return frozenset(self._ready)
 
     def _take(self, said: bytes) -> None:
         try:

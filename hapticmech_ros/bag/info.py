@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
 
-from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
+from hapticmech_ros.bag.metadata import is_unfinished, losses_of, read_metadata
 from hapticmech_ros.bag.reader import BagReader, BagTopic
 from hapticmech_ros.bag.storage import SUFFIXES
 from hapticmech_ros.errors import BagError
@@ -61,6 +62,8 @@ class BagInfo:
         messages: in all.
         files: in order.
         topics: by name.
+        lost: messages that the recording lost, of each topic that lost any (None: not known); None
+            where the recorder has not counted.
     """
 
     path: Path
@@ -74,6 +77,7 @@ class BagInfo:
     messages: int
     files: tuple[FileInfo, ...]
     topics: tuple[TopicInfo, ...]
+    lost: Mapping[str, int | None] | None = None
 
     @property
     def bytes(self) -> int:
@@ -115,6 +119,7 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
             sum(topic.count for topic in bag.topics.values()),
             _files(folder, information),
             tuple(_topic(name, topic, duration) for name, topic in bag.topics.items()),
+            losses_of(information),
         )
 
 

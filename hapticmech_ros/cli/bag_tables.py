@@ -24,6 +24,9 @@ def show_info(info: BagInfo) -> None:
         _say("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
     if info.compression:
         _say(f"compression: {info.compression}")
+    if info.lost:
+        told = (f"{name} {'?' if count is None else count}" for name, count in info.lost.items())
+        _say(f"lost while recording: {', '.join(told)}", "yellow")
     if info.messages:
         _say(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
     for file in info.files:

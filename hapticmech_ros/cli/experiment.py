@@ -42,6 +42,15 @@ def demo(
     composed: ComposedOption = False,
     duration: DurationOption = None,
     storage: Annotated[str, typer.Option(help="mcap or sqlite3")] = "mcap",
+    control_rate: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=10000.0,
+            help="Hz",
+            show_default="the scene's, or 500 or 250 if the machine does not carry that",
+        ),
+    ] = 0.0,
     changes: ChangesOption = None,
 ) -> None:
     """Run the paper's experiment over ROS: graph, bag, figures, summary."""
@@ -52,14 +61,23 @@ def demo(
     (scene,) = with_changes([scene], changes, out)
     with progress() as bar:
         task = bar.add_task("starting the graph", total=None)
+        shown = ""
 
         def show(stage: str, done: float | None) -> None:
+            nonlocal shown
             bar.update(task, description=stage, total=1.0 if done is not None else None)
             if done is not None:
                 bar.update(task, completed=done)
+            # Where there is no bar, a line for each stage.
+            if not console.is_terminal and stage != shown:
+                notify(stage)
+            shown = stage
+
+        def notify(sentence: str) -> None:
+            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
         try:
-            summary = run_demo(scene, out, composed, duration, storage, show)
+            summary = run_demo(scene, out, composed, duration, storage, show, control_rate, notify)
         except UnfinishedRunError as failure:
             _leave(failure, load_scene(scene), out)
             raise

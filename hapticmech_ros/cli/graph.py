@@ -104,7 +104,9 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
+    from hapticmech_ros.cpu_list import available_cores
     from hapticmech_ros.graph import AuxiliaryProcess, Graph
+    from hapticmech_ros.graph_load import LoadWatch
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
@@ -181,7 +183,9 @@ def run(
                 for name, page in graph.pages.items()
             ]
             line = stack.enter_context(live_line())
-            left, up, ends = CHECK_PERIOD_S, None, None
+            left, up, ends, load = CHECK_PERIOD_S, None, None, None
+            rate = 1.0 / loaded.simulation.period
+            watch = LoadWatch(rate, available_cores(), composed, len(held) or 1)
             while left > 0.0 and not stop.wait(min(CHECK_PERIOD_S, left)):
                 if respawn:
                     for sentence in graph.respawn():
@@ -192,7 +196,12 @@ def run(
                         page.look()
                 if recorder is not None:
                     recorder.look()
-                line.show(graph.reports())
+                reports = graph.reports()
+                line.show(reports)
+                if up is not None and load is None and not use_sim_time:
+                    load = watch.look(reports)
+                    for sentence in () if load is None else load.sentences():
+                        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
                 if up is None and graph.is_ready():
                     up = time.monotonic()
                 if ends is None and up is not None and _hears(recorder, graph, up):

@@ -6,11 +6,14 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.cpu_list import available_cores
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag
@@ -27,7 +30,10 @@ from hapticmech_ros.graph import (
     stop_process,
     told_by,
 )
+from hapticmech_ros.graph_load import RATES, GraphLoad, LoadWatch
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.readiness import Report
+from hapticmech_ros.scene import Scene
 
 RECORDER = "hapticmech_ros.nodes.recorder"
 
@@ -39,6 +45,14 @@ class DemoError(HapticMechError):
     """The demo could not be completed."""
 
 
+class _DoesNotFitError(DemoError):
+    """The machine does not carry the graph at its rate."""
+
+    def __init__(self, load: GraphLoad) -> None:
+        super().__init__(f"{load.sentence()}: {load.advice()}")
+        self.load = load
+
+
 def run_demo(
     scene_name: str,
     out: Path,
@@ -46,12 +60,27 @@ def run_demo(
     duration: float | None = None,
     storage: str = "mcap",
     show: Show = lambda stage, done: None,
+    control_rate: float = 0.0,
+    notify: Callable[[str], None] = lambda sentence: None,
 ) -> dict[str, object]:
     """Run the experiment over ROS.
+
+    Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
+    is run at a lower one, of :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
     of the same names from an earlier run are replaced.
+
+    Args:
+        scene_name: shipped scene, or path.
+        out: folder for the results.
+        composed: whether all nodes are in one process.
+        duration: s, from when the first hand starts; the scene's if left out.
+        storage: of the bag, mcap or sqlite3.
+        show: called with the progress.
+        control_rate: Hz; 0: the scene's, or a lower one if the machine does not carry that.
+        notify: called with sentences on what the machine carries.
 
     Returns:
         Summary of the run.
@@ -61,18 +90,45 @@ def run_demo(
         DemoError: a node ended, or the hand never started.
         BagError: ``out/bag`` exists and is not a bag.
     """
-    scene = load_scene(scene_name)
+    scene = load_scene(scene_name, control_rate)
     seconds = scene.experiment.duration if duration is None else duration
     bag = out / "bag"
-    _clear(bag)
-    record_graph(scene_name, bag, composed, seconds, storage, show)
+    rate = 1.0 / scene.simulation.period
+    lower = [] if control_rate else [one for one in RATES if one < 0.99 * rate]
+    while True:
+        _clear(bag)
+        try:
+            run = record_graph(
+                scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
+            )
+        except _DoesNotFitError as misfit:
+            rate = misfit.load.fitting_rate_hz or lower[-1]
+            notify(f"{misfit.load.sentence()}: the demo runs at {rate:g} Hz")
+        else:
+            if run.load is not None:
+                notify(run.load.sentence())
+            if run.interruptions and lower:
+                rate = lower[0]
+                notify(f"{run.told()}: once more at {rate:g} Hz")
+            else:
+                break
+        lower = [one for one in lower if one < 0.99 * rate]
+    if run.interruptions:
+        notify(f"{run.told()}: the results are those of an interrupted run")
+    scene = load_scene(scene_name, rate)
+    return _results(scene, bag, out, seconds, show)
+
+
+def _results(scene: Scene, bag: Path, out: Path, seconds: float, show: Show) -> dict[str, object]:
+    """Write figures and summary of a recorded run, beside a session's, and return the summary."""
     show("reading the bag", None)
+    health, losses = health_from_bag(bag), losses_of(read_metadata(bag))
     if len(scene.held_points) > 1:
         shared = shared_record_from_bag(bag, scene, duration=seconds)
         show("simulating the same without ROS", None)
         both = run_shared_session(scene, seconds)
         show("drawing", None)
-        return write_shared_results(shared, scene, out, health_from_bag(bag), both)
+        return write_shared_results(shared, scene, out, health, both, losses)
     record = record_from_bag(bag, scene, duration=seconds)
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
@@ -81,9 +137,36 @@ def run_demo(
         record,
         scene,
         out,
-        graph=health_from_bag(bag),
+        graph=health,
         agreement=compare(record, reference),
         reference=reference,
+        lost=losses,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GraphRun:
+    """How the run of a graph went.
+
+    Attributes:
+        load: what the graph cost; None if its nodes reported too little.
+        interruptions: how often rendering broke off and began anew after the hands had started.
+    """
+
+    load: GraphLoad | None
+    interruptions: int
+
+    def told(self) -> str:
+        """Return in words that it was interrupted."""
+        times = "once" if self.interruptions == 1 else f"{self.interruptions} times"
+        return f"rendering was interrupted {times}"
+
+
+def _engagements(reports: Mapping[str, Report]) -> int:
+    """Return how often controllers have engaged, and devices were held."""
+    counted = ("engagements", "times_held")
+    return max(
+        sum(int(report.figures.get(name, 0)) for report in reports.values()) for name in counted
     )
 
 
@@ -94,7 +177,9 @@ def record_graph(
     seconds: float,
     storage: str = "mcap",
     show: Show = lambda stage, done: None,
-) -> None:
+    control_rate: float = 0.0,
+    must_fit: bool = False,
+) -> GraphRun:
     """Record a graph whose hands start once the recorder receives all topics.
 
     Args:
@@ -104,38 +189,66 @@ def record_graph(
         seconds: s, from when the first hand starts.
         storage: mcap or sqlite3.
         show: called with the progress.
+        control_rate: Hz; 0: the scene's.
+        must_fit: whether to give up before the hands start if the machine does not carry the graph.
+
+    Returns:
+        How the run went.
 
     Raises:
-        DemoError: a node ended, or the hand never started.
+        DemoError: a node ended, nothing came of a topic, the hand never started, or the graph does
+            not fit.
     """
     # Before the recorder waits for the graph: the first compilation takes longer than its timeout.
     compile_ahead()
     environment = private_environment()
+    scene = load_scene(scene_name, control_rate)
+    hold = scene.held_points if scene.hands else ()
     command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene_name]
     command += ["--duration", str(seconds), "--storage", storage]
     recorder = start_process(command, environment, pipe_output=True)
     parameters: dict[str, object] = {"haptic_device.wait_for_start": True}
+    if control_rate:
+        parameters["control_rate"] = control_rate
+    watch = LoadWatch(1.0 / scene.simulation.period, available_cores(), composed, len(hold) or 1)
+    load: GraphLoad | None = None
+    engaged = 0
     try:
         events = told_by(recorder)
+        show("starting the recorder", None)
         _expect(events, "ready")
         show("starting the graph", None)
-        scene = load_scene(scene_name)
-        hold = scene.held_points if scene.hands else ()
         with Graph(
             scene_name, composed, "", parameters, environment, hold=hold, shown=True
         ) as graph:
             for event in events:
-                if event["event"] == "progress":
-                    graph.check()
-                    show("pushing and recording", event["elapsed_s"] / seconds)
-                elif event["event"] == "failed":
-                    graph.check()
-                    raise DemoError(f"recording failed: {event['reason']}")
-                elif event["event"] == "done":
-                    return
+                graph.check()
+                match event["event"]:
+                    case "waiting":
+                        show(_waiting(event["missing"]), None)
+                        if not event["missing"]:
+                            reports = graph.reports()
+                            load, engaged = watch.look(reports), _engagements(reports)
+                            if must_fit and load is not None and not load.fits:
+                                raise _DoesNotFitError(load)
+                    case "progress":
+                        load = watch.look(graph.reports())
+                        show("pushing and recording", event["elapsed_s"] / seconds)
+                    case "failed":
+                        raise DemoError(f"recording failed: {event['reason']}")
+                    case "done":
+                        return GraphRun(load, _engagements(graph.reports()) - engaged)
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
+
+
+def _waiting(missing: Sequence[str]) -> str:
+    """Return what is waited for, in words."""
+    if not missing:
+        return "looking whether the graph fits this machine"
+    more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+    return f"waiting for {missing[0]}{more}"
 
 
 def _expect(events: Iterator[dict[str, Any]], name: str) -> None:

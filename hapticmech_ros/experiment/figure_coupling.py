@@ -26,6 +26,7 @@ from hapticmech_ros.experiment.figure_style import (
     TIME_LABEL,
     about,
     at_least,
+    at_rate,
     dress,
     new_figure,
 )
@@ -48,7 +49,7 @@ DASHED: Final = "--"
 def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
     """Return the figure: a column for each user, of what the others do to it."""
     count = len(record.users)
-    figure = new_figure(COLUMN * count, 8.0, about([scene.name], CAPTION))
+    figure = new_figure(COLUMN * count, 8.0, about([scene.name], at_rate(CAPTION, scene)))
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False)
     for index, point in enumerate(record.points):
         force, acceleration, mobility = rows[:, index]

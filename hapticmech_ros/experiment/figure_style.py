@@ -81,12 +81,17 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
 def titled(scene: Scene, figure: str, caption: str, point: str = "") -> str:
     """Return a caption that begins with its scene, or with the paper's figure if it is that.
 
-    A point is named where the scene has several.
+    A point is named where the scene has several. It ends with the control rate.
     """
     paper = load_scene(PAPER)
     same = all(getattr(scene, key) == getattr(paper, key) for key in ("name", *EXPERIMENT))
     at = f", {point}" if point and len(scene.operational_points) > 1 else ""
-    return f"{figure if same else scene.name + at}. {caption}"
+    return f"{figure if same else scene.name + at}. {at_rate(caption, scene)}"
+
+
+def at_rate(caption: str, scene: Scene) -> str:
+    """Return a caption that ends with the control rate."""
+    return f"{caption} Control rate {1.0 / scene.simulation.period:g} Hz."
 
 
 def about(scenes: Sequence[str], caption: str) -> str:

@@ -20,6 +20,7 @@ from hapticmech_ros.experiment.figure_style import (
     TIME_LABEL,
     about,
     at_least,
+    at_rate,
     dress,
     legend,
     new_figure,
@@ -43,7 +44,9 @@ def users_figure(
     record: SharedRecord, scene: Scene, reference: SharedRecord | None = None
 ) -> Figure:
     """Return the figure: a column for each user; ``reference`` is drawn behind, in grey."""
-    figure = new_figure(COLUMN * len(record.users), 8.6, about([scene.name], CAPTION))
+    figure = new_figure(
+        COLUMN * len(record.users), 8.6, about([scene.name], at_rate(CAPTION, scene))
+    )
     rows = figure.subplots(
         4, len(record.users), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 3, 3, 2)
     )

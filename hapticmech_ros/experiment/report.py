@@ -109,10 +109,20 @@ def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     latency = [_number(graph[f"loop_latency_{k}_us"], 1e-3, "", 2) for k in ("p50", "p99", "max")]
     missed = graph["missed_deadlines"]
     return [
-        ("rate, measured", _number(graph["measured_rate_hz"], 1.0, "Hz", 1)),
+        (
+            "rate, measured (wanted)",
+            f"{_number(graph['measured_rate_hz'], 1.0, 'Hz', 1)} ({graph['nominal_rate_hz']:g} Hz)",
+        ),
         ("deadlines missed, all nodes", NOTHING if missed is None else f"{missed:g}"),
         ("loop latency p50 / p99 / max, ms", " / ".join(latency)),
+        *_loss_rows(graph),
     ]
+
+
+def _loss_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return a row with the messages that the recorder lost, if it has counted; else none."""
+    lost = graph["recorder_lost"]
+    return [] if lost is None else [("messages lost by the recorder", str(lost))]
 
 
 def _agreement_rows(agreement: Mapping[str, Any] | None) -> list[tuple[str, str]]:

@@ -12,19 +12,25 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.grips import Grips, grips_of
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.shared_record import SharedRecord
-from hapticmech_ros.experiment.summary import root_mean_square, summarise
+from hapticmech_ros.experiment.summary import Losses, root_mean_square, summarise
 from hapticmech_ros.scene import Scene
 
 Json = dict[str, Any]
 
 
-def summarise_shared(record: SharedRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
+def summarise_shared(
+    record: SharedRecord,
+    scene: Scene,
+    graph: GraphHealth | None = None,
+    lost: Losses | None = None,
+) -> Json:
     """Return the summary of a run of several users.
 
     Args:
         record: the run.
         scene: of the run.
         graph: diagnostics of the nodes, for a run of the graph.
+        lost: messages that the recorder lost, by topic; None where it has not counted any.
     """
     health = graph or GraphHealth({})
     return {
@@ -32,7 +38,7 @@ def summarise_shared(record: SharedRecord, scene: Scene, graph: GraphHealth | No
         "source": record.source,
         "duration_s": float(record.first.times[-1]),
         "users": {
-            point: summarise(user, scene.held_at(point), _of_user(health, point))
+            point: summarise(user, scene.held_at(point), _of_user(health, point), lost)
             for point, user in record.users.items()
         },
         "spans": [_span(record, span) for span in grips_of(scene, float(record.first.times[-1]))],

@@ -8,6 +8,7 @@ from the record's start.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,18 +21,26 @@ from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.scene import Scene
 
 Json = dict[str, Any]
+# Messages by topic; None: not known.
+Losses = Mapping[str, int | None]
 
 # Intervals between device samples longer than this many periods are counted as gaps.
 GAP_PERIODS = 1.5
 
 
-def summarise(record: ExperimentRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
+def summarise(
+    record: ExperimentRecord,
+    scene: Scene,
+    graph: GraphHealth | None = None,
+    lost: Losses | None = None,
+) -> Json:
     """Return the summary of a run.
 
     Args:
         record: the run.
         scene: of the run.
         graph: diagnostics of the nodes, for a run of the graph.
+        lost: messages that the recorder lost, by topic; None where it has not counted any.
     """
     summary: Json = {
         "scene": record.scene,
@@ -52,7 +61,7 @@ def summarise(record: ExperimentRecord, scene: Scene, graph: GraphHealth | None 
         },
     }
     if record.source == "graph":
-        summary["graph"] = _graph(record, graph or GraphHealth({}))
+        summary["graph"] = _graph(record, graph or GraphHealth({}), lost)
     return summary
 
 
@@ -183,7 +192,7 @@ def _energy(record: ExperimentRecord) -> Json:
     }
 
 
-def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
+def _graph(record: ExperimentRecord, health: GraphHealth, lost: Losses | None) -> Json:
     intervals = np.diff(record.times)
     span = float(record.times[-1] - record.times[0])
     latency = {name: health.one(f"loop_latency_{name}_us") for name in ("p50", "p90", "p99", "max")}
@@ -193,6 +202,8 @@ def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
         "measured_interval_max_ms": _largest(1e3 * intervals),
         "measured_gaps": int(np.count_nonzero(intervals > GAP_PERIODS * record.period)),
         "missed_deadlines": health.total("missed_deadlines"),
+        "recorder_lost": None if lost is None else sum(count or 0 for count in lost.values()),
+        "recorder_lost_by_topic": dict(lost or {}),
         **{f"loop_latency_{name}_us": value for name, value in latency.items()},
         "nodes": {
             name: {"level": node.level, "message": node.message, **node.figures}

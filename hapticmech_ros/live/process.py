@@ -23,6 +23,8 @@ from hapticmech_ros.live.mailbox import Mailbox
 
 # Between two states that are sent, s.
 STATE_PERIOD_S = 1.0 / 60.0
+# Commands taken between two steps: they may come as fast as they are taken.
+MOST_COMMANDS = 64
 # How long the child is given to begin, kernels compiled if need be, and to end by itself, s.
 _START_S, _END_S = COMPILE_TIMEOUT_S + 60.0, 5.0
 _NOT_BEGUN = f"the live session did not begin within {_START_S:g} s"
@@ -142,7 +144,9 @@ def _run(pipe: Connection, live: LiveSession) -> None:
     sent = 0.0
     while True:
         wait = 0.0 if live.is_behind else AT_ONCE_S
-        while pipe.poll(wait):
+        for _ in range(MOST_COMMANDS):
+            if not pipe.poll(wait):
+                break
             command = pipe.recv()
             if command is None:
                 return

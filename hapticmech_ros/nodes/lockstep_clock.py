@@ -41,7 +41,8 @@ from hapticmech_ros.wire.topics import TOPICS
 CLOCK = "/clock"
 # /clock is heard best effort: whoever missed a tick's time is told again.
 RETELL_PERIOD_S = 0.05
-QUIET_S = 0.1
+# It ends once nothing has come for so long, which it waits for so often at most.
+QUIET_S, MOST_QUIET = 0.1, 20
 PROGRESS_PERIOD_S = 0.2
 
 
@@ -220,8 +221,9 @@ def _pace(
             while (ahead := due - time.monotonic()) > 0.0 and not stop.asked:
                 wait_for_messages(executor, min(ahead, LONGEST_WAIT_S))
         node.advance()
-    while time.monotonic() - node.last_heard_s < QUIET_S:
-        wait_for_messages(executor, QUIET_S)
+    for _ in range(MOST_QUIET):
+        if time.monotonic() - node.last_heard_s < QUIET_S:
+            wait_for_messages(executor, QUIET_S)
     executor.shutdown()
 
 

@@ -7,8 +7,8 @@ happens here and nowhere else. One thread runs callbacks and ticks, so nodes nee
 
 The executor has nothing that the lane's sockets could be waited for together with. So while another
 process is on the lane, what is waited for is the lane, and what the middleware has brought is
-looked at once a period, after the loop's own work; more often where somebody who is not on the lane
-speaks on one of its topics.
+looked at every few milliseconds, after the loop's own work; more often where somebody who is not on
+the lane speaks on one of its topics.
 """
 
 from __future__ import annotations
@@ -37,20 +37,22 @@ LONGEST_WAIT_S = 0.1
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
 # A processor that idles wakes up late, by 50 to 100 us where it is a virtual one. A deadline is
-# waited for with open eyes from as much before it, but for no more than this share of the wait.
-AWAKE_SHARE = 10
+# waited for with open eyes from as much before it, but for no more than this share of the wait, and
+# no longer than this, ns: whoever looks at the clock takes the processor from everybody else.
+AWAKE_SHARE, AWAKE_NS = 10, 40_000
 # Of the latenesses seen, what a new one counts; and no more than this of it, ns: a thread that
 # something else kept waiting would not have come earlier for looking at the clock.
 _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
-# How often the middleware is looked at while the lane is waited for; and while the middleware
-# brings messages of the lane's topics, as it did within the time below.
-LOOK_NS, LOOK_OFTEN_NS = 1_000_000, 200_000
+# How often the middleware is looked at while the lane is waited for, with the first message or
+# deadline from then on, or by itself at the latest; and while there is more than was taken, or the
+# middleware brings messages of the lane's topics, as it did within the time below.
+LOOK_NS, LATEST_LOOK_NS, LOOK_OFTEN_NS = 4_000_000, 5_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
 # Callbacks in one look.
 MOST_CALLBACKS = 32
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
-GATHER_S = 0.005
+GATHER_S = 0.01
 # Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
 # not before its answer has come or so much time has passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
@@ -165,7 +167,7 @@ class Inbox:
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
         exchange = self._exchange
-        early = min(self._late_ns, (deadline - now) // AWAKE_SHARE)
+        early = min(self._late_ns, AWAKE_NS, (deadline - now) // AWAKE_SHARE)
         exchange.collect((deadline - early - now) / NANOSECONDS)
         if exchange.is_waiting:
             return
@@ -209,11 +211,10 @@ class Inbox:
             if not self._marked:
                 break
         now = time.monotonic_ns()
-        if now - self._exchange.strange_ns < STRANGE_NS:
+        if self._marked or now - self._exchange.strange_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:
-            # With the first message or deadline from then on; there is mostly one in a period.
-            self._look_ns, self._latest_ns = now + LOOK_NS, now + 2 * LOOK_NS
+            self._look_ns, self._latest_ns = now + LOOK_NS, now + LATEST_LOOK_NS
         return self._marked
 
 

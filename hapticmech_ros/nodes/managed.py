@@ -30,6 +30,7 @@ from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
+from hapticmech_ros.nodes.statistics import processor_time
 from hapticmech_ros.readiness import Report, say_report
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamps import nearest_stamp
@@ -392,6 +393,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         figures["transport"] = self._transport()
         if self.realtime is not None:
             figures.update(self.realtime.figures())
+        figures.update(processor_time())
         figures["clock_steps"] = str(self._clock_steps)
         figures["last_clock_step"] = self._last_step
         figures["refused_messages"] = str(self.refused)

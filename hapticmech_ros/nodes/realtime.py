@@ -233,19 +233,22 @@ def ask_for_share() -> str:
     """Request nice :data:`NICE` for all threads; return why it was refused, or nothing.
 
     Such a thread runs as soon as it wakes up, where the system knows slices, and leaves others a
-    share all the same. Processes started from here, and threads begun later, have the nice value
-    and the slice that all have.
+    share all the same. The slice is asked for also where the nice value is refused: it needs no
+    permission. Processes started from here, and threads begun later, have the nice value and the
+    slice that all have.
     """
+    refusal = ""
     try:
         for thread in _threads():
             os.sched_setscheduler(thread, _ORDINARY, os.sched_param(0))
-            os.setpriority(os.PRIO_PROCESS, thread, NICE)
+            try:
+                os.setpriority(os.PRIO_PROCESS, thread, NICE)
+            except PermissionError:
+                refusal = f"nice {NICE} is not granted to this user: {ALLOWS_NICE}"
             _ask_for_slice(thread)
-    except PermissionError:
-        return f"nice {NICE} is not granted to this user: {ALLOWS_NICE}"
     except OSError as error:
         return f"nice {NICE} cannot be had here: {error.strerror}"
-    return ""
+    return refusal
 
 
 def pin(cpus: Iterable[int]) -> str:
@@ -307,7 +310,7 @@ def _ask_for_slice(thread: int) -> None:
         _SCHED_ATTRIBUTES.size,
         os.SCHED_OTHER,
         _SCHED_FLAG_RESET_ON_FORK,
-        NICE,
+        os.getpriority(os.PRIO_PROCESS, thread),
         0,
         SLICE_NS,
         *(0, 0, 0, 0),
@@ -328,7 +331,7 @@ def scheduling() -> str:
         return f"{name} {priority}"
     nice = os.getpriority(os.PRIO_PROCESS, 0)
     short = f", slice {SLICE_NS // 1000} us" if slice_ns() == SLICE_NS else ""
-    return f"{name}, nice {nice}{short}" if nice else name
+    return f"{name}, nice {nice}{short}" if nice else f"{name}{short}"
 
 
 def _common_place(nodes: Iterable[NodeParameters]) -> int | None:

@@ -3,7 +3,7 @@
 """The recorder of an experiment: once it hears every topic of a graph it lets waiting hands start.
 
 Its parent reads how it goes in lines of JSON on its standard output: ready, what it waits for
-(every second), started (a hand pushes), progress, done or failed.
+(twice a second), started (a hand pushes), progress, done or failed.
 """
 
 from __future__ import annotations
@@ -39,10 +39,11 @@ from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
 
-# Nodes publish diagnostics once a second: recording goes on this long so that the last are in.
-TAIL_S = 1.2
+# Nodes publish diagnostics once a second: recording goes on this long so that the last are in. The
+# hands start once nothing is missing for so long: by then it is known what the graph costs.
+TAIL_S, SETTLE_S = 1.2, 2.2
 PROGRESS_PERIOD_S = 0.1
-WAITING_PERIOD_S = 1.0
+WAITING_PERIOD_S = 0.5
 _HAND_WRENCH = DEVICE_FIELDS.slice("hand_wrench")
 
 
@@ -74,6 +75,7 @@ class RecorderNode(BagRecorderNode):
             for space, _ in users
         ]
         self._asked = False
+        self._whole_s = 0.0
         self.started_ns: int | None = None
 
     def watch(self, name: str) -> Callable[[Messages], None] | None:
@@ -81,8 +83,11 @@ class RecorderNode(BagRecorderNode):
         return self._look_for_start if name in self._watched else None
 
     def start_hands_when_ready(self) -> None:
-        """Let the hands start once every topic of the graph has been heard."""
-        if not self._asked and not self.waits_for():
+        """Let the hands start once every topic of the graph is heard, for :data:`SETTLE_S`."""
+        now = time.monotonic()
+        if self._asked or self.waits_for():
+            self._whole_s = now
+        elif now - self._whole_s >= SETTLE_S:
             self._asked = True
             for client in self._start_hands:
                 client.call_async(Trigger.Request())

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from array import array
 
 import numpy as np
@@ -46,3 +48,16 @@ class DurationHistogram:
             f"{name}_p99_us": f"{p99:.0f}",
             f"{name}_max_us": f"{self.max_ns / 1000.0:.0f}",
         }
+
+
+def processor_time() -> dict[str, str]:
+    """Return for diagnostics which process this is, and what it took of the processors until now.
+
+    Returns:
+        Its number, its processor time, s, and the time of the machine's monotonic clock, s.
+    """
+    return {
+        "pid": str(os.getpid()),
+        "cpu_s": f"{time.process_time():.4f}",
+        "monotonic_s": f"{time.monotonic():.4f}",
+    }

@@ -17,6 +17,8 @@ from rosbags.interfaces import QosDurability, QosReliability, QosTime
 from rosbags.rosbag2 import Reader
 
 from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.metadata import load_metadata, losses_of
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import TOPICS
 
@@ -195,3 +197,45 @@ def test_an_error_does_not_cost_the_recording(
         fail()
     with BagReader(tmp_path / "bag") as reader:
         assert [time for _, time, _ in reader.serialized()] == [7]
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_many_messages_at_once_are_as_good_as_one_by_one(
+    tmp_path: Path, storage: str, wrench_bytes: Bytes
+) -> None:
+    sent = write(tmp_path / "one", storage, wrench_bytes)
+    with BagWriter(tmp_path / "many", storage) as bag:
+        bag.add_topic("/a/force", WRENCH, "stream")
+        bag.add_topic("/a/closures", "std_msgs/msg/UInt8MultiArray", "latched")
+        bag.write_many("/a/force", list(zip(TIMES, sent, strict=True)))
+        bag.write_many("/a/closures", [])
+        assert bag.counts == {"/a/force": 3, "/a/closures": 0}
+    if storage == "mcap":
+        files = [tmp_path / name / f"{name}_0.mcap" for name in ("one", "many")]
+        # But for the names of the files, and what hangs on their lengths.
+        one, many = (file.read_bytes().partition(b"rosbag2_bagfile")[0] for file in files)
+        assert one == many
+    with BagReader(tmp_path / "many") as bag:
+        assert [(time_ns, data) for _, time_ns, data in bag.serialized()] == list(
+            zip(TIMES, sent, strict=True)
+        )
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_bag_says_what_its_recording_lost(tmp_path: Path, storage: str) -> None:
+    lost = {"/a/force": 12, "/a/closures": 0, "/rosout": None}
+    writer = BagWriter(tmp_path / "bag", storage)
+    writer.add_topic("/a/force", WRENCH, "stream")
+    writer.close(lost)
+    information = load_metadata(tmp_path / "bag")
+    # Texts, as rosbag2 reads them.
+    told = {"lost": "12", "lost /a/force": "12", "lost /rosout": "unknown"}
+    assert information["custom_data"] == told
+    assert losses_of(information) == {"/a/force": 12, "/rosout": None}
+    assert inspect_bag(tmp_path / "bag").lost == {"/a/force": 12, "/rosout": None}
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.metadata["custom_data"] == told
+    BagWriter(tmp_path / "nobody", storage).close()
+    assert losses_of(load_metadata(tmp_path / "nobody")) is None
+    BagWriter(tmp_path / "none", storage).close({"/a/force": 0})
+    assert losses_of(load_metadata(tmp_path / "none")) == {}

@@ -1,0 +1,86 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""At which rate the demo runs: the scene's, or a lower one that the machine carries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hapticmech_ros.experiment import demo
+from hapticmech_ros.experiment.demo import GraphRun, run_demo
+from hapticmech_ros.graph_load import GraphLoad
+
+
+class Machine:
+    """Graphs on a machine that carries them up to a rate, and interrupts them up to another."""
+
+    def __init__(self, carries_hz: float, calm_hz: float = 1e9, period_us: float = 1000.0) -> None:
+        self.carries_hz, self.calm_hz, self.period_us = carries_hz, calm_hz, period_us
+        self.rates: list[float] = []
+        self.said: list[str] = []
+
+    def record(self, *arguments: Any, must_fit: bool) -> GraphRun:
+        rate = arguments[-1]
+        self.rates.append(rate)
+        missed = 0.0 if rate <= self.carries_hz else 0.5
+        used = 1e-6 * self.period_us * rate * (1.0 - missed)
+        load = GraphLoad(rate, 2.0, used, missed)
+        if must_fit and not load.fits:
+            raise demo._DoesNotFitError(load)
+        return GraphRun(load, 0 if rate <= self.calm_hz else 3)
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    def begin(machine: Machine, control_rate: float = 0.0) -> float:
+        monkeypatch.setattr(demo, "record_graph", machine.record)
+        monkeypatch.setattr(demo, "_results", lambda scene, *_: {"period": scene.simulation.period})
+        found = run_demo(
+            "five_bar", tmp_path, control_rate=control_rate, notify=machine.said.append
+        )
+        return 1.0 / float(found["period"])  # type: ignore[arg-type]
+
+    return begin
+
+
+def test_a_machine_that_carries_the_scenes_rate_runs_it_once(run: Any) -> None:
+    machine = Machine(carries_hz=1000.0)
+    assert run(machine) == pytest.approx(1000.0)
+    assert machine.rates == [1000.0]
+
+
+def test_a_smaller_machine_runs_a_lower_rate_and_says_so(run: Any) -> None:
+    machine = Machine(carries_hz=600.0)
+    assert run(machine) == pytest.approx(500.0)
+    assert machine.rates == [1000.0, 500.0]
+    assert any("the demo runs at 500 Hz" in sentence for sentence in machine.said)
+
+
+def test_what_a_period_costs_tells_the_rate_at_once(run: Any) -> None:
+    machine = Machine(carries_hz=300.0, period_us=4000.0)
+    assert run(machine) == pytest.approx(250.0)
+    assert machine.rates == [1000.0, 250.0]
+
+
+def test_an_interrupted_run_is_done_again_more_slowly(run: Any) -> None:
+    machine = Machine(carries_hz=1000.0, calm_hz=250.0)
+    assert run(machine) == pytest.approx(250.0)
+    assert machine.rates == [1000.0, 500.0, 250.0]
+    assert not any("results are those of an interrupted run" in one for one in machine.said)
+
+
+def test_the_lowest_rate_is_run_whatever_it_gives_and_that_is_said(run: Any) -> None:
+    machine = Machine(carries_hz=10.0, calm_hz=10.0)
+    assert run(machine) == pytest.approx(250.0)
+    assert machine.rates[-1] == 250.0
+    assert machine.said[-1].endswith("the results are those of an interrupted run")
+
+
+def test_a_rate_that_is_wanted_is_kept(run: Any) -> None:
+    machine = Machine(carries_hz=100.0, calm_hz=100.0)
+    assert run(machine, 400.0) == pytest.approx(400.0)
+    assert machine.rates == [400.0]
+    assert machine.said[-1].endswith("the results are those of an interrupted run")

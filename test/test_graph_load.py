@@ -1,0 +1,122 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a graph fits its machine, by what its nodes report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hapticmech_ros import cpu_list
+from hapticmech_ros.graph_load import GraphLoad, LoadWatch
+from hapticmech_ros.readiness import Report
+
+IDLE = GraphLoad(rate_hz=1000.0, cores=2.0, used=0.8, missed=0.0)
+
+
+def report(
+    name: str, pid: int, cpu: float, at: float, periods: int = -1, missed: int = 0
+) -> Report:
+    figures = {"pid": str(pid), "cpu_s": str(cpu), "monotonic_s": str(at)}
+    if periods >= 0:
+        figures |= {"periods": str(periods), "missed_deadlines": str(missed)}
+    return Report(name, True, "", figures)
+
+
+def reports(*found: Report) -> dict[str, Report]:
+    return {one.node: one for one in found}
+
+
+def test_load_is_what_happened_between_two_reports() -> None:
+    watch = LoadWatch(1000.0, 2.0)
+    device = report("/device", 1, 5.0, 100.0, 4000, 900)
+    analyser = report("/analyser", 2, 3.0, 100.2)
+    assert watch.look(reports(device, analyser)) is None
+    later = report("/device", 1, 5.4, 101.0, 5000, 920)
+    # The other one has not reported again.
+    assert watch.look(reports(later, analyser)) is None
+    load = watch.look(reports(later, report("/analyser", 2, 3.6, 101.4)))
+    assert load is not None
+    assert load.used == pytest.approx(0.4 / 1.0 + 0.6 / 1.2)
+    assert load.missed == pytest.approx(0.02)
+    assert load.fits
+
+
+def test_the_time_of_a_process_with_several_nodes_counts_once() -> None:
+    watch = LoadWatch(1000.0, 2.0, composed=True)
+    watch.look(reports(report("/a", 7, 1.0, 10.0), report("/b", 7, 1.0, 10.0)))
+    load = watch.look(reports(report("/a", 7, 1.5, 11.0), report("/b", 7, 1.5, 11.0)))
+    assert load is not None
+    assert load.used == pytest.approx(0.5)
+
+
+def test_a_node_that_was_started_again_begins_anew() -> None:
+    watch = LoadWatch(1000.0, 2.0)
+    watch.look(reports(report("/device", 1, 50.0, 10.0, 9000)))
+    assert watch.look(reports(report("/device", 2, 0.5, 20.0, 100))) is None
+    load = watch.look(reports(report("/device", 2, 0.9, 21.0, 1100)))
+    assert load is not None
+    assert load.used == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("change", "fits"),
+    [({}, True), ({"missed": 0.05}, False), ({"used": 1.8}, False), ({"cores": 0.9}, False)],
+)
+def test_a_graph_fits_that_keeps_its_deadlines_and_leaves_something(change, fits) -> None:
+    load = replace(IDLE, **change)
+    assert load.fits == fits
+    assert len(load.sentences()) == (1 if fits else 2)
+
+
+def test_the_rate_that_is_proposed_fits_by_what_a_period_costs() -> None:
+    # 1.6 ms of processor time a period: 0.8 cores at 500 Hz.
+    heavy = replace(IDLE, used=1.6, missed=0.0)
+    assert heavy.period_us == pytest.approx(1600.0)
+    assert replace(heavy, cores=1.5).fitting_rate_hz == 500.0
+    assert replace(heavy, cores=1.0).fitting_rate_hz == 250.0
+    # None does: something else takes the processors, and the lowest is the best that there is.
+    assert replace(heavy, cores=0.2).fitting_rate_hz == 250.0
+    assert replace(heavy, rate_hz=250.0).fitting_rate_hz is None
+    # What was done in the periods that were kept.
+    assert replace(heavy, missed=0.5).period_us == pytest.approx(3200.0)
+
+
+def test_advice_names_what_helps() -> None:
+    busy = replace(IDLE, missed=0.2, users=2)
+    assert "--control-rate 500, --composed, fewer users, ending other programs" in busy.advice()
+    least = replace(busy, rate_hz=250.0, composed=True, users=1)
+    assert "what helps: ending other programs" in least.advice()
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_quota_of_a_group_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: int
+) -> None:
+    groups, own = tmp_path / "groups", tmp_path / "own"
+    inner = groups / ("cpu/outer/inner" if version == 1 else "outer/inner")
+    inner.mkdir(parents=True)
+    lines = {1: "5:cpu,cpuacct:/outer/inner\n3:memory:/m\n", 2: "0::/outer/inner\n"}
+    own.write_text(lines[version])
+    monkeypatch.setattr(cpu_list, "GROUPS", groups)
+    monkeypatch.setattr(cpu_list, "OWN_GROUPS", own)
+    monkeypatch.setattr(cpu_list.os, "sched_getaffinity", lambda _: range(8))
+
+    def limit(folder: Path, most: int, period: int) -> None:
+        if version == 2:
+            (folder / "cpu.max").write_text(f"{most if most > 0 else 'max'} {period}\n")
+        else:
+            (folder / "cpu.cfs_quota_us").write_text(f"{most}\n")
+            (folder / "cpu.cfs_period_us").write_text(f"{period}\n")
+
+    assert cpu_list.available_cores() == 8.0
+    limit(inner, -1, 100_000)
+    assert cpu_list.available_cores() == 8.0
+    limit(inner.parent, 6000, 5000)
+    assert cpu_list.available_cores() == pytest.approx(1.2)
+    limit(inner, 3000, 5000)
+    assert cpu_list.available_cores() == pytest.approx(0.6)
+    own.unlink()
+    assert cpu_list.available_cores() == 8.0
