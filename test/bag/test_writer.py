@@ -203,7 +203,7 @@ def test_an_error_does_not_cost_the_recording(
 def test_many_messages_at_once_are_as_good_as_one_by_one(
     tmp_path: Path, storage: str, wrench_bytes: Bytes
 ) -> None:
-    sent = write(tmp_path / "one", storage, wrench_bytes)
+    sent = write(tmp_path / "ones", storage, wrench_bytes)
     with BagWriter(tmp_path / "many", storage) as bag:
         bag.add_topic("/a/force", WRENCH, "stream")
         bag.add_topic("/a/closures", "std_msgs/msg/UInt8MultiArray", "latched")
@@ -211,10 +211,8 @@ def test_many_messages_at_once_are_as_good_as_one_by_one(
         bag.write_many("/a/closures", [])
         assert bag.counts == {"/a/force": 3, "/a/closures": 0}
     if storage == "mcap":
-        files = [tmp_path / name / f"{name}_0.mcap" for name in ("one", "many")]
-        # But for the names of the files, and what hangs on their lengths.
-        one, many = (file.read_bytes().partition(b"rosbag2_bagfile")[0] for file in files)
-        assert one == many
+        one, many = (tmp_path / name / f"{name}_0.mcap" for name in ("ones", "many"))
+        assert one.read_bytes().replace(b"ones_0", b"many_0") == many.read_bytes()
     with BagReader(tmp_path / "many") as bag:
         assert [(time_ns, data) for _, time_ns, data in bag.serialized()] == list(
             zip(TIMES, sent, strict=True)
@@ -233,8 +231,6 @@ def test_a_bag_says_what_its_recording_lost(tmp_path: Path, storage: str) -> Non
     assert information["custom_data"] == told
     assert losses_of(information) == {"/a/force": 12, "/rosout": None}
     assert inspect_bag(tmp_path / "bag").lost == {"/a/force": 12, "/rosout": None}
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.metadata["custom_data"] == told
     BagWriter(tmp_path / "nobody", storage).close()
     assert losses_of(load_metadata(tmp_path / "nobody")) is None
     BagWriter(tmp_path / "none", storage).close({"/a/force": 0})
