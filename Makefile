@@ -5,6 +5,7 @@
 #   make lint    lint and types only
 #   make bench   accuracy, ablation, speed, memory and graphs, for hours, into bench/; ONE=speed: one
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
+#   make small-machine   the demo on two CPUs: alone, busy, with a quota; ten times, QUICK=1: once
 #   make docs    the documentation as a site, into site/
 #   make clean   remove .venv and everything else that was made here
 #
@@ -50,7 +51,7 @@ SOURCES := package.xml $(shell find $(PACKAGE) config launch resource \
 
 .PHONY: help
 help:
-	@sed -n '3,11s/^# *//p' Makefile
+	@sed -n '3,12s/^# *//p' Makefile
 
 .PHONY: demo
 demo: .venv/package
@@ -81,6 +82,10 @@ bench: .venv/bench-requirements .venv/package
 .PHONY: campaign
 campaign: .venv/package
 	$(BIN)/python -m benchmarks.reliability $(if $(QUICK),--quick) --out reliability $(PARTS)
+
+.PHONY: small-machine
+small-machine: .venv/package
+	$(BIN)/python -m benchmarks small_machine $(if $(QUICK),--quick) --out bench $(OPTIONS)
 
 .PHONY: docs
 docs: .venv/docs-requirements .venv/package

@@ -23,6 +23,7 @@ COMMANDS = (
     "realtime",
     "robot",
     "session",
+    "small_machine",
     "speed",
     "study",
 )

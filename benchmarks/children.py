@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from hapticmech_ros.graph import start_process, stop_process
 # Where this package is found, which is not installed.
 ROOT = Path(__file__).resolve().parents[1]
 LOOK_AGAIN_S = 0.2
+# Without end, and with nothing of the environment.
+BUSY = [sys.executable, "-I", "-S", "-c", "while True: sum(range(10_000))"]
 STARTS_WITHIN_S = 30.0
 
 
@@ -125,6 +127,17 @@ def finding_benchmarks(environment: Mapping[str, str]) -> dict[str, str]:
 def ids(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
     """Return process ids; a process of several nodes is called ``composed``."""
     return {"composed" if "," in name else name: p.pid for name, p in processes.items()}
+
+
+@contextmanager
+def busy_programs(count: int) -> Iterator[None]:
+    """Keep programs running meanwhile that never stop computing."""
+    with ExitStack() as stack:
+        for _ in range(count):
+            process = start_process(BUSY, os.environ)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        yield
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.machine import machine, speed_line
 from benchmarks.speed.contender import initial_state
 from benchmarks.speed.mujoco_peer import MujocoScene
 from hapticmech_ros.loading import load_scene
@@ -175,6 +176,7 @@ def main() -> None:
         print(
             f"a pair out of reach, per substep of {substeps}: {1e6 * (near - free) / substeps:.2f}"
         )
+    print(speed_line(machine()))
 
 
 if __name__ == "__main__":

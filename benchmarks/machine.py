@@ -1,19 +1,23 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What Linux says of processes and of the whole machine, in /proc."""
+"""What Linux says of processes and of the machine, in /proc, and how fast the machine is."""
 
 from __future__ import annotations
 
 import os
 import platform
+import statistics
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from hapticmech_ros.analysis.study import Results
 
 PROC = Path("/proc")
+# Fixed work by which figures of different days are compared: about 50 ms in all.
+SCENE, SUMMED = "five_bar", 10_000
+ANALYSES, REPEATS = 50, 51
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +88,56 @@ def load_between(before: Usage, after: Usage) -> MachineLoad:
 
 
 def machine() -> dict[str, object]:
-    """Return what a reader has to know of the machine."""
+    """Return what a reader has to know of the machine: what it is, and how fast at the moment."""
     return {
         "cores": len(os.sched_getaffinity(0)),
         "processor": _processor(),
         "kernel": platform.release(),
         "python": platform.python_version(),
+        **speed(),
     }
+
+
+def speed() -> dict[str, float]:
+    """Return how long fixed work takes, medians of CPU time, µs.
+
+    ``analysis_us`` is a call of the kernel that analyses the shipped five-bar, ``python_loop_us``
+    the sum of a range in Python.
+    """
+    # Not before: what these import would count in the memory of a benchmark that does not use it.
+    from hapticmech_ros.loading import load_scene
+    from hapticmech_ros.operational import Analyser
+    from hapticmech_ros.simulation import Simulator
+
+    simulator = Simulator(load_scene(SCENE))
+    analyser, state = Analyser(simulator.mechanism), simulator.initial_state()
+
+    def analyse() -> None:
+        for _ in range(ANALYSES):
+            analyser.observe(state.q, state.v, state.active)
+
+    def add() -> None:
+        sum(range(SUMMED))
+
+    return {"analysis_us": _median_us(analyse) / ANALYSES, "python_loop_us": _median_us(add)}
+
+
+def speed_line(facts: Mapping[str, object]) -> str:
+    """Return what :func:`machine` tells of the speed, in a line."""
+    return (
+        f"speed of this machine: {facts['analysis_us']:.2f} µs for one analysis of {SCENE}, "
+        f"{facts['python_loop_us']:.0f} µs for sum(range({SUMMED:_}))"
+    )
+
+
+def _median_us(work: Callable[[], None]) -> float:
+    work()
+    times = []
+    for _ in range(REPEATS):
+        begun = time.thread_time_ns()
+        work()
+        times.append(time.thread_time_ns() - begun)
+    return 1e-3 * statistics.median(times)
 
 
 def _processor() -> str:
@@ -105,11 +152,17 @@ class MachineResults(Results):
     """Results that depend on the machine.
 
     Attributes:
-        machine: cores, kernel, versions.
+        machine: cores, kernel, versions, speed.
     """
 
     machine: Mapping[str, object]
 
     def notes(self) -> list[str]:
-        """Return what the machine is, in a line."""
-        return [", ".join(f"{name} {value}" for name, value in self.machine.items())]
+        """Return what the machine is, in a line, and how fast, in another."""
+        known = {name: value for name, value in self.machine.items() if not name.endswith("_us")}
+        about = ", ".join(f"{name} {value}" for name, value in known.items())
+        return [about, speed_line(self.machine)]
+
+    def markdown(self) -> str:
+        """Return the tables for a document, and below them how fast the machine was."""
+        return f"{super().markdown()}\n{speed_line(self.machine)}\n"

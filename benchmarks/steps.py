@@ -8,6 +8,7 @@ import time
 
 import typer
 
+from benchmarks.machine import machine, speed_line
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
@@ -42,6 +43,7 @@ def steps() -> None:
             except HapticMechError as refusal:
                 row.append(str(refusal))
         print(f"| `{name}` | " + " | ".join(row) + " |", flush=True)
+    print(f"\n{speed_line(machine())}")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from matplotlib.ticker import NullFormatter
 from benchmarks.accuracy.cases import Case
 from benchmarks.accuracy.endurance import endurance
 from benchmarks.accuracy.run import INTEGRATOR_NAMES, Run, Setting, measure, settings
-from benchmarks.machine import MachineResults, machine
+from benchmarks.machine import MachineResults, machine, speed_line
 from hapticmech_ros.analysis.study import Sheet, Show, judged, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out, numbers
@@ -104,14 +104,18 @@ class AccuracyResults(MachineResults):
         return {"bench_accuracy.png": drawn(self.runs, self.known)}
 
     def markdown(self) -> str:
-        """Return a table: of each case and integrator the run nearest the case's own step."""
+        """Return a table: of each case and integrator the run nearest the case's own step.
+
+        Below it is how fast the machine was.
+        """
         own = {case.name: case.scene.simulation.period for case in self.known}
         nearest: dict[tuple[str, str], Run] = {}
         for run in sorted(self.runs, key=lambda run: abs(log(run.step / own[run.case]))):
             nearest.setdefault((run.case, run.integrator), run)
         chosen = [run for run in self.runs if run is nearest[run.case, run.integrator]]
         rows = tuple((run.case, *cells(run)) for run in chosen)
-        return Sheet("accuracy", ("case", *HEADINGS), rows).markdown()
+        table = Sheet("accuracy", ("case", *HEADINGS), rows).markdown()
+        return f"{table}\n{speed_line(self.machine)}\n"
 
 
 def run_accuracy(chosen: Sequence[Setting], show: Show = silent) -> AccuracyResults:

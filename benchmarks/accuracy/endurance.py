@@ -14,7 +14,8 @@ import numpy as np
 from benchmarks.accuracy.cases import Case, cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.accuracy.run import FAILURES
-from hapticmech_ros.analysis.study import Results, Sheet, Show, silent
+from benchmarks.machine import MachineResults, machine
+from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -53,7 +54,7 @@ class LongRun:
 
 
 @dataclass(frozen=True)
-class LongRuns(Results):
+class LongRuns(MachineResults):
     """What was seen of long runs.
 
     Attributes:
@@ -75,14 +76,14 @@ class LongRuns(Results):
         return iter(())
 
     def notes(self) -> list[str]:
-        """Return what was seen."""
-        return [line for run in self.runs for line in lines(run)]
+        """Return what was seen, and what the machine is."""
+        return [*(line for run in self.runs for line in lines(run)), *super().notes()]
 
 
 def endurance(show: Show = silent) -> LongRuns:
     """Run a minute of two windows and an hour of Bricard's mechanism."""
     bricard = next(case for case in cases() if case.name == "bricard")
-    return LongRuns((minute_of_windows(show=show), hour_of(bricard, show=show)))
+    return LongRuns(machine(), (minute_of_windows(show=show), hour_of(bricard, show=show)))
 
 
 def hour_of(case: Case, duration: float = HOUR, show: Show = silent) -> LongRun:

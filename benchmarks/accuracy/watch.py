@@ -15,6 +15,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from benchmarks.machine import machine, speed_line
 from hapticmech_ros import Session
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
@@ -77,6 +78,7 @@ def watch(
         found[name] = cost(name, rounds)
         share, error = found[name]
         print(f"| {name} | {100.0 * share:.1f} % | {100.0 * error:.1f} % |", flush=True)
+    print(f"\n{speed_line(machine())}")
     (out / "bench_watch.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import statistics
 import subprocess
 import sys
@@ -19,6 +17,7 @@ from typing import Annotated, ClassVar
 
 import typer
 
+from benchmarks.children import busy_programs
 from benchmarks.graph.checks import expected
 from benchmarks.graph.plan import Configuration, Step, scene_at_rate
 from benchmarks.graph.run import SETTLES_S, measure
@@ -192,29 +191,16 @@ def _median(values: Sequence[float]) -> float | None:
 @contextmanager
 def _beside(busy: int) -> Iterator[list[float]]:
     """Keep programs busy, start short ones, and yield how long these take, s."""
-    context = multiprocessing.get_context("spawn")
-    working = [context.Process(target=_work, daemon=True) for _ in range(busy)]
     taken: list[float] = []
     over = threading.Event()
     starting = threading.Thread(target=_start_programs, args=(taken, over))
-    for one in working:
-        one.start()
-    starting.start()
-    try:
-        yield taken
-    finally:
-        over.set()
-        starting.join()
-        for one in working:
-            one.kill()
-            one.join()
-
-
-def _work() -> None:
-    """Compute until whoever started this is gone."""
-    parent = os.getppid()
-    while os.getppid() == parent:
-        sum(range(10_000))
+    with busy_programs(busy):
+        starting.start()
+        try:
+            yield taken
+        finally:
+            over.set()
+            starting.join()
 
 
 def _start_programs(taken: list[float], over: threading.Event) -> None:

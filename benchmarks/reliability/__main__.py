@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import math
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.reliability.document import publish
-from benchmarks.reliability.figure import Figure, load, save, table, unmeasured
+from benchmarks.reliability.figure import Figure, load, machine_speed, save, table, unmeasured
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError
 
@@ -51,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         begun = time.monotonic()
         print(f"== {name}: {PARTS[name]}", flush=True)
         found[name] = run_part(name, asked.quick, out)
+        if not all(math.isnan(figure.value) for figure in found[name]):
+            # Of each part: they may be run on different days.
+            found[name].append(machine_speed(name))
         # After each part: hours of measurements are not lost with the next one.
         save([figure for figures in found.values() for figure in figures], path)
         print(f"== {name}: {time.monotonic() - begun:.0f} s\n", flush=True)

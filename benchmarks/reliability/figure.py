@@ -10,6 +10,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from benchmarks.machine import SCENE, SUMMED, speed
+
+# Name of the figure by which those of different days are compared.
+MACHINE = f"speed of the machine: one analysis of {SCENE}"
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
@@ -47,6 +52,13 @@ class Figure:
 def unmeasured(part: str, name: str, why: str) -> Figure:
     """Return a figure of what could not be measured: it has a limit, which it does not keep."""
     return Figure(part, name, math.nan, "", 0.0, note=why)
+
+
+def machine_speed(part: str) -> Figure:
+    """Return how fast the machine is that has measured a part."""
+    found = speed()
+    note = f"sum(range({SUMMED:_})): {found['python_loop_us']:.0f} µs"
+    return Figure(part, MACHINE, found["analysis_us"], "µs", note=note)
 
 
 def save(figures: Sequence[Figure], path: Path) -> None:

@@ -24,6 +24,7 @@ from benchmarks.accuracy.run import (
     Run,
     settings,
 )
+from benchmarks.machine import machine, speed_line
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import save
 
@@ -118,7 +119,9 @@ def test_a_line_says_all_that_was_found() -> None:
 def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> None:
     steps = (4e-3, 1e-3, 2.5e-4)
     runs = [replace(PASSED, step=step) for step in steps] + [replace(FAILED, step=2e-3)]
-    text = AccuracyResults({}, tuple(runs), (falling(),)).markdown().splitlines()[2:]
+    results = AccuracyResults(machine(), tuple(runs), (falling(),))
+    *text, blank, speed = results.markdown().splitlines()[2:]
+    assert (blank, speed) == ("", speed_line(results.machine))
     assert {line.count("|") for line in text} == {len(HEADINGS) + 2}
     assert [line.split("|")[2:4] for line in text[2:]] == [
         [" rk4 ", " 1 ms * "],

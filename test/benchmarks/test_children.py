@@ -1,13 +1,23 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from benchmarks.children import BenchError, ReportingProcess, ids, output_to, wait_until
+from benchmarks.children import (
+    BUSY,
+    BenchError,
+    ReportingProcess,
+    busy_programs,
+    finding_benchmarks,
+    ids,
+    output_to,
+    wait_until,
+)
 from hapticmech_ros.graph import start_process, stop_process
 
 # A module of the standard library that ends at once and says nothing in JSON.
@@ -42,6 +52,41 @@ def test_output_of_processes_started_within_goes_to_the_file(
     subprocess.run([sys.executable, "-c", "print('here')"], check=True)
     assert log.read_text() == "first\nsecond\n"
     assert capfd.readouterr().out == "here\n"
+
+
+def busy_children(parent: int) -> set[int]:
+    """Return the busy programs of a process."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    busy = "\0".join(BUSY)
+    return {pid for pid in map(int, children) if command_of(pid).rstrip("\0") == busy}
+
+
+def command_of(pid: int) -> str:
+    """Return the command line of a process; empty if it has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+def test_busy_programs_end_with_the_block() -> None:
+    before = busy_children(os.getpid())
+    with busy_programs(2):
+        wait_until(lambda: len(busy_children(os.getpid()) - before) == 2, 60.0, "two programs")
+    assert busy_children(os.getpid()) <= before
+
+
+def test_busy_programs_end_with_a_process_that_is_killed() -> None:
+    program = "import benchmarks.children as c, time\nwith c.busy_programs(2): time.sleep(600)"
+    environment = finding_benchmarks(os.environ)
+    process = start_process([sys.executable, "-c", program], environment)
+    try:
+        wait_until(lambda: len(busy_children(process.pid)) == 2, 60.0, "two programs")
+        busy = busy_children(process.pid)
+    finally:
+        process.kill()
+        process.wait()
+    wait_until(lambda: not any(map(command_of, busy)), 60.0, "their end")
 
 
 def test_a_process_of_several_nodes_is_called_composed() -> None:

@@ -2,10 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
 
 import pytest
 
-from benchmarks.machine import Usage, cpu_ticks, load_between, machine, usage
+from benchmarks.machine import MachineResults, Usage, cpu_ticks, load_between, machine, usage
+from hapticmech_ros.analysis.study import Sheet
 
 
 def test_the_name_of_a_process_does_not_confuse() -> None:
@@ -38,3 +43,23 @@ def test_the_machine_is_described() -> None:
     described = machine()
     assert {"cores", "kernel", "python"} <= set(described)
     assert all(described.values())
+
+
+@dataclass(frozen=True)
+class Timed(MachineResults):
+    NAME: ClassVar[str] = "timed"
+
+    def sheets(self) -> Iterator[Sheet]:
+        yield Sheet("times", ("what", "µs"), (("nothing", "0"),))
+
+
+def test_the_speed_of_the_machine_stands_beside_every_table() -> None:
+    results = Timed(machine())
+    about, line = results.notes()
+    assert "python" in about
+    assert "_us" not in about
+    assert results.markdown().splitlines()[-1] == line
+    times = re.fullmatch(r".*: (\S+) µs for one analysis .*, (\d+) µs for sum\(.*\)", line)
+    assert times
+    assert all(float(time) > 0.0 for time in times.groups())
+    assert {"analysis_us", "python_loop_us"} <= set(results.document()["machine"])
