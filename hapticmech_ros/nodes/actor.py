@@ -356,7 +356,8 @@ class Actor(Generic[P]):
             if had(message):
                 sources.copied(number, self.now_ns())
                 return
-            sources.heard(Origin(MIDDLEWARE, number), self.now_ns())
+            origin = Origin(MIDDLEWARE, number, sent_ns=info.get("source_timestamp", 0))
+            sources.heard(origin, self.now_ns())
             callback(message)
 
         return WithInfo(hear)

@@ -11,6 +11,9 @@ from typing import NamedTuple
 MIDDLEWARE = 0
 # From a node of this process.
 WITHIN = -1
+# Of what stands for a publisher on the lane, the part that is its number in its process; the rest
+# is its process's connection.
+OUTLETS = (1 << 32) - 1
 
 
 class Origin(NamedTuple):
@@ -21,7 +24,7 @@ class Origin(NamedTuple):
             for in this process.
         number: by which its publisher counts what it sends through the middleware.
         sent: by which it counts what it sends over the lane; 0: it came another way.
-        sent_ns: when it was sent over the lane, ns of the machine's clock; 0: it came another way.
+        sent_ns: when it was sent, ns of the sending machine's clock; 0: that is not known.
     """
 
     via: int

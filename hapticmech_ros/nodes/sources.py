@@ -5,6 +5,10 @@
 A ROS subscriber is not told which publisher sent a message, but each publisher counts its messages.
 Numbers of one publisher go up; those of two interleave. A publisher that only exists, or has died
 without saying so, says nothing and is no second one.
+
+What the middleware brings may be late: of a publisher that has gone over to the lane, it may bring
+what was said seconds ago, where its own threads get no processor. Such a message is somebody
+else's only if the middleware lists two publishers, or if it has brought that number already.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
+from hapticmech_ros.nodes.origin import MIDDLEWARE, OUTLETS, Origin
 from hapticmech_ros.times import NANOSECONDS
 
 # What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
@@ -24,6 +28,9 @@ ALIVE_PERIODS = 3
 LONGEST_ALIVE_NS = NANOSECONDS // 2
 # What a publisher gave to the middleware before it sent another way has come after so long.
 ARRIVED_NS = NANOSECONDS // 20
+# A message that was sent so long ago is late: while a topic brings strange messages, the middleware
+# is looked at more often.
+LATE_NS = 3_000_000
 # Two are two until one of them has been silent for so long: a process may stand still for a while.
 FORGET_NS = NANOSECONDS
 # Names are asked for anew so often: messages may come before the middleware lists their publisher
@@ -46,7 +53,7 @@ class KnowsPublishers(Protocol):
 
 @dataclass(slots=True)
 class _Source:
-    """One publisher: its way, highest number, which of those below were heard, and when.
+    """One publisher: its way, highest number, which of it and those below were brought, and when.
 
     Numbers count what goes through the middleware. What comes another way tells how many there
     have been.
@@ -56,9 +63,12 @@ class _Source:
     last: int
     recent: int
     heard_ns: int
+    sent: int = 0
     gap_ns: int = 0
     still: int = 0
     moved_ns: int = -1
+    # Of the highest number and those below, which should not be under way any more.
+    over: int = 0
 
     def takes(self, number: int) -> bool:
         """Return whether what the middleware brings can be this publisher's next, or a late one."""
@@ -67,7 +77,17 @@ class _Source:
         ahead = number - self.last
         if ahead > 0:
             return ahead <= LONGEST_GAP
-        return -ahead < REORDERED and not self.recent >> -ahead & 1
+        return -ahead < REORDERED and not (self.recent | self.over) >> -ahead & 1
+
+    def may_be_before(self, origin: Origin) -> bool:
+        """Return whether a message on a new way of the lane can be this publisher's next.
+
+        It can if the middleware brought it until now, or if its connection was made anew.
+        """
+        if not 0 <= origin.number - self.last <= LONGEST_GAP:
+            return False
+        anew = MIDDLEWARE < self.via < origin.via and 0 < self.sent < origin.sent
+        return self.via == MIDDLEWARE or (anew and not (self.via ^ origin.via) & OUTLETS)
 
     def heard(self, origin: Origin, now_ns: int) -> None:
         """Note a message."""
@@ -75,15 +95,17 @@ class _Source:
         if ahead > 0:
             self.last = origin.number
             self.recent = self.recent << min(ahead, REORDERED) & _MASK
+            self.over = self.over << min(ahead, REORDERED) & _MASK
         if origin.via == MIDDLEWARE:
             self.recent |= 1 << max(-ahead, 0)
         else:
+            self.sent = origin.sent
             # So many messages and so long after, nothing that the middleware carried is under way.
             if ahead or self.moved_ns < 0:
                 self.still, self.moved_ns = 0, now_ns
             self.still += ahead == 0
             if self.still >= REORDERED and now_ns - self.moved_ns >= ARRIVED_NS:
-                self.recent = _MASK
+                self.over = _MASK
         self.gap_ns = now_ns - self.heard_ns
         self.heard_ns = now_ns
 
@@ -132,11 +154,13 @@ class Sources:
             # There is only the middleware's list, in which the dead stand for a while.
             self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1
             return
-        source = self._nearest(number) if via == MIDDLEWARE else self._known(via, number, now_ns)
+        source = self._nearest(number) if via == MIDDLEWARE else self._known(origin, now_ns)
         if source is None:
+            if self._is_late(origin, now_ns):
+                return
             # What it said before through the middleware was for others: none of it can come late.
             recent = _MASK if via == MIDDLEWARE else 0
-            self._add(_Source(via, number, recent, now_ns), now_ns)
+            self._add(_Source(via, number, recent, now_ns, origin.sent), now_ns)
         else:
             source.heard(origin, now_ns)
         if len(self._sources) > 1:
@@ -165,19 +189,29 @@ class Sources:
                 source, least = one, apart
         return source
 
-    def _known(self, via: int, number: int, now_ns: int) -> _Source | None:
+    def _is_late(self, origin: Origin, now_ns: int) -> bool:
+        """Return whether a message that seems strange is a late one of the only publisher."""
+        late = origin.via == MIDDLEWARE and 0 < origin.sent_ns < now_ns - LATE_NS
+        if not late or len(self._sources) != 1 or self._sources[0].via == MIDDLEWARE:
+            return False
+        if self._sources[0].copied(origin.number):
+            return False
+        return len(self._node.get_publishers_info_by_topic(self._topic)) < 2
+
+    def _known(self, origin: Origin, now_ns: int) -> _Source | None:
         """Return a publisher that is known by the way of its messages, or was by their numbers."""
+        via, number = origin.via, origin.number
         for one in self._sources:
             if one.via != via:
                 continue
             if number < one.last:
                 # It has not sent so many through the middleware: those were somebody else's.
                 self._add(_Source(MIDDLEWARE, one.last, one.recent, now_ns), now_ns)
-                one.last, one.recent = number, 0
+                one.last, one.recent, one.over = number, 0, 0
             return one
-        # Until now it was heard through the middleware, as long as it was one.
-        found = [one for one in self._sources if one.via == MIDDLEWARE]
-        if via < MIDDLEWARE or len(found) != 1 or not 0 <= number - found[0].last <= LONGEST_GAP:
+        # Until now it was heard another way, as long as it was one.
+        found = [one for one in self._sources if one.may_be_before(origin)]
+        if via < MIDDLEWARE or len(found) != 1:
             return None
         found[0].via = via
         return found[0]
@@ -202,7 +236,7 @@ class Sources:
         return self._named
 
     def _names(self) -> str:
-        """Return the names of all publishers, told apart where they are the same."""
+        """Return the names of all publishers, two at least; the same ones are told apart."""
         found = [
             (f"{info.node_namespace.rstrip('/')}/{info.node_name}", bytes(info.endpoint_gid))
             for info in self._node.get_publishers_info_by_topic(self._topic)
@@ -212,4 +246,7 @@ class Sources:
             name if names.count(name) == 1 else f"{name} ({gid[4:16].hex()})"
             for name, gid in sorted(found)
         ]
-        return " and ".join(told) or "unknown"
+        # Two have spoken, whatever the middleware lists.
+        if len(told) < 2:
+            told.append("one without a name" if told else "two without a name")
+        return " and ".join(told)

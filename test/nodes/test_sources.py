@@ -302,3 +302,66 @@ def test_one_of_this_process_and_one_on_the_lane_are_two(sources: Sources) -> No
     sources.heard(INSIDE, 1 * MS)
     sources.heard(Origin(LANE, 0), 2 * MS)
     assert sources.fault(2 * MS) != ""
+
+
+@pytest.mark.parametrize(
+    ("names", "told"), [((), "two without a name"), (("/one",), "/one and one without a name")]
+)
+def test_a_fault_tells_of_two_whatever_is_known_by_name(names: tuple, told: str) -> None:
+    sources = Sources(Middleware(*names), "/topic")
+    heard(sources, 10, 0)
+    heard(sources, 2, 0)
+    assert sources.fault(0) == f"more than one publisher of /topic: {told}"
+
+
+def test_late_copies_of_what_the_lane_took_over_are_of_one(sources: Sources) -> None:
+    """Whoever else is listed: the lane has brought the same message."""
+    for now in range(100):
+        sources.heard(Origin(LANE, 200 + min(now, 10)), now * MS)
+    for number in range(200, 211):
+        sources.copied(number, 100 * MS)
+    assert sources.fault(100 * MS) == ""
+
+
+@pytest.mark.parametrize("via", [LANE, INSIDE.via])
+def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody(via: int) -> None:
+    middleware = Middleware("/one")
+    sources = Sources(middleware, "/topic")
+    for now in range(1000, 1200):
+        sources.heard(Origin(via, 200), now * MS)
+    late = [Origin(MIDDLEWARE, number, sent_ns=(900 + number) * MS) for number in (100, 101, 102)]
+    sources.heard(late[0], 1200 * MS)
+    assert sources.fault(1200 * MS) == ""
+    middleware.names = ("/one", "/other")
+    sources.heard(late[1], 1200 * MS)
+    assert sources.fault(1200 * MS).endswith("/one and /other")
+
+
+@pytest.mark.parametrize("via", [LANE, INSIDE.via])
+def test_what_comes_in_time_is_somebody_elses_before_he_is_listed(via: int) -> None:
+    sources = Sources(Middleware("/one"), "/topic")
+    for now in range(1000, 1200):
+        sources.heard(Origin(via, 200), now * MS)
+    sources.heard(Origin(MIDDLEWARE, 100, sent_ns=1199 * MS), 1200 * MS)
+    assert sources.fault(1200 * MS).endswith("/one and one without a name")
+
+
+def test_a_number_that_comes_twice_is_of_two_however_late() -> None:
+    sources = Sources(Middleware("/one"), "/topic")
+    for now in range(1000, 1200):
+        sources.heard(Origin(LANE, 200), now * MS)
+    for fault in (False, True):
+        sources.heard(Origin(MIDDLEWARE, 199, sent_ns=1100 * MS), 1200 * MS)
+        assert bool(sources.fault(1200 * MS)) is fault
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_connection_that_was_made_anew_is_no_second_unless_the_first_speaks(stays: bool) -> None:
+    sources = Sources(Middleware("/one", "/other"), "/topic")
+    for now in range(50):
+        sources.heard(Origin(LANE, 20, sent=now + 1), now * MS)
+    for now in range(50, 100):
+        sources.heard(Origin(OTHER_LANE, 20 + now - 50, sent=now + 1), now * MS)
+        if stays:
+            sources.heard(Origin(LANE, 20, sent=now + 1), now * MS)
+        assert bool(sources.fault(now * MS)) is stays
