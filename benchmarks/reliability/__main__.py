@@ -22,7 +22,7 @@ JSON_NAME = "reliability.json"
 # In the order of the table, those that need a quiet machine first.
 PARTS = {
     "kills": "each node killed without warning, and started again",
-    "freezes": "each node stopped for 0.05 to 2 s",
+    "freezes": "each node stopped for 50 periods to 2 s",
     "clocks": "steps of the machine's clock, of one host's, and of /clock",
     "doubles": "a second node of each kind, a foreign driver, foreign commanders",
     "network": "delay, jitter, loss and reordering between two hosts",
@@ -33,11 +33,16 @@ PARTS = {
     "disk": "a full disk",
     "soak": "an hour of rendering: memory, descriptors, threads",
 }
+# Those that run at another control rate too.
+RATED = ("kills", "freezes")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run parts of the campaign, or all; return 0 if every figure keeps its limits."""
-    asked = _parser().parse_args(arguments)
+    parser = _parser()
+    asked = parser.parse_args(arguments)
+    if asked.rate and not (asked.parts and set(asked.parts) <= set(RATED)):
+        parser.error(f"--rate: only with parts {' and '.join(RATED)}")
     out = asked.out.resolve()
     path = out / JSON_NAME
     if asked.table:
@@ -51,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in parts:
         begun = time.monotonic()
         print(f"== {name}: {PARTS[name]}", flush=True)
-        found[name] = run_part(name, asked.quick, out)
+        found[name] = run_part(name, asked.quick, out, asked.rate)
         if not all(math.isnan(figure.value) for figure in found[name]):
             # Of each part: they may be run on different days.
             found[name].append(machine_speed(name))
@@ -64,8 +69,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if any(broken(figure) for figure in measured) else 0
 
 
-def run_part(name: str, quick: bool, out: Path) -> list[Figure]:
-    """Run a part; what cannot be measured is a figure too, which says why."""
+def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
+    """Run a part; what cannot be measured is a figure too, which says why.
+
+    Args:
+        name: of the part.
+        quick: a few trials.
+        out: folder for figures and logs.
+        rate: control rate, Hz; 0: the scene's.
+    """
     try:
         part = importlib.import_module(f"{HERE}.{name}")
     except ModuleNotFoundError as error:
@@ -73,7 +85,7 @@ def run_part(name: str, quick: bool, out: Path) -> list[Figure]:
             raise
         return [unmeasured(name, PARTS[name], "there is no such part yet")]
     try:
-        figures: list[Figure] = part.run(quick, out)
+        figures: list[Figure] = part.run(quick, out, **({"rate": rate} if rate else {}))
     except HapticMechError as error:
         return [unmeasured(name, PARTS[name], f"broke off: {error}")]
     return figures
@@ -100,6 +112,9 @@ def _parser() -> argparse.ArgumentParser:
         "parts", nargs="*", metavar="PART", choices=[[], *PARTS], help="all if none"
     )
     parser.add_argument("--quick", action="store_true", help="a few trials of each kind")
+    parser.add_argument(
+        "--rate", type=float, default=0.0, metavar="HZ", help=f"control rate, of {', '.join(RATED)}"
+    )
     parser.add_argument(
         "--out", type=Path, default=Path("reliability"), help="folder for figures and logs"
     )

@@ -29,12 +29,14 @@ GONE_S = 0.3
 MOMENT_NS = 1_000_000
 
 
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Kill each node 100 times (quick: twice), in turn."""
+def run(
+    quick: bool, out: Path, told: Callable[[str], None] = print, rate: float = 0.0
+) -> list[Figure]:
+    """Kill each node 100 times (quick: twice), in turn, at a control rate (Hz; 0: the scene's)."""
     number = QUICK_TRIALS if quick else TRIALS
     trials: dict[str, list[Trial]] = {node: [] for node in NODES}
     missed = 0
-    with Rig(out, PART) as rig:
+    with Rig(out, PART, rate=rate) as rig:
         for _ in range(number):
             for node in NODES:
                 while (trial := try_kill(rig, node)) is None:

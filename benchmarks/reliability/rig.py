@@ -20,6 +20,7 @@ from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
 from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
@@ -52,11 +53,13 @@ class Rig:
         clean: measure a clean run first.
         composed: all nodes of a host in one process, which takes a machine least.
         variables: of the environment of all, besides the usual ones.
+        rate: control rate, Hz; 0: the scene's own.
 
     Attributes:
         environment: of a process that is to meet the graph, with the machine's own clock.
         clean_max: the largest force (N) of a run to which nothing is done.
         lateness_ns: (n,) how long after their stamps the device's samples arrived in that run.
+        period_s: control period, s.
     """
 
     def __init__(
@@ -71,11 +74,17 @@ class Rig:
         clean: bool = True,
         composed: bool = False,
         variables: Mapping[str, str] | None = None,
+        rate: float = 0.0,
     ) -> None:
         out.mkdir(parents=True, exist_ok=True)
         self._log = out / f"{name}.log"
         self._hosts = hosts
-        self._parameters = {"diagnostics_period": 0.2, **(parameters or {})}
+        self.period_s = load_scene(SCENE, rate).simulation.period
+        self._parameters = {
+            "diagnostics_period": 0.2,
+            "control_rate": rate,
+            **(parameters or {}),
+        }
         self._all_topics = all_topics
         self._clock = clock
         self._clean = clean
@@ -230,9 +239,10 @@ class Rig:
         found = found[found["arrived_ns"] >= begun]
         if now - since_ns < SETTLED_S * 1e9 or not len(found):
             return False
-        # Samples all the while, down to a third of the shipped rate.
+        # Samples all the while, down to a third of the rate.
         gap = np.diff(found["arrived_ns"], prepend=begun, append=now).max()
-        return bool(pushing(found).all() and len(found) > 300 * SETTLED_S and gap < 100 * MS)
+        enough = len(found) > 0.3 * SETTLED_S / self.period_s
+        return bool(pushing(found).all() and enough and gap < 100 * MS)
 
     def _graph(self, nodes: Collection[str], arguments: Sequence[str] = ()) -> Graph:
         environment = self.environment_of(next(iter(nodes)))
@@ -276,7 +286,7 @@ class Rig:
             # A stamp by this machine's monotonic clock.
             apart = time.time_ns() - time.monotonic_ns()
             self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
-            if len(steady) > 500 * CLEAN_S and pushing(steady).all():
+            if len(steady) > 0.5 * CLEAN_S / self.period_s and pushing(steady).all():
                 return
             self.renew()
         raise BenchError(f"no run of {CLEAN_S:g} s without a break in {TRIES}: too busy a machine")

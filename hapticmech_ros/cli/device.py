@@ -171,6 +171,9 @@ def calibrate(
 def check_driver(
     namespace: Annotated[str, typer.Option(help="of the driver's topics device/...")] = "",
     force: Annotated[float, typer.Option(min=0.05, max=5.0, help="to command, N")] = 0.5,
+    rate: Annotated[
+        float, typer.Option(min=10.0, max=10000.0, help="control rate, by which a force ends, Hz")
+    ] = 1000.0,
 ) -> None:
     """Test a running driver of a device by its topics, with the controller ended. Hold the handle.
 
@@ -186,7 +189,7 @@ def check_driver(
     for heading in ("rule", "found", "kept"):
         table.add_column(heading, overflow="fold")
     words = {True: "yes", False: "NO", None: "not seen"}
-    test, broken = DriverTest(namespace, force), 0
+    test, broken = DriverTest(namespace, force, rate), 0
     try:
         with console.status("testing"):
             for check in test.run():

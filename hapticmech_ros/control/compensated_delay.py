@@ -17,7 +17,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection
 
 # Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
-# the hand's sake: whoever falls silent, it is without force 20 ms after the last command.
+# the hand's sake: whoever falls silent, it is without force soon after the last command.
 MOST_ALLOWED_S = 0.005
 
 

@@ -58,8 +58,8 @@ class Inverse3(RealDevice):
         link: Link,
         scene: Scene,
         mounting: Array,
-        device_id: str = "",
-        silence: float = 0.012,
+        device_id: str,
+        silence: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(scene, mounting, silence, clock)

@@ -26,6 +26,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.timeouts import ZERO_FORCE
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import (
     DEVICE_BUTTONS,
@@ -36,9 +37,9 @@ from hapticmech_ros.wire.topics import (
     EMERGENCY_STOP,
 )
 
-# s: until the first pose or a force, of each look, of a command, until a force has ended, how long
-# before that it was given, between commands, and how old a stamp may be.
-_PATIENCE, _LOOK, _PUSH, _ZERO, _BEFORE, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.02, 0.1, 0.002, 0.25
+# s: until the first pose or a force, of each look, of a command, how long before a force ends it
+# was given, between commands, and how old a stamp may be.
+_PATIENCE, _LOOK, _PUSH, _BEFORE, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.1, 0.002, 0.25
 # Hz that poses come at least with, a force that counts as none (N), and shares and slacks of what
 # is compared: of forces (N), and of velocities (m/s).
 _SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
@@ -67,10 +68,11 @@ class DriverTest:
     Args:
         namespace: of its topics, ``device/...`` below it.
         force: N, that is commanded along x of the world.
+        rate: Hz, its control rate, by which a force has to end.
     """
 
-    def __init__(self, namespace: str = "", force: float = 0.5) -> None:
-        self._force = force
+    def __init__(self, namespace: str = "", force: float = 0.5, rate: float = 1000.0) -> None:
+        self._force, self._zero = force, ZERO_FORCE.at(1.0 / rate)
         self._context = Context()
         rclpy.init(context=self._context)
         self._node = Node("driver_test", context=self._context, namespace=namespace)
@@ -218,14 +220,14 @@ class DriverTest:
         self._push()
         end = time.monotonic()
         self._spin(_LOOK)
-        return self._ended(f"no force {1e3 * _ZERO:g} ms after the last command", end)
+        return self._ended(f"no force {1e3 * self._zero:g} ms after the last command", end)
 
     def _push(self) -> None:
         """Command the force for a while, and until it is given: it may have been held just now."""
         patience = time.monotonic() + _PATIENCE
         self._spin(_PUSH, lambda: self._command(self._force))
         while not self._given_lately() and time.monotonic() < patience:
-            self._spin(_ZERO, lambda: self._command(self._force))
+            self._spin(self._zero, lambda: self._command(self._force))
 
     def _given_lately(self) -> bool:
         """Tell whether a force was heard of that is no older than one may be before an end."""
@@ -240,7 +242,7 @@ class DriverTest:
         return self._check_no_force(rule, start)
 
     def _check_stop(self) -> Check:
-        rule = f"no force {1e3 * _ZERO:g} ms after {EMERGENCY_STOP}"
+        rule = f"no force {1e3 * self._zero:g} ms after {EMERGENCY_STOP}"
         if not self._stop.wait_for_service(timeout_sec=1.0):
             return Check(rule, "there is no such service", None)
         self._push()
@@ -266,7 +268,7 @@ class DriverTest:
         took = after[0] - end
         # Up to a message earlier than it was seen.
         spacing = float(np.median(np.diff([at for at, _ in heard])))
-        return Check(rule, f"{1e3 * took:.0f} ms, by arrival", took < _ZERO + spacing)
+        return Check(rule, f"{1e3 * took:.0f} ms, by arrival", took < self._zero + spacing)
 
     def _forces_since(self, start: float) -> Array:
         return np.array([_force(m) for _, m in _since(self._forces, start)]).reshape(-1, 3)

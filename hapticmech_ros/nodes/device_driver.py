@@ -26,7 +26,7 @@ from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.buttons import ButtonOutput
 from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
-from hapticmech_ros.nodes.device_limits import limits_of
+from hapticmech_ros.nodes.device_limits import command_timeout_of, limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
@@ -66,6 +66,9 @@ class DeviceDriver(ClockedActor[D]):
 
     Without commands the actuators are at zero. Commands are wrenches, or poses to which
     ``device.servo`` of the scene pulls. A kind of device is a subclass with :meth:`new_device`.
+
+    Attributes:
+        command_timeout: s, that a command stands, and a real device's sample.
     """
 
     def __init__(self, node: Host, parameters: D) -> None:
@@ -156,8 +159,10 @@ class DeviceDriver(ClockedActor[D]):
     def apply_parameters(self, parameters: D) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().apply_parameters(parameters)
-        self.timeout_ns = self.silence_ns(parameters.command_timeout)
-        self._limits = limits_of(parameters, self.scene.device)
+        device = self.scene.device
+        self._limits = limits_of(parameters, device, self.period_s)
+        self.command_timeout = command_timeout_of(parameters, device, self.period_s)
+        self.timeout_ns = self.silence_ns(self.command_timeout)
         if self._poses is not None:
             self._side.envelope.limit(self._limits)
             self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
@@ -165,7 +170,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def validate_parameters(self, parameters: D) -> None:
         """Refuse what is less safe than the scene allows."""
-        limits_of(parameters, self.scene.device)
+        limits_of(parameters, self.scene.device, self.period_s)
 
     def activate(self) -> None:
         """Begin where the device is, held by nobody; in lockstep, held from the start."""

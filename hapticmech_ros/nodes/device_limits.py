@@ -8,17 +8,38 @@ import math
 from collections.abc import Iterator
 
 from hapticmech_ros.device.safety import SafetyLimits, safety_limits
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
+from hapticmech_ros.nodes.timeouts import COMMAND, timeout_of
 from hapticmech_ros.scene.device import Device
 
 
-def limits_of(parameters: DriverParameters, device: Device) -> SafetyLimits:
-    """Return the limits that parameters choose within those of the scene's device.
+def command_timeout_of(parameters: DriverParameters, device: Device, period_s: float) -> float:
+    """Return how long (s) a device acts on a command.
+
+    Args:
+        parameters: of the device's node.
+        device: of the scene.
+        period_s: control period, s.
 
     Raises:
-        ParameterError: names every parameter that goes beyond, with value and the scene's key.
+        InvalidInputError: longer than the scene allows, or less than three periods.
     """
-    problems = list(_problems(parameters, device))
+    return timeout_of(parameters, "command_timeout", COMMAND, period_s, device)
+
+
+def limits_of(parameters: DriverParameters, device: Device, period_s: float) -> SafetyLimits:
+    """Return the limits that parameters choose within those of the scene's device.
+
+    Args:
+        parameters: of the device's node.
+        device: of the scene.
+        period_s: control period, s.
+
+    Raises:
+        ParameterError: names every parameter that breaks a rule, with value and rule.
+    """
+    problems = list(_problems(parameters, device, period_s))
     if problems:
         raise ParameterError("; ".join(problems))
     scene = safety_limits(device)
@@ -32,7 +53,7 @@ def limits_of(parameters: DriverParameters, device: Device) -> SafetyLimits:
     )
 
 
-def _problems(parameters: DriverParameters, device: Device) -> Iterator[str]:
+def _problems(parameters: DriverParameters, device: Device, period_s: float) -> Iterator[str]:
     safety = device.safety
     for name, bound, key in (
         ("force_limit", device.force_limit, "device.force_limit"),
@@ -40,7 +61,6 @@ def _problems(parameters: DriverParameters, device: Device) -> Iterator[str]:
         ("force_slew", safety.force_slew, "device.safety.force_slew"),
         ("torque_slew", safety.torque_slew, "device.safety.torque_slew"),
         ("workspace_radius", safety.workspace_radius or math.inf, "device.safety.workspace_radius"),
-        ("command_timeout", safety.command_timeout, "device.safety.command_timeout"),
     ):
         value = getattr(parameters, name)
         if value > bound:
@@ -51,3 +71,7 @@ def _problems(parameters: DriverParameters, device: Device) -> Iterator[str]:
             "start_ramp: must be at least the scene's device.safety.start_ramp, "
             f"{safety.start_ramp:g} (got {parameters.start_ramp:g})"
         )
+    try:
+        command_timeout_of(parameters, device, period_s)
+    except InvalidInputError as error:
+        yield str(error)

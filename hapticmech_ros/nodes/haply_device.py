@@ -21,5 +21,5 @@ class HaplyDevice(RealDeviceDriver[HaplyParameters]):
         """Return the Inverse3; connecting begins with the first tick."""
         given = self.parameters
         return Inverse3(
-            Link(given.uri), self.scene, self.mounting, given.device_id, given.command_timeout
+            Link(given.uri), self.scene, self.mounting, given.device_id, self.command_timeout
         )

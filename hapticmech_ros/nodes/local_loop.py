@@ -18,7 +18,8 @@ from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.nodes.timeouts import ByRate
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices
 from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, gain_bounds, unpack_gain
@@ -29,8 +30,8 @@ FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
 REMEMBERED = 2048
 # Gains that wait for their commands; and how much newer a command without its own may be than the
-# one that is obeyed instead, ns.
-WAITING, PAIRED_NS = 64, NANOSECONDS // 50
+# one that is obeyed instead.
+WAITING, PAIRED = 64, ByRate(20, 0.02)
 # Who answers one sample several times tells the answers apart by nanoseconds.
 _MICROSECOND = 1000
 
@@ -77,7 +78,7 @@ class LocalLoop:
         self.couplings: Stamped[CouplingMatrices] = Stamped()
         self._newest_ns = NEVER
         self._bounds = bounds or gain_bounds()
-        self._paired = paired
+        self._paired, self._paired_ns = paired, nanoseconds(PAIRED.at(period))
         self._pair: Pair | None = None
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
         self.gains: Stamped[LocalFeedbackGain] = Stamped()
@@ -220,7 +221,7 @@ class LocalLoop:
         if own is not None:
             self._pair = Pair(command, answered_ns, own)
         pair = self._pair
-        if pair is not None and answered_ns - pair.answered_ns <= PAIRED_NS:
+        if pair is not None and answered_ns - pair.answered_ns <= self._paired_ns:
             return self._corrected(pair.command, pair.gain, pair.answered_ns)
         gain = self._gain.value
         if gain is None or not self._gain.fresh(now_ns, FRESH_NS):

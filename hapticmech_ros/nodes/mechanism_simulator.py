@@ -30,6 +30,7 @@ from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.operational.coupling import by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
@@ -125,9 +126,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def apply_parameters(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
         super().apply_parameters(parameters)
-        timeout_ns = nanoseconds(parameters.command_timeout)
+        self._timeout_ns = nanoseconds(self._command_timeout(parameters))
         for port in self._ports:
-            port.set_timeout(timeout_ns)
+            port.set_timeout(self._timeout_ns)
         if self._listened is not None:
             self._listened.set_timeout(nanoseconds(parameters.external_timeout))
         if self._asked is not None and parameters.grasp != self._asked:
@@ -136,6 +137,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def validate_parameters(self, parameters: MechanismParameters) -> None:
         """Refuse what the scene cannot have, a grasp too far away, and both in lockstep."""
+        self._command_timeout(parameters)
         if parameters.closure_button:
             self._refuse_in_lockstep("closure_button", parameters.closure_button)
             closure_button(parameters.closure_button, self._closures)
@@ -144,6 +146,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             if self._ticks:
                 self._refuse_in_lockstep("grasp", point.link)
             self._check_within_reach(point)
+
+    def _command_timeout(self, parameters: MechanismParameters) -> float:
+        """Return how long (s) it acts on a command."""
+        return timeout_of(parameters, "command_timeout", MECHANISM_COMMAND, self.period_s)
 
     def activate(self) -> None:
         """Go on where the mechanism is; what was commanded before counts no more."""
@@ -242,7 +248,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
         It then moves several periods in one: nobody is to hold it meanwhile.
         """
-        return self.backlog.owed * self.period_ns > nanoseconds(self.parameters.command_timeout)
+        return self.backlog.owed * self.period_ns > self._timeout_ns
 
     def _by_all(self) -> Array:
         """Return F_c (points, 6): of what pushes there, of virtual objects, and of other hands."""

@@ -18,6 +18,7 @@ from hapticmech_ros.cpu_list import cpus_of
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
+from hapticmech_ros.nodes.timeouts import COMMAND, MECHANISM_COMMAND, ByRate
 
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
 Changes = Literal["never", "unconfigured", "any"]
@@ -80,6 +81,11 @@ def number(
         description=f"{description}, {unit}",
         json_schema_extra={"changes": changes},
     )
+
+
+def timeout(description: str, rule: ByRate, changes: Changes = "any") -> Any:
+    """Return a field for a timeout that follows the control rate unless it is given."""
+    return number(0.0, f"{description}; 0: {rule}", "s", 0.0, 1.0, changes)
 
 
 def count(default: int, description: str, low: int, high: int, changes: Changes = "any") -> Any:
@@ -157,8 +163,8 @@ class DriverParameters(NodeParameters):
 
     place = 0
 
-    command_timeout: float = number(
-        0.012, "servo_cf older than this counts as lost: actuators at zero", "s", 0.001, 1.0
+    command_timeout: float = timeout(
+        "servo_cf older than this counts as lost: actuators at zero", COMMAND
     )
     force_limit: float = number(
         0.0, "largest force on the hand; 0: the scene's device.force_limit", "N", 0.0, 1000.0
@@ -241,8 +247,8 @@ class MechanismParameters(NodeParameters):
 
     place = -1
 
-    command_timeout: float = number(
-        0.05, "servo_cf older than this counts as lost and is ramped to zero", "s", 0.001, 1.0
+    command_timeout: float = timeout(
+        "servo_cf older than this counts as lost and is ramped to zero", MECHANISM_COMMAND
     )
     external_timeout: float = number(
         0.2, "external_cf expires after this; 0: never", "s", 0.0, 3600.0
@@ -280,9 +286,7 @@ class ControllerParameters(NodeParameters):
 
     place = -1
 
-    input_timeout: float = number(
-        0.012, "an input older than this counts as lost: disengaged", "s", 0.001, 1.0
-    )
+    input_timeout: float = timeout("an input older than this counts as lost: disengaged", COMMAND)
     lock_safety: bool = flag(
         False,
         "input_timeout, message_age_limit, soften, scene and rate cannot change",

@@ -53,7 +53,7 @@ class RealDeviceDriver(DeviceDriver[D]):
         """Take new parameters: the device's silence counts from now on."""
         super().apply_parameters(parameters)
         if self._poses is not None:
-            self._real.silence = parameters.command_timeout
+            self._real.silence = self.command_timeout
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
         """Yield one step, however many periods have gone by: a real device cannot catch up."""

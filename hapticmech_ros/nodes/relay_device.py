@@ -118,7 +118,7 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
         def send(efforts: Array) -> None:
             publisher.publish(Float64MultiArray(data=efforts.tolist()))
 
-        silence, torques = given.command_timeout, given.torques
+        silence, torques = self.command_timeout, given.torques
         self._axes_device = AxesDevice(
             self.scene, self.mounting, send, torques, silence, lambda: self.now_ns() / NANOSECONDS
         )

@@ -29,6 +29,7 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.robot_parameters import BY_RULE, FollowerParameters
+from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH, timeout_of
 from hapticmech_ros.robot.arm_scene import load_arm
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
@@ -37,7 +38,7 @@ from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
 from hapticmech_ros.robot.tuning import Tuning
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import twist_bounds
 from hapticmech_ros.wire.topics import EXTERNAL_WRENCH, POINT_POSE, POINT_TWIST
 from hapticmech_ros.wire.wrench import encode_wrench
@@ -49,6 +50,11 @@ TARE_SENSOR = "robot/tare_wrench"
 NO_TWIST = np.zeros(6)
 # Parameters that may be -1: by R8 and R9.
 RATES = ("linear_rate", "angular_rate", "observer_rate")
+TIMEOUTS = {
+    "joint_timeout": ROBOT_JOINTS,
+    "target_timeout": ROBOT_TARGET,
+    "wrench_timeout": ROBOT_WRENCH,
+}
 # rad, m, rad/s and m/s that no joint of a robot exceeds.
 LARGEST = 1e3
 
@@ -70,6 +76,11 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             rule = "must be position with command_type trajectory"
             raise InvalidInputError("interface", parameters.interface, rule)
         super().__init__(node, parameters)
+        self._timeouts = {
+            name: timeout_of(parameters, name, rule, self.period_s)
+            for name, rule in TIMEOUTS.items()
+        }
+        self._target_timeout_ns = nanoseconds(self._timeouts["target_timeout"])
         self._mechanism = Mechanism(
             load_arm(parameters.robot, numbers_in("gravity", parameters.gravity))
         )
@@ -247,11 +258,9 @@ class RobotFollower(ClockedActor[FollowerParameters]):
 
     def _settings(self, parameters: FollowerParameters, observer_rate: float) -> FollowerSettings:
         return FollowerSettings(
+            **self._timeouts,
             interface=parameters.interface,
             period=self.period_s,
-            joint_timeout=parameters.joint_timeout,
-            target_timeout=parameters.target_timeout,
-            wrench_timeout=parameters.wrench_timeout,
             has_sensor=bool(parameters.wrench_topic),
             observer_rate=observer_rate,
             largest_error=parameters.largest_error,
@@ -261,7 +270,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
 
     def _send(self, order: Order, now_ns: int) -> None:
         self._commands.publish(self._message(order))
-        fresh = now_ns - self._twist_ns <= self.parameters.target_timeout * NANOSECONDS
+        fresh = now_ns - self._twist_ns <= self._target_timeout_ns
         felt = self._port.wrench(order.contact, self._twist if fresh else NO_TWIST)
         # Zero once, and then silence: a wrench that stands is taken away by its timeout as well.
         if felt.any() or self._told_contact:
@@ -300,7 +309,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         pose = read_pose(message, self.limits)
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=False)
         # Sent just before it, of the same sample; an older one carries nothing on.
-        is_of_now = abs(stamp - self._twist_ns) <= self.parameters.target_timeout * NANOSECONDS
+        is_of_now = abs(stamp - self._twist_ns) <= self._target_timeout_ns
         twist = self._twist if is_of_now else np.zeros(6)
         if self._follower is not None:
             self._follower.hear_target(pose, twist, stamp / NANOSECONDS)

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from hapticmech_ros.nodes.parameters import NodeParameters, flag, number, text
+from hapticmech_ros.nodes.parameters import NodeParameters, flag, number, text, timeout
+from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH
 
 # Stands for a rate that follows by a rule.
 BY_RULE = -1.0
@@ -44,19 +45,14 @@ class FollowerParameters(JointParameters):
         "", "WrenchStamped of a sensor at robot_point, in its axes; empty: none"
     )
     torque_limits: str = text("", "of all joints, N m or N, with spaces between; empty: none")
-    joint_timeout: float = number(
-        0.02,
-        "joint states older than this are stale",
-        "s",
-        0.001,
-        1.0,
-        "unconfigured",
+    joint_timeout: float = timeout(
+        "joint states older than this are stale", ROBOT_JOINTS, "unconfigured"
     )
-    target_timeout: float = number(
-        0.05, "a target older than this is stale: the robot brakes", "s", 0.001, 1.0, "unconfigured"
+    target_timeout: float = timeout(
+        "a target older than this is stale: the robot brakes", ROBOT_TARGET, "unconfigured"
     )
-    wrench_timeout: float = number(
-        0.05, "a wrench older than this is stale: the robot brakes", "s", 0.001, 1.0, "unconfigured"
+    wrench_timeout: float = timeout(
+        "a wrench older than this is stale: the robot brakes", ROBOT_WRENCH, "unconfigured"
     )
     largest_error: float = number(
         0.1,

@@ -18,7 +18,6 @@ from hapticmech_ros.control.rendering_controller import (
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.buttons import ButtonInput
-from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
@@ -28,6 +27,7 @@ from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.timeouts import COMMAND, timeout_of
 from hapticmech_ros.nodes.transmissions import Transmissions
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
@@ -140,7 +140,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def apply_parameters(self, parameters: ControllerParameters) -> None:
         """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
         super().apply_parameters(parameters)
-        self.timeout_ns = self.silence_ns(input_timeout_of(parameters, self.scene.device))
+        self.timeout_ns = self.silence_ns(self._input_timeout(parameters))
         self._tune()
 
     def _tune(self) -> None:
@@ -151,7 +151,14 @@ class TeleoperationController(Actor[ControllerParameters]):
     def validate_parameters(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none, and what is less safe than the scene allows."""
         tuned(self.scene.controller, parameters.gains)
-        input_timeout_of(parameters, self.scene.device)
+        self._input_timeout(parameters)
+
+    def _input_timeout(self, parameters: ControllerParameters) -> float:
+        """Return how old (s) inputs may be: a command from an old one is as old.
+
+        What a declared network's jitter may add to silence comes on top, as with a device's.
+        """
+        return timeout_of(parameters, "input_timeout", COMMAND, self.period_s, self.scene.device)
 
     def watch(self, topic: str) -> Sources:
         """Return what watches that only one device, or one analyser, speaks on a topic."""

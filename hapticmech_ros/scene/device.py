@@ -64,7 +64,7 @@ class Safety(Part):
         workspace_radius: m, furthest from where the device starts that a force points outwards;
             0 is anywhere.
         command_timeout: s, longest that a command stands, and that a controller commands from its
-            last inputs; twelve milliseconds, a node's default, are always allowed.
+            last inputs; 12 ms, a node's own at 1 kHz, are always allowed.
     """
 
     force_slew: Positive = 2000.0

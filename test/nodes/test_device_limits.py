@@ -8,7 +8,6 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.controller_limits import input_timeout_of
 from hapticmech_ros.nodes.device_limits import limits_of
 from hapticmech_ros.nodes.parameters import (
     SAFETY,
@@ -20,6 +19,7 @@ from hapticmech_ros.nodes.parameters import (
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.device import Device, Safety
 
+PERIOD = 1e-3
 DEVICE = Device(
     force_limit=8.0,
     torque_limit=0.4,
@@ -46,21 +46,21 @@ OF_DEVICE = [name for name, _, _, _ in BOUNDS] + ["message_age_limit"]
 
 
 def test_by_themselves_they_are_the_scenes():
-    limits = limits_of(DeviceParameters(), DEVICE)
+    limits = limits_of(DeviceParameters(), DEVICE, PERIOD)
     assert (limits.force, limits.torque) == (8.0, 0.4)
     assert (limits.force_slew, limits.torque_slew) == (900.0, 30.0)
     assert (limits.ramp, limits.radius) == (0.2, 0.3)
     # A scene that says nothing bounds nothing but what every device has.
-    plain = limits_of(DeviceParameters(), Device())
+    plain = limits_of(DeviceParameters(), Device(), PERIOD)
     assert (plain.force_slew, plain.torque_slew, plain.ramp) == (2000.0, 100.0, 0.1)
     assert plain.radius == math.inf
 
 
 @pytest.mark.parametrize(("name", "allowed", "beyond", "rule"), BOUNDS)
 def test_none_can_be_less_safe_than_the_scene_allows(name, allowed, beyond, rule):
-    limits_of(DeviceParameters(**{name: allowed}), DEVICE)
+    limits_of(DeviceParameters(**{name: allowed}), DEVICE, PERIOD)
     with pytest.raises(ParameterError, match=rule) as refused:
-        limits_of(DeviceParameters(**{name: beyond}), DEVICE)
+        limits_of(DeviceParameters(**{name: beyond}), DEVICE, PERIOD)
     assert str(refused.value).startswith(f"{name}: must be")
     assert f"got {beyond:g}" in str(refused.value)
 
@@ -75,7 +75,7 @@ def test_safer_values_are_taken():
         workspace_radius=0.1,
         command_timeout=0.005,
     )
-    limits = limits_of(safer, DEVICE)
+    limits = limits_of(safer, DEVICE, PERIOD)
     assert (limits.force, limits.torque) == (1.0, 0.1)
     assert (limits.force_slew, limits.torque_slew) == (10.0, 1.0)
     assert (limits.ramp, limits.radius) == (2.0, 0.1)
@@ -84,7 +84,7 @@ def test_safer_values_are_taken():
 def test_all_that_is_wrong_is_named():
     beyond = DeviceParameters(**{name: value for name, _, value, _ in BOUNDS})
     with pytest.raises(ParameterError) as refused:
-        limits_of(beyond, DEVICE)
+        limits_of(beyond, DEVICE, PERIOD)
     assert all(f"{name}: must be" in str(refused.value) for name, _, _, _ in BOUNDS)
 
 
@@ -92,23 +92,6 @@ def test_every_bounded_parameter_can_be_locked():
     assert {name for name, _, _, _ in BOUNDS} < set(SAFETY)
     assert set(OF_DEVICE) == set(SAFETY) & set(DeviceParameters.model_fields)
     assert set(SAFETY) - set(OF_DEVICE) <= set(ControllerParameters.model_fields)
-
-
-def test_a_controllers_inputs_stand_no_longer_than_the_scene_lets_a_command():
-    for allowed in (0.001, 0.05):
-        assert input_timeout_of(ControllerParameters(input_timeout=allowed), DEVICE) == allowed
-    with pytest.raises(ParameterError) as refused:
-        input_timeout_of(ControllerParameters(input_timeout=0.051), DEVICE)
-    assert str(refused.value) == (
-        "input_timeout: must be at most the scene's device.safety.command_timeout, 0.05 (got 0.051)"
-    )
-    # By default what is documented for a machine that stalls, and a driver of 10 Hz; the node's own
-    # default in every scene.
-    assert input_timeout_of(ControllerParameters(input_timeout=0.1), Device()) == 0.1
-    least = Device(safety=Safety(command_timeout=0.012))
-    assert input_timeout_of(ControllerParameters(), least) == 0.012
-    slow = Device(safety=Safety(command_timeout=1.0))
-    assert input_timeout_of(ControllerParameters(input_timeout=1.0), slow) == 1.0
 
 
 @pytest.mark.parametrize("name", [*OF_DEVICE, "scene", "control_rate", "hand", "use_sim_time"])

@@ -146,6 +146,16 @@ def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
     assert loop.correct(COMMAND, 91 * PERIOD_NS, 300) is COMMAND
 
 
+def test_a_slow_loop_waits_as_many_periods_for_a_command_with_its_gain():
+    loop = LocalLoop(4e-3, paired=True)
+    for number in range(100):
+        loop.measured(sample(number), number * 4 * PERIOD_NS)
+    loop.take(message(70 * 4 * PERIOD_NS, answered=70 * 4), 0, lockstep=False)
+    obeyed = loop.correct(COMMAND, 70 * 4 * PERIOD_NS, 100)[0]
+    assert loop.correct(9.0 * COMMAND, 90 * 4 * PERIOD_NS, 100)[0] == obeyed
+    assert loop.correct(9.0 * COMMAND, 91 * 4 * PERIOD_NS, 100)[0] != obeyed
+
+
 def test_gains_that_wait_for_lost_commands_are_forgotten():
     loop = paired()
     for number in range(1000, 1000 + 3 * WAITING):

@@ -236,6 +236,17 @@ def test_one_bad_trial_among_good_ones_breaks_its_limit(broken: str, bad: Trial)
     assert replace(bad, trace="seen").log(0.5).endswith("\nseen")
 
 
+def test_a_slow_loop_is_judged_by_its_own_periods() -> None:
+    late = replace(GOOD, zero_s=0.0799, pause_s=0.009)
+    assert not _kept([late])[ZERO_GOAL]
+    slow = replace(late, period_s=0.004)
+    assert _kept([slow])[ZERO_GOAL]
+    assert "\n" not in slow.log(0.5)
+    assert late.paused
+    assert not slow.paused
+    assert not _kept([replace(slow, zero_s=0.0801)])[ZERO_GOAL]
+
+
 def test_a_ring_gives_back_what_was_put_into_it_since(tmp_path: Path) -> None:
     written = Ring(tmp_path / "ring", fresh=True)
     read = Ring(tmp_path / "ring")

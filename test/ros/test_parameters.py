@@ -127,7 +127,7 @@ def test_a_change_against_the_rules_changes_nothing(domain: int, peer: Peer) -> 
         for name, value, reasons in (
             ("view_rate", 5000.0, ("view_rate", "5000", "1000")),
             ("view_rate", 0.5, ("view_rate", "0.5", "1.0")),
-            ("command_timeout", math.nan, ("command_timeout", "nan", "0.001")),
+            ("command_timeout", math.nan, ("command_timeout", "nan", "0.0")),
             ("hand_timeout", -1.0, ("hand_timeout", "-1", "0.0")),
             ("message_age_limit", math.inf, ("message_age_limit", "inf", "3600")),
             ("view_rate", "fast", ("DOUBLE", "STRING")),

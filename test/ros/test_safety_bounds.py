@@ -97,7 +97,7 @@ def test_no_running_controller_commands_from_older_inputs_than_the_scene_allows(
             assert not refused.successful
             for words in (name, "the scene's device.safety.command_timeout, 0.1", f"got {value:g}"):
                 assert words in refused.reason
-        assert peer.parameters_of(CONTROLLER, name) == [0.012]
+        assert peer.parameters_of(CONTROLLER, name) == [0.0]
         for value in (0.05, 0.1):
             assert peer.set_parameters(CONTROLLER, **{name: value}).successful
         # Nor by way of a controller that is made anew.
@@ -114,6 +114,33 @@ def test_no_controller_starts_less_safe(domain: int, capfd: pytest.CaptureFixtur
     rule = "input_timeout: must be at most the scene's device.safety.command_timeout, 0.1"
     assert f"{rule} (got 0.5)" in told
     assert "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    ("node", "name"),
+    [
+        (DEVICE, "command_timeout"),
+        ("mechanism_simulator", "command_timeout"),
+        (CONTROLLER, "input_timeout"),
+    ],
+)
+def test_a_timeout_that_cannot_hold_is_refused(
+    domain: int, peer: Peer, node: str, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    rule = f"{name}: must be 0 or at least 3 periods of 250 Hz, 0.012 s (got 0.011)"
+    with running(node, domain, control_rate=250.0, **{name: 0.011}) as process:
+        assert process.wait(WAIT_S) == 1
+    told = capfd.readouterr().err
+    assert rule in told
+    assert "Traceback" not in told
+    with running(node, domain, control_rate=250.0):
+        peer.until(lambda: peer.state_of(node) == "active", "the node")
+        refused = peer.set_parameters(node, **{name: 0.011})
+        assert not refused.successful
+        assert rule in refused.reason
+        assert peer.parameters_of(node, name) == [0.0]
+        assert peer.set_parameters(node, **{name: 0.012}).successful
+        assert peer.set_parameters(node, **{name: 0.0}).successful
 
 
 def test_a_slow_driver_is_waited_for_as_long_as_the_scene_allows(
