@@ -127,7 +127,8 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
     for held in constraints["while_held"]:
         gain = held["force_gain_median"]
         if gain is None or not abs(gain - 1.0) <= FORCE_GAIN:
-            yield f"force with {held['count']} constraints: {number(gain, '.3f')} × the expected one"
+            seen = number(gain, ".3f")
+            yield f"force with {held['count']} constraints: {seen} × the expected one"
     for body in ("device", "point"):
         for unit, most in (("mm", POSITION_MM), ("deg", ROTATION_DEG)):
             apart = agreement[f"{body}_deviation_max_{unit}"]
