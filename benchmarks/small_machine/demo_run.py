@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.children import BenchError, output_to
+from hapticmech_ros.analysis.study import number
 from hapticmech_ros.graph import start_process, stop_process
 
 SCENE = "five_bar"
@@ -126,7 +127,8 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
     for held in constraints["while_held"]:
         gain = held["force_gain_median"]
         if gain is None or not abs(gain - 1.0) <= FORCE_GAIN:
-            yield f"force with {held['count']} constraints: {gain} × the expected one"
+            seen = number(gain, ".3f")
+            yield f"force with {held['count']} constraints: {seen} × the expected one"
     for body in ("device", "point"):
         for unit, most in (("mm", POSITION_MM), ("deg", ROTATION_DEG)):
             apart = agreement[f"{body}_deviation_max_{unit}"]
