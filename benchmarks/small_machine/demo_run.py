@@ -138,7 +138,7 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
 
 def _figures(graph: Mapping[str, Any]) -> dict[str, float | None]:
     return {
-        "rate_hz": graph.get("control_rate_hz"),
+        "rate_hz": graph.get("nominal_rate_hz"),
         "measured_hz": graph["measured_rate_hz"],
         "missed": graph["missed_deadlines"],
         "p50_us": graph["loop_latency_p50_us"],

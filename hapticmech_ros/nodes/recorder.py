@@ -79,7 +79,7 @@ class RecorderNode(BagRecorderNode):
         self.started_ns: int | None = None
 
     def watch(self, name: str) -> Callable[[Messages], None] | None:
-        """Look for the start of the hand in what a device measures."""
+        """Return who looks for the start of a hand in what a device measures."""
         return self._look_for_start if name in self._watched else None
 
     def start_hands_when_ready(self) -> None:

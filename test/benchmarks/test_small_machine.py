@@ -119,7 +119,7 @@ def test_a_run_passes_and_its_figures_are_read(tmp_path: Path) -> None:
     assert run.lost is None
     assert not (out / "bag").exists()
     assert run.seconds > 0.0
-    graph = {**RIGHT["graph"], "control_rate_hz": 500.0, "recorder_lost": 3}
+    graph = {**RIGHT["graph"], "nominal_rate_hz": 500.0, "recorder_lost": 3}
     run = watch_demo(demo(out, changed("graph", value=graph)), out, 60.0)
     assert (run.rate_hz, run.lost) == (500.0, 3)
 
