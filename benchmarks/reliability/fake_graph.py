@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.message_info import WithInfo
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
 from hapticmech_ros.nodes.origin import INSIDE, Listener
+from hapticmech_ros.nodes.pauses import OwnPauses
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.times import NANOSECONDS
@@ -98,6 +99,7 @@ class Host:
         self.name = name
         self.active = False
         self.exchange = graph.exchange
+        self.pauses = OwnPauses()
         self.log = Log()
         self.refused = 0
         self.last_refusal = ""

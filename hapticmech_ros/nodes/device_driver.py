@@ -32,6 +32,7 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters
@@ -90,6 +91,7 @@ class DeviceDriver(ClockedActor[D]):
         # Whether people have not been told yet that commands are obeyed no more.
         self._let_go_untold = False
         self.times_held = 0
+        self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         self.latency = DurationHistogram()
         self._ticks = 0
         self._wire = FlatArray(DEVICE_FIELDS, device_bounds(self.limits))
@@ -274,6 +276,7 @@ class DeviceDriver(ClockedActor[D]):
             {
                 **self.clock_figures(),
                 "times_held": str(self.times_held),
+                **self._losses.figures(),
                 "fault": fault,
                 "changed_by_passivity": str(self._side.passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
@@ -307,9 +310,11 @@ class DeviceDriver(ClockedActor[D]):
             return self._safe(answer)
         heard_ns = self._command.as_of(now_ns)[1]
         fresh = now_ns - heard_ns <= self.timeout_ns
-        lost = fault or ("servo_cf is lost" if not fresh else self._answers.lost(now_ns))
-        if lost:
-            self._lose(lost)
+        if fault:
+            self._obey_no_more(fault)
+            return None
+        if lost := "servo_cf is lost" if not fresh else self._answers.lost(now_ns):
+            self._lose(lost, None if fresh else now_ns - heard_ns)
             return None
         acting, heard_ns = self._command.as_of(known_ns)
         if acting is None or known_ns - heard_ns > self.timeout_ns:
@@ -367,11 +372,18 @@ class DeviceDriver(ClockedActor[D]):
         numbers[_HAND_WRENCH] += self._device.sensed(self._push)
         return numbers
 
-    def _lose(self, what: str) -> None:
-        """Obey no more, because something is lost, and say so once."""
+    def _lose(self, what: str, silence_ns: int | None = None) -> None:
+        """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
+        why = ""
+        if self._answers.obeys:
+            why = self._losses.explained(silence_ns, self.timeout_ns, self.now_ns())
+        self._obey_no_more(what, why)
+
+    def _obey_no_more(self, reason: str, why: str = "") -> None:
+        """Obey no more, and say so once."""
         now = self.now_ns()
         if self._answers.obeys:
-            self._warn(what)
+            self._warn(reason, why)
             self._let_go(now)
         else:
             self._answers.let_go(now)
@@ -406,8 +418,9 @@ class DeviceDriver(ClockedActor[D]):
         self._publish_view(stamp_ns)
         self.node.exchange.publish_kept()
 
-    def _warn(self, reason: str) -> None:
-        self.node.get_logger().warning(f"{reason}: actuators at zero")
+    def _warn(self, reason: str, why: str = "") -> None:
+        more = f" ({why})" if why else ""
+        self.node.get_logger().warning(f"{reason}: actuators at zero{more}")
 
     def _on_own_axes(self, message: Bool, now_ns: int) -> None:
         del now_ns

@@ -27,19 +27,33 @@ class EngagementLog:
     def __init__(self, logger: Callable[[], Any], now_ns: Callable[[], int]) -> None:
         self._logger, self._now_ns = logger, now_ns
         self._said_ns: int | None = None
-        self._untold, self._reason, self._engaged = 0, "", False
+        self._untold, self._explained, self._reason, self._engaged = 0, 0, "", False
 
-    def engaged(self) -> None:
-        """Say that the controller is engaged, unless it is told later why it was not."""
+    def engaged(self, explanation: str = "") -> None:
+        """Say that the controller is engaged, unless it is told later why it was not.
+
+        Args:
+            explanation: what explains the last loss, if that has become known since; else empty.
+        """
         self._engaged = True
         if not self._untold:
-            self._logger().info("engaged")
+            self._logger().info(f"engaged: {explanation}" if explanation else "engaged")
+        elif explanation:
+            self._explained, self._reason = self._explained + 1, f"{self._reason}: {explanation}"
 
-    def lost(self, reason: str) -> None:
-        """Say that the controller is disengaged because of inputs, now or later."""
+    def lost(self, reason: str, explanation: str = "") -> None:
+        """Say that the controller is disengaged because of inputs, now or later.
+
+        Args:
+            reason: what is lost.
+            explanation: the pause of a process that explains it, if one is known; else empty.
+        """
         self._engaged, now = False, self._now_ns()
+        if explanation:
+            reason = f"{reason}: {explanation}"
         if self._said_ns is not None and now - self._said_ns < _PERIOD_NS:
             self._untold, self._reason = self._untold + 1, reason
+            self._explained += bool(explanation)
             return
         self._said_ns = now
         self._logger().warning(f"disengaged: {reason}")
@@ -60,5 +74,7 @@ class EngagementLog:
             return
         state = "engaged" if self._engaged else "disengaged"
         times = f"{self._untold} more time{'s' * (self._untold > 1)}"
+        if self._explained:
+            times += f" ({self._explained} by pauses of a process)"
         self._logger().warning(f"disengaged {times}, the last: {self._reason}; now {state}")
-        self._untold, self._said_ns = 0, self._now_ns()
+        self._untold, self._explained, self._said_ns = 0, 0, self._now_ns()

@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.origin import Listener
+from hapticmech_ros.nodes.pauses import OwnPauses
 
 E = TypeVar("E")
 
@@ -22,10 +23,12 @@ class Host(Protocol):
     Attributes:
         active: whether the actor acts.
         exchange: joins it with the other nodes of its process, and of its user's on this host.
+        pauses: of its process.
     """
 
     active: bool
     exchange: Exchange
+    pauses: OwnPauses
 
     @property
     def create_publisher(self) -> Any:

@@ -26,6 +26,7 @@ from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.node_time import NodeTime, said_of_step
 from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
+from hapticmech_ros.nodes.pauses import OwnPauses
 from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
@@ -48,21 +49,27 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     Args:
         actor_type: what it becomes on configure.
         exchange: shared by the nodes of the process.
+        pauses: as well; None: it is alone.
 
     Attributes:
         actor: what it does; None while unconfigured.
         active: whether it does it.
+        pauses: of its process.
         refused: messages refused so far.
         in_sim_time: whether its time is what /clock says.
         realtime: what its process has asked of the system; None: nothing yet.
     """
 
-    def __init__(self, actor_type: type[Actor[Any]], exchange: Exchange) -> None:
+    def __init__(
+        self, actor_type: type[Actor[Any]], exchange: Exchange, pauses: OwnPauses | None = None
+    ) -> None:
         super().__init__(actor_type.name)
         self._actor_type = actor_type
         self.exchange = exchange
         self._listeners: list[tuple[str, Listener, str]] = []
         exchange.nodes.append(self)
+        self.pauses = pauses or OwnPauses()
+        self.pauses.waits.append(self._wait_ns)
         self._on_lane = False
         self.actor: Actor[Any] | None = None
         self.active = False
@@ -74,6 +81,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._kept: list[Any] = []
         self._jumps: JumpHandle | None = None
         self._time = NodeTime()
+        self._looked_ns = self._time.now_ns()
         self._clock_steps, self._last_step = 0, ""
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._hosted = HostedParameters(
@@ -109,11 +117,13 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             raise self.failure
 
     def next_deadline_ns(self) -> int | None:
-        """Return when the node wants to act next by its own time; None: never, or by /clock."""
+        """Return when the node wants to go on by its own time; None: never, or by /clock."""
         actor = self.actor
-        if not (self.active and isinstance(actor, ClockedActor)) or self.in_sim_time:
+        if actor is None or not self.active or self.in_sim_time:
             return None
-        return None if actor.clock is None else actor.clock.next_ns
+        if isinstance(actor, ClockedActor):
+            return None if actor.clock is None else actor.clock.next_ns
+        return self._looked_ns + actor.longest_wait_ns if actor.longest_wait_ns else None
 
     def act(self, now_ns: int) -> None:
         """Let a clocked actor act."""
@@ -130,6 +140,8 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     def look_at_clock(self) -> None:
         """Begin anew if the machine's clock was set; asked for with every message and deadline."""
+        self.pauses.look()
+        self._looked_ns = self._time.now_ns()
         step = self._time.step_ns()
         if step and not self.in_sim_time:
             self._begin_anew(f"the machine's {said_of_step(step)}")
@@ -332,6 +344,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         ):
             if destroy(entity):
                 return
+
+    def _wait_ns(self) -> int | None:
+        """Return how long the node would still wait; less than nothing: it is late."""
+        deadline = self.next_deadline_ns()
+        return None if deadline is None else deadline - self.now_ns()
 
     def _look_for_clock(self) -> None:
         """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""

@@ -24,6 +24,7 @@ from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
+from hapticmech_ros.nodes.pauses import OwnPauses
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
 from hapticmech_ros.readiness import SHOWN, say_ready
 
@@ -75,12 +76,12 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     from hapticmech_ros.nodes.managed import ManagedNode
 
     nodes: list[ManagedNode] = []
-    exchange = Exchange()
+    exchange, pauses = Exchange(), OwnPauses()
     realtime: Realtime | None = None
     try:
         # One by one: those made before a failure are destroyed.
         for name in names:
-            nodes.append(ManagedNode(actor_type(name), exchange))
+            nodes.append(ManagedNode(actor_type(name), exchange, pauses))
             nodes[-1].start()
         herald.destroy_node()
         starting.end()

@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from hapticmech_ros.nodes.origin import MIDDLEWARE, OUTLETS, Origin
+from hapticmech_ros.nodes.origin import INSIDE, MIDDLEWARE, OUTLETS, Origin
 from hapticmech_ros.times import NANOSECONDS
 
 # What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
@@ -130,11 +130,15 @@ class Sources:
     Args:
         node: that subscribes.
         topic: its full name.
+
+    Attributes:
+        latest: origin of the last message.
     """
 
     def __init__(self, node: KnowsPublishers, topic: str) -> None:
         self._node = node
         self._topic = topic
+        self.latest = INSIDE
         self._sources: list[_Source] = []
         self._two = False
         self._heard_ns = 0
@@ -149,6 +153,7 @@ class Sources:
             now_ns: time of its arrival, ns.
         """
         self._heard_ns = now_ns
+        self.latest = origin
         via, number = origin.via, origin.number
         if via == MIDDLEWARE and number == UNNUMBERED:
             # There is only the middleware's list, in which the dead stand for a while.

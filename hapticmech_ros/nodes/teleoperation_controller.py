@@ -24,8 +24,10 @@ from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import ControllerParameters
+from hapticmech_ros.nodes.pauses import SenderPauses
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, timeout_of
 from hapticmech_ros.nodes.transmissions import Transmissions
@@ -65,6 +67,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     name = "teleoperation_controller"
     parameters_type = ControllerParameters
+    longest_wait_ns = 5_000_000
 
     def __init__(self, node: Host, parameters: ControllerParameters) -> None:
         self._clutch: Clutch | None = None
@@ -91,6 +94,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
         self._single: list[Sources] = []
+        period_ns, warn = nanoseconds(self.period_s), node.get_logger().warning
+        self._losses = Losses(node.pauses, 1.0 / self.period_s, warn)
+        self._device_pauses = SenderPauses("the device", period_ns)
+        self._model_pauses = SenderPauses("the analyser or the mechanism", period_ns)
         self._crtk = CrtkDevice(
             self,
             self.bounds.twist,
@@ -106,7 +113,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.control_input,
             self._on_device_state,
             DEVICE_FIELDS,
-            self.watch(DEVICE_STATE.name),
+            device := self.watch(DEVICE_STATE.name),
         )
         model = POINT_MODEL.of(self.point)
         self.input_array(
@@ -114,8 +121,9 @@ class TeleoperationController(Actor[ControllerParameters]):
             self.control_input,
             self._on_operational_model,
             OPERATIONAL_MODEL_FIELDS,
-            self.watch(model),
+            analyser := self.watch(model),
         )
+        self._of_device, self._of_analyser = device, analyser
         # C3 of the hands whose wrenches the device gets at once, and what these do to the point.
         self._direct = heard_directly(self.shared_scene, self.point, self.other_points)
         self._transmissions = Transmissions(self, self._answer_pair)
@@ -228,6 +236,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         figures = {
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),
+            **self._losses.figures(),
+            "lost_while_sender_paused": str(self._losses.sender_paused),
             "grasps": str(self.grasps),
             "fault": fault,
             **({"coupling_fault": doubtful} if self.other_points else {}),
@@ -247,6 +257,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         stamp, device = inputs.stamp_ns, inputs.measured
         heard = self.lockstep or self._path.heard(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
+        self._device_pauses.heard(stamp, self._of_device.latest, now_ns)
         if self.lockstep:
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
@@ -297,10 +308,11 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         model = self._model.value
         if model is None or not self._model.fresh(now_ns, self.timeout_ns):
-            self._disengage_for([POINT_MODEL.of(self.point)])
+            silence = now_ns - self._model.stamp_ns
+            self._disengage_for([POINT_MODEL.of(self.point)], silence, self._model_pauses)
             return
         if gap > self.timeout_ns:
-            self._disengage_for([DEVICE_STATE.name])
+            self._disengage_for([DEVICE_STATE.name], gap, self._device_pauses)
         if not model.commanded:
             # The mechanism does not hear us (yet): the device is left alone until it does.
             self._disengage_for([POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)"])
@@ -316,13 +328,14 @@ class TeleoperationController(Actor[ControllerParameters]):
         found = self._path.take()
         pause = self._path.turn(now_ns)
         lost = [POINT_MODEL.of(self.point)] if pause > self.timeout_ns else []
+        silent = (pause, self._model_pauses) if lost else (now_ns - self._last_ns, None)
         if now_ns - self._last_ns > self.timeout_ns:
             lost.append(DEVICE_STATE.name)
         if not model.commanded:
             lost.append(POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)")
             self._outputs.mechanism(NO_WRENCH, model.stamp_ns)
         if lost:
-            self._disengage_for(lost)
+            self._disengage_for(lost, *silent)
         elif not self._opened() and found is not None:
             self._answer_to(found[0], model, found[1], now_ns)
 
@@ -341,7 +354,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._rendered_ns = NEVER
             self.engagements += 1
             self._last_fault = ""
-            self._log.engaged()
+            self._log.engaged(self._losses.explained_now(now_ns))
         elif not (self._path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
@@ -433,9 +446,18 @@ class TeleoperationController(Actor[ControllerParameters]):
             outputs.gain(answer, stamp_ns)
         outputs.view(answer.wrenches, answered_ns, side.entry)
 
-    def _disengage_for(self, lost: Sequence[str]) -> None:
-        """Disengage because inputs are lost."""
-        self._disengage(f"lost {', '.join(lost)}", self._log.lost)
+    def _disengage_for(
+        self,
+        lost: Sequence[str],
+        silence_ns: int | None = None,
+        sender: SenderPauses | None = None,
+    ) -> None:
+        """Disengage because inputs are lost, and say what explains it: see :class:`Losses`."""
+        if self._clutch is None:
+            return
+        now = self.now_ns()
+        why = self._losses.explained(silence_ns, self.timeout_ns, now, sender)
+        self._disengage(f"lost {', '.join(lost)}", lambda reason: self._log.lost(reason, why))
 
     def _disengage_at(self, fault: str) -> None:
         """Disengage because of a fault, and say so once, also where inputs were lost before."""
@@ -458,6 +480,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         found = read_operational_model(values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._model.put(found, found.stamp_ns)
+        self._model_pauses.heard(found.stamp_ns, self._of_analyser.latest, now_ns)
         self.ages.add(now_ns - found.stamp_ns)
         if self.lockstep:
             self._models.put(found, found.stamp_ns)
@@ -466,4 +489,5 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._answer_paced(found, now_ns)
         elif now_ns - self._last_ns > self.timeout_ns:
             # The device says nothing that could be answered: the mechanism is told now.
-            self._disengage_for([DEVICE_STATE.name])
+            silence = now_ns - self._last_ns
+            self._disengage_for([DEVICE_STATE.name], silence, self._device_pauses)

@@ -65,6 +65,36 @@ def test_the_last_line_says_how_it_is(said, engaged):
     assert said.lines[-1] == ("warning", f"disengaged 1 more time, the last: lost b; now {state}")
 
 
+def test_what_explains_a_loss_is_said_with_it_or_with_what_comes_next(said):
+    said.engagement.engaged()
+    said.engagement.lost("lost a", "this process had no processor for 14 ms")
+    said.engagement.engaged()
+    said.now_ns = 2_000_000_000
+    said.engagement.lost("lost b")
+    said.engagement.engaged("the device had paused for 15 ms")
+    assert [text for _, text in said.lines] == [
+        "engaged",
+        "disengaged: lost a: this process had no processor for 14 ms",
+        "engaged",
+        "disengaged: lost b",
+        "engaged: the device had paused for 15 ms",
+    ]
+
+
+def test_of_those_that_are_counted_it_is_told_how_many_are_explained(said):
+    said.engagement.engaged()
+    said.engagement.lost("lost a")
+    for explanation in ("this process had no processor for 14 ms", "", ""):
+        said.engagement.engaged()
+        said.engagement.lost("lost b", explanation)
+    said.engagement.engaged("the device had paused for 15 ms")
+    said.engagement.tell()
+    assert said.lines[-1][1] == (
+        "disengaged 3 more times (2 by pauses of a process), "
+        "the last: lost b: the device had paused for 15 ms; now engaged"
+    )
+
+
 def test_a_stop_that_is_wanted_is_no_warning():
     graph = FakeGraph("five_bar", actors=ACTORS[:4])
     graph.run(0.5)
