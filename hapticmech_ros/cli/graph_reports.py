@@ -129,3 +129,10 @@ def _notes(report: Report) -> Iterator[str]:
         if count != "0":
             given = {k: figures.get(k, "") for k in ("last_failure", "last_refusal")}
             yield f"{count} {what.format(**given, last_clock_step=figures.get('last_clock_step'))}"
+    without = int(figures.get("lost_without_processor", "0"))
+    paused = int(figures.get("lost_while_sender_paused", "0"))
+    if without or paused:
+        yield (
+            f"rendering ended {figures['losses']} times because of a silence: {without} times this "
+            f"process had no processor, {paused} times the sender had paused (docs/realtime.md)"
+        )

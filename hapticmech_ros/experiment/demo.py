@@ -7,11 +7,10 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.cpu_list import available_cores
 from hapticmech_ros.errors import BagError, HapticMechError
@@ -107,28 +106,30 @@ def run_demo(
         else:
             if run.load is not None:
                 notify(run.load.sentence())
-            if run.interruptions and lower:
+            if lower and not run.kept:
                 rate = lower[0]
                 notify(f"{run.told()}: once more at {rate:g} Hz")
             else:
                 break
         lower = [one for one in lower if one < 0.99 * rate]
-    if run.interruptions:
-        notify(f"{run.told()}: the results are those of an interrupted run")
+    if not run.kept:
+        notify(f"{run.told()}: the results are those of such a run")
     scene = load_scene(scene_name, rate)
-    return _results(scene, bag, out, seconds, show)
+    return _results(scene, bag, out, seconds, run.interruptions, show)
 
 
-def _results(scene: Scene, bag: Path, out: Path, seconds: float, show: Show) -> dict[str, object]:
+def _results(
+    scene: Scene, bag: Path, out: Path, seconds: float, interruptions: int, show: Show
+) -> dict[str, object]:
     """Write figures and summary of a recorded run, beside a session's, and return the summary."""
     show("reading the bag", None)
-    health, losses = health_from_bag(bag), losses_of(read_metadata(bag))
+    health = replace(health_from_bag(bag), interruptions=interruptions)
     if len(scene.held_points) > 1:
         shared = shared_record_from_bag(bag, scene, duration=seconds)
         show("simulating the same without ROS", None)
         both = run_shared_session(scene, seconds)
         show("drawing", None)
-        return write_shared_results(shared, scene, out, health, both, losses)
+        return write_shared_results(shared, scene, out, health, both)
     record = record_from_bag(bag, scene, duration=seconds)
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
@@ -140,7 +141,6 @@ def _results(scene: Scene, bag: Path, out: Path, seconds: float, show: Show) -> 
         graph=health,
         agreement=compare(record, reference),
         reference=reference,
-        lost=losses,
     )
 
 
@@ -156,8 +156,15 @@ class GraphRun:
     load: GraphLoad | None
     interruptions: int
 
+    @property
+    def kept(self) -> bool:
+        """Whether rendering went on without a break, at the rate that was wanted."""
+        return not self.interruptions and (self.load is None or self.load.fits)
+
     def told(self) -> str:
-        """Return in words that it was interrupted."""
+        """Return in words what was not kept."""
+        if not self.interruptions:
+            return "the machine did not keep the rate"
         times = "once" if self.interruptions == 1 else f"{self.interruptions} times"
         return f"rendering was interrupted {times}"
 

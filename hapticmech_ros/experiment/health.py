@@ -7,9 +7,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
@@ -35,9 +37,19 @@ class NodeHealth:
 
 @dataclass(frozen=True, slots=True)
 class GraphHealth:
-    """Last status of every node, by the node's name; empty if the bag has no diagnostics."""
+    """How the run of a graph went.
+
+    Attributes:
+        nodes: last status of every node, by its name; empty if the bag has no diagnostics.
+        lost: messages that the recorder lost, of each topic that lost any (None: not known); None
+            where it has not counted.
+        interruptions: how often rendering was interrupted once the hands had started; None: nobody
+            has counted.
+    """
 
     nodes: Mapping[str, NodeHealth]
+    lost: Mapping[str, int | None] | None = None
+    interruptions: int | None = None
 
     def total(self, figure: str) -> float | None:
         """Return the sum of a figure over the nodes that report it; None if none does."""
@@ -54,23 +66,24 @@ class GraphHealth:
 
 
 def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
-    """Return the last status of every node in the bag at ``path``.
+    """Return the last status of every node in the bag at ``path``, and what its recorder lost.
 
     Raises:
         BagError: no bag, a damaged one, or ``/diagnostics`` of another type.
     """
     last: dict[str, NodeHealth] = {}
+    lost = losses_of(read_metadata(Path(path)))
     with BagReader(path) as bag:
         topic = bag.topics.get(DIAGNOSTICS.name)
         if topic is None:
-            return GraphHealth({})
+            return GraphHealth({}, lost)
         if topic.type != DIAGNOSTICS.type:
             found = f"{DIAGNOSTICS.name} is {topic.type}, should be {DIAGNOSTICS.type}"
             raise BagError(f"bag {path}: {found}")
         for item in bag.messages(DIAGNOSTICS.name):
             for status in item.message.status:
                 last[status.name] = _node(status)
-    return GraphHealth(dict(sorted(last.items())))
+    return GraphHealth(dict(sorted(last.items())), lost)
 
 
 def _node(status: Any) -> NodeHealth:

@@ -115,8 +115,17 @@ def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
         ),
         ("deadlines missed, all nodes", NOTHING if missed is None else f"{missed:g}"),
         ("loop latency p50 / p99 / max, ms", " / ".join(latency)),
+        *_break_rows(graph),
         *_loss_rows(graph),
     ]
+
+
+def _break_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return a row where rendering was interrupted; else none."""
+    times, paused = graph["interruptions"], graph["losses_by_pauses"]
+    if not times:
+        return []
+    return [("interruptions of the rendering", f"{times}; processes paused {paused or 0:g} times")]
 
 
 def _loss_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:

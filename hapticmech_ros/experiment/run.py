@@ -23,7 +23,7 @@ from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.shared_record import SharedRecord
 from hapticmech_ros.experiment.shared_summary import summarise_shared
-from hapticmech_ros.experiment.summary import Losses, summarise
+from hapticmech_ros.experiment.summary import summarise
 from hapticmech_ros.scene import Scene
 
 SUMMARY, FAILURE = "summary.json", "failure.json"
@@ -68,7 +68,6 @@ def write_results(
     graph: GraphHealth | None = None,
     agreement: Mapping[str, Any] | None = None,
     reference: ExperimentRecord | None = None,
-    lost: Losses | None = None,
 ) -> dict[str, Any]:
     """Write ``summary.json`` and the figures into ``out_dir``, which is created if needed.
 
@@ -79,14 +78,13 @@ def write_results(
         graph: diagnostics of the nodes, for a run of the graph.
         agreement: from :func:`compare`; included in the summary.
         reference: a run to draw behind this one, such as the session's.
-        lost: messages that a graph's recorder lost, by topic.
 
     Returns:
         The summary as written, with the figures' file names under ``figures``.
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
-    summary = summarise(record, scene, graph, lost)
+    summary = summarise(record, scene, graph)
     if agreement is not None:
         summary["agreement"] = dict(agreement)
     return _written(summary, folder, write_figures(record, scene, folder, reference))
@@ -98,7 +96,6 @@ def write_shared_results(
     out_dir: str | os.PathLike[str],
     graph: GraphHealth | None = None,
     reference: SharedRecord | None = None,
-    lost: Losses | None = None,
 ) -> dict[str, Any]:
     """Write ``summary.json`` and the figures of a run of several users into ``out_dir``.
 
@@ -108,7 +105,6 @@ def write_shared_results(
         out_dir: folder, made if needed; files of the same names in it are replaced.
         graph: diagnostics of the nodes, for a run of the graph.
         reference: a run to draw behind this one and to compare it with, such as the session's.
-        lost: messages that a graph's recorder lost, by topic.
 
     Returns:
         The summary as written, with the figures' file names under ``figures``.
@@ -118,7 +114,7 @@ def write_shared_results(
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
-    summary = summarise_shared(record, scene, graph, lost)
+    summary = summarise_shared(record, scene, graph)
     if reference is not None:
         for point, user in record.users.items():
             summary["users"][point]["agreement"] = compare(user, reference.users[point])

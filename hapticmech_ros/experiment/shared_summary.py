@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,25 +13,19 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.grips import Grips, grips_of
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.shared_record import SharedRecord
-from hapticmech_ros.experiment.summary import Losses, root_mean_square, summarise
+from hapticmech_ros.experiment.summary import root_mean_square, summarise
 from hapticmech_ros.scene import Scene
 
 Json = dict[str, Any]
 
 
-def summarise_shared(
-    record: SharedRecord,
-    scene: Scene,
-    graph: GraphHealth | None = None,
-    lost: Losses | None = None,
-) -> Json:
+def summarise_shared(record: SharedRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
     """Return the summary of a run of several users.
 
     Args:
         record: the run.
         scene: of the run.
         graph: diagnostics of the nodes, for a run of the graph.
-        lost: messages that the recorder lost, by topic; None where it has not counted any.
     """
     health = graph or GraphHealth({})
     return {
@@ -38,7 +33,7 @@ def summarise_shared(
         "source": record.source,
         "duration_s": float(record.first.times[-1]),
         "users": {
-            point: summarise(user, scene.held_at(point), _of_user(health, point), lost)
+            point: summarise(user, scene.held_at(point), _of_user(health, point))
             for point, user in record.users.items()
         },
         "spans": [_span(record, span) for span in grips_of(scene, float(record.first.times[-1]))],
@@ -47,13 +42,12 @@ def summarise_shared(
 
 def _of_user(health: GraphHealth, point: str) -> GraphHealth:
     """Return the health of the nodes that one user has, the mechanism's included."""
-    return GraphHealth(
-        {
-            name: node
-            for name, node in health.nodes.items()
-            if "/" not in name or name.rpartition("/")[0].rpartition("/")[2] == point
-        }
-    )
+    nodes = {
+        name: node
+        for name, node in health.nodes.items()
+        if "/" not in name or name.rpartition("/")[0].rpartition("/")[2] == point
+    }
+    return replace(health, nodes=nodes)
 
 
 def _span(record: SharedRecord, span: Grips) -> Json:

@@ -8,7 +8,6 @@ from the record's start.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,26 +20,18 @@ from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.scene import Scene
 
 Json = dict[str, Any]
-# Messages by topic; None: not known.
-Losses = Mapping[str, int | None]
 
 # Intervals between device samples longer than this many periods are counted as gaps.
 GAP_PERIODS = 1.5
 
 
-def summarise(
-    record: ExperimentRecord,
-    scene: Scene,
-    graph: GraphHealth | None = None,
-    lost: Losses | None = None,
-) -> Json:
+def summarise(record: ExperimentRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
     """Return the summary of a run.
 
     Args:
         record: the run.
         scene: of the run.
         graph: diagnostics of the nodes, for a run of the graph.
-        lost: messages that the recorder lost, by topic; None where it has not counted any.
     """
     summary: Json = {
         "scene": record.scene,
@@ -61,7 +52,7 @@ def summarise(
         },
     }
     if record.source == "graph":
-        summary["graph"] = _graph(record, graph or GraphHealth({}), lost)
+        summary["graph"] = _graph(record, graph or GraphHealth({}))
     return summary
 
 
@@ -192,9 +183,10 @@ def _energy(record: ExperimentRecord) -> Json:
     }
 
 
-def _graph(record: ExperimentRecord, health: GraphHealth, lost: Losses | None) -> Json:
+def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
     intervals = np.diff(record.times)
     span = float(record.times[-1] - record.times[0])
+    lost = health.lost
     latency = {name: health.one(f"loop_latency_{name}_us") for name in ("p50", "p90", "p99", "max")}
     return {
         "nominal_rate_hz": 1.0 / record.period,
@@ -202,6 +194,11 @@ def _graph(record: ExperimentRecord, health: GraphHealth, lost: Losses | None) -
         "measured_interval_max_ms": _largest(1e3 * intervals),
         "measured_gaps": int(np.count_nonzero(intervals > GAP_PERIODS * record.period)),
         "missed_deadlines": health.total("missed_deadlines"),
+        "losses": health.total("losses"),
+        "losses_by_pauses": _sum(
+            health.total("lost_without_processor"), health.total("lost_while_sender_paused")
+        ),
+        "interruptions": health.interruptions,
         "recorder_lost": None if lost is None else sum(count or 0 for count in lost.values()),
         "recorder_lost_by_topic": dict(lost or {}),
         **{f"loop_latency_{name}_us": value for name, value in latency.items()},
@@ -210,6 +207,11 @@ def _graph(record: ExperimentRecord, health: GraphHealth, lost: Losses | None) -
             for name, node in health.nodes.items()
         },
     }
+
+
+def _sum(*values: float | None) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if known else None
 
 
 def _largest(values: Array) -> float | None:
