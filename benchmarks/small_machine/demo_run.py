@@ -22,9 +22,9 @@ from hapticmech_ros.graph import start_process, stop_process
 SCENE = "five_bar"
 FIGURES = ("fig5a.png", "fig5b.png", "fig5c.png")
 SUMMARY, LOG = "summary.json", "output.log"
-# What a run of the graph is held to, as the project promises: a graph's path from the session's; the
-# median of the constraint force over what is expected, since of eighty samples one that lies beside
-# the change of count, or rings after a late command, is as much as is allowed; and that change.
+# What a run of the graph is held to, as the project promises: its path to the session's; the median
+# of the constraint force over what is expected, since of eighty samples one that lies beside the
+# change of count, or rings after a late command, is as much as is allowed; and that change.
 CHANGES = [(1, 2)]
 APART = "from the session"
 POSITION_MM, ROTATION_DEG, FORCE_GAIN, CHANGE_S = 0.5, 0.5, 0.02, 0.05

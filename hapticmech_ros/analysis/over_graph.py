@@ -116,7 +116,10 @@ def _recorded(
     # JSON is YAML.
     path.write_text(json.dumps(document), encoding="utf-8")
     bag = folder / "bag"
-    record_graph(str(path), bag, composed, seconds)
+    run = record_graph(str(path), bag, composed, seconds)
+    if run.interruptions:
+        told = [run.told(), *([] if run.load is None else run.load.sentences())]
+        raise FeelGraphError("; ".join(told))
     return _samples(bag, period)
 
 
