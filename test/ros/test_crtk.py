@@ -41,6 +41,8 @@ CRTK_TYPES = {
 CRTK_NAME = re.compile(r"(?:measured|setpoint|servo|interpolate|move|goal)_([cj][pvfs])")
 ACTORS = {"device": "haptic_device", "mechanism/handle": "mechanism_simulator"}
 EVERY = [pytest.param(namespace, node, id=node) for namespace, node in ACTORS.items()]
+# Samples under a command, of which powers are compared.
+ENOUGH = 20
 TURNING = (0.03, 0.02, 0.01, 0.001, 0.002, 0.003)
 
 
@@ -128,8 +130,17 @@ def test_a_crtk_client_moves_an_actor_and_understands_it(
     with running(node, domain, **given):
         client.push(0.01, *TURNING)
         setpoints = peer.listen(f"{namespace}/setpoint_cf", WrenchStamped)
-        client.push(0.01, *(-2.0 * value for value in TURNING))
-        peer.until(lambda: min(map(len, client.measured)) > 20, "samples")
+        back = [-2.0 * value for value in TURNING]
+        client.push(0.01, *back)
+
+        def enough() -> bool:
+            client.servo_cf(*back)
+            given = sum(any(six(message)) for message in setpoints)
+            return min(map(len, client.measured)) > 20 and (
+                node != "haptic_device" or given > ENOUGH
+            )
+
+        peer.until(enough, "samples under the command")
     poses, twists, forces, joints = client.measured
     for message in (*poses, *twists, *forces, *joints):
         assert message.header.frame_id == "world"
