@@ -36,6 +36,8 @@ from ros.forked import start
 
 RELIABLE = QoSProfile(depth=1000)
 WAIT_S = 20.0
+# Hz, of graphs whose rate is not what is tested: a machine of half the speed keeps it.
+RATE = 250.0
 LOOK_S = 0.002
 # The graph without its device.
 OTHERS = ",".join(name for name in NODES if name != "haptic_device")
@@ -239,8 +241,12 @@ def running(
     arguments: Sequence[str] = (),
     **parameters: object,
 ) -> Iterator[subprocess.Popen[str]]:
-    """Run one node, or several joined by commas, in a process that ends with the block."""
-    given = ros_arguments({"scene": scene, **parameters})
+    """Run one node, or several joined by commas, in a process that ends with the block.
+
+    At :data:`RATE` unless ``control_rate`` is given (0: the scene's), or it advances by messages.
+    """
+    rate = {} if parameters.get("lockstep") else {"control_rate": RATE}
+    given = ros_arguments({"scene": scene, **rate, **parameters})
     for old, new in (remaps or {}).items():
         given += ["-r", f"{old}:={new}"]
     command = [sys.executable, "-m", "hapticmech_ros.nodes.entry", name, *given, *arguments]

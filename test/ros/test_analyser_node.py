@@ -13,11 +13,11 @@ from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.wire.layouts import unpack_operational_model
 from hapticmech_ros.wire.state import StateLayout, WireState
-from ros.harness import Peer, refuses, running
+from ros.harness import RATE, Peer, refuses, running
 
 pytestmark = pytest.mark.ros
-# Of the scene's loop, with a period of 1 ms: 2 d + 1/2 periods, d being 1.
-COMPENSATED_DELAY = 0.003
+# Of the loop: 2 d + 1 periods, d being 1.
+COMPENSATED_DELAY = 3.0 / RATE
 CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 

@@ -32,6 +32,8 @@ from ros.harness import Peer, allowing, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
+# Answers are compared with the core's at the scene's rate; who answers has no deadlines of its own.
+AS_THE_SCENE = {"control_rate": 0.0}
 HAND = (-0.5, 0.2, 0.0, 0.0, 0.0, -0.0025)
 
 
@@ -107,7 +109,7 @@ def test_answers_as_the_core_does(domain: int, peer: Peer, packed: bool, tmp_pat
     # On a busy machine this process may stand still for long: a timeout would engage anew, at the
     # moved pose.
     scene = allowing(tmp_path, command_timeout=1.0)
-    with running("teleoperation_controller", domain, scene, input_timeout=1.0):
+    with running("teleoperation_controller", domain, scene, input_timeout=1.0, **AS_THE_SCENE):
         world = World(peer, packed=packed)
 
         def engaged() -> bool:
@@ -143,7 +145,7 @@ def test_falls_silent_without_the_mechanism_and_comes_back_without_a_jump(
 ) -> None:
     statuses = peer.statuses()
     # The test's own sends are 10 ms and more apart.
-    with running("teleoperation_controller", domain, input_timeout=0.1):
+    with running("teleoperation_controller", domain, input_timeout=0.1, **AS_THE_SCENE):
         world = World(peer)
 
         def engaged() -> bool:
@@ -266,7 +268,7 @@ def test_gains_change_while_it_renders_without_a_step(
     first, last = answer(SCENE.controller), answer(tuned(SCENE.controller, names))
     assert np.abs(first - last).max() > 0.5
     scene = allowing(tmp_path, command_timeout=1.0)
-    with running("teleoperation_controller", domain, scene, input_timeout=1.0):
+    with running("teleoperation_controller", domain, scene, input_timeout=1.0, **AS_THE_SCENE):
         world = World(peer)
 
         def engaged() -> bool:
@@ -296,7 +298,7 @@ def test_a_loop_without_delay_margin_is_warned_of(domain: int, peer: Peer, tmp_p
     weak = tmp_path / "weak.yaml"
     weak.write_text(yaml.safe_dump(document), encoding="utf-8")
     statuses = peer.statuses()
-    with running("teleoperation_controller", domain, scene=str(weak)):
+    with running("teleoperation_controller", domain, scene=str(weak), **AS_THE_SCENE):
         peer.until(lambda: "teleoperation_controller" in statuses, "diagnostics")
         warning = figures(statuses["teleoperation_controller"])["loop_warning"]
         assert warning.startswith("at handle the loop is unstable even without delay")

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,8 @@ CRTK_TYPES = {
 CRTK_NAME = re.compile(r"(?:measured|setpoint|servo|interpolate|move|goal)_([cj][pvfs])")
 ACTORS = {"device": "haptic_device", "mechanism/handle": "mechanism_simulator"}
 EVERY = [pytest.param(namespace, node, id=node) for namespace, node in ACTORS.items()]
+# Samples under a command, of which powers are compared.
+ENOUGH = 20
 TURNING = (0.03, 0.02, 0.01, 0.001, 0.002, 0.003)
 
 
@@ -92,14 +93,15 @@ class CrtkClient:
         force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench
         self._servo_cf.publish(message)
 
-    def resist(self, duration: float) -> None:
-        """Command viscous friction, and check that it slows the actor down along its way."""
+    def resist(self) -> None:
+        """Command viscous friction, until it has slowed the actor down along its way."""
         start = np.array(six(self.measured_cv[-1]))[:3]
-        end = time.monotonic() + duration
-        while time.monotonic() < end:
+
+        def slower() -> bool:
             self.servo_cf(*(-3.0 * value for value in six(self.measured_cv[-1])[:3]), 0.0, 0.0, 0.0)
-            self._peer.run(0.005)
-        assert start @ six(self.measured_cv[-1])[:3] < 0.5 * start @ start
+            return bool(start @ six(self.measured_cv[-1])[:3] < 0.5 * start @ start)
+
+        self._peer.until(slower, "the actor to be slowed down")
 
     def push(self, speed: float, *wrench: float, frame: str = "world") -> None:
         """Command a wrench until the actor moves faster along it than before."""
@@ -128,10 +130,18 @@ def test_a_crtk_client_moves_an_actor_and_understands_it(
     with running(node, domain, **given):
         client.push(0.01, *TURNING)
         setpoints = peer.listen(f"{namespace}/setpoint_cf", WrenchStamped)
-        client.push(0.01, *(-2.0 * value for value in TURNING))
-        peer.run(0.1)
+        back = [-2.0 * value for value in TURNING]
+        client.push(0.01, *back)
+
+        def enough() -> bool:
+            client.servo_cf(*back)
+            given = sum(any(six(message)) for message in setpoints)
+            return min(map(len, client.measured)) > 20 and (
+                node != "haptic_device" or given > ENOUGH
+            )
+
+        peer.until(enough, "samples under the command")
     poses, twists, forces, joints = client.measured
-    assert min(map(len, client.measured)) > 20
     for message in (*poses, *twists, *forces, *joints):
         assert message.header.frame_id == "world"
     for stream in client.measured:
@@ -273,7 +283,7 @@ def test_a_client_enables_reads_renders_pauses_and_disables(
         client = StateClient(peer, namespace, state_kinds)
         client.command("enable", "ENABLED")
         motion.push(0.005, *TURNING)
-        motion.resist(0.5)
+        motion.resist()
         client.command("pause", "PAUSED")
         client.command("resume", "ENABLED")
         client.command("disable", "DISABLED")
@@ -283,7 +293,8 @@ def test_a_client_enables_reads_renders_pauses_and_disables(
         assert len(motion.measured_cp) <= read + 1
         client.command("enable", "ENABLED")
         motion.push(0.005, *TURNING)
-        peer.run(0.2)
+        statuses.clear()
+        peer.until(lambda: node in statuses, "diagnostics of it")
     assert figures(statuses[node])["refused_messages"] == "0"
     if state_kinds[0] is not String:
         assert {message.is_homed for message in client.heard} == {True}

@@ -177,7 +177,7 @@ def test_commands_to_a_running_graph_are_obeyed(
     statuses = peer.statuses()
     scene = next((there for name, there in SCENES.items() if name in command), "five_bar")
     nodes = "haptic_device" if page in ALONE else ",".join(FOUR)
-    with running(nodes, domain, scene, diagnostics_period=0.1):
+    with running(nodes, domain, scene, diagnostics_period=0.1, control_rate=0.0):
         peer.until(lambda: len(statuses) == len(nodes.split(",")), "diagnostics")
         if page not in ALONE:
             peer.until(

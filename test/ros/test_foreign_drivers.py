@@ -23,7 +23,7 @@ from ruamel.yaml import YAML
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene import document_of
-from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
@@ -96,7 +96,9 @@ class Driver:
 
 
 @contextmanager
-def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterator[None]:
+def graph(
+    domain: int, folder: Path, sensor: str, axes: str = "world", rate: float = RATE
+) -> Iterator[None]:
     """Run the other three nodes for a device whose hand is known in a way."""
     document = document_of(SCENE)
     document["device"] |= {"force_sensor": sensor, "servo_axes": axes}
@@ -108,7 +110,7 @@ def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterat
     if axes == "body":
         names += ("body/servo_cf", "body/measured_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
-    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2):
+    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2, control_rate=rate):
         yield
 
 
@@ -145,7 +147,7 @@ def test_the_mechanism_is_felt(
     rate: float,
     turn: float,
 ) -> None:
-    with graph(domain, tmp_path, sensor, "body" if turn else "world"):
+    with graph(domain, tmp_path, sensor, "body" if turn else "world", 0.0):
         points = peer.listen("mechanism/handle/measured_cp", PoseStamped)
         driver = Driver(peer, says, rate, turn)
         # Until the springs have come in.

@@ -17,11 +17,15 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.wire.layouts import unpack_operational_model
 from real_time import grants_real_time
-from ros.harness import Peer, figures, running, six
+from ros.harness import RATE, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 # With a machine that has other work.
-PATIENT = {"teleoperation_controller.input_timeout": 0.1, "haptic_device.command_timeout": 0.1}
+PATIENT = {
+    "teleoperation_controller.input_timeout": 0.1,
+    "haptic_device.command_timeout": 0.1,
+    "control_rate": RATE,
+}
 
 
 @pytest.mark.parametrize("composed", [False, True], ids=["four_processes", "composed"])
@@ -49,7 +53,8 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
     commands = peer.listen("device/servo_cf", WrenchStamped)
     forces = peer.listen("device/hand/measured_cf", WrenchStamped)
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
-    with Graph("five_bar", environment=private_environment(domain)) as graph:
+    parameters, environment = {"control_rate": RATE}, private_environment(domain)
+    with Graph("five_bar", parameters=parameters, environment=environment) as graph:
         peer.until(lambda: forces and six(forces[-1])[0] == -0.5, "the hand pushing")
         graph.processes[victim].kill()
         graph.processes[victim].wait()
@@ -116,9 +121,10 @@ def test_two_graphs_in_namespaces_do_not_mix(domain: int, peer: Peer) -> None:
     left = peer.listen("/left/device/measured_cp", PoseStamped)
     right = peer.listen("/right/device/measured_cp", PoseStamped)
     rest = peer.listen("/device/measured_cp", PoseStamped)
-    one = Graph("five_bar", True, "left", environment=private_environment(domain))
+    given: dict = {"parameters": {"control_rate": RATE}, "environment": private_environment(domain)}
+    one = Graph("five_bar", True, "left", **given)
     try:
-        with Graph("two_link", True, "right", environment=private_environment(domain)):
+        with Graph("two_link", True, "right", **given):
             peer.until(lambda: left and right, "both devices")
     finally:
         one.stop()
@@ -135,7 +141,7 @@ def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
     script = (
         "import os, time\n"
         "from hapticmech_ros.graph import Graph\n"
-        "graph = Graph('five_bar', True)\n"
+        f"graph = Graph('five_bar', True, parameters={{'control_rate': {RATE}}})\n"
         "print(next(iter(graph.processes.values())).pid, flush=True)\n"
         "time.sleep(60)\n"
     )
@@ -173,7 +179,8 @@ def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.
     statuses = peer.statuses()
     command = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
     process = subprocess.Popen(
-        [*command, "run", "two_link", "--composed"], env=private_environment(domain)
+        [*command, "run", "two_link", "--composed", "--control-rate", f"{RATE:g}"],
+        env=private_environment(domain),
     )
     try:
         peer.until(lambda: set(NODES) <= set(statuses), "the graph")

@@ -170,11 +170,15 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
                 "the engagement",
             )
             assert peer.transition(controller, "deactivate")
+
+            def at_zero() -> bool:
+                last = unpack_device(samples[-1].data)
+                told = all(six(heard[-1]) == [0.0] * 6 for heard in commands.values())
+                return told and not (last.applied.any() or last.measured.hand_wrench.any())
+
+            peer.until(at_zero, "zero on all")
             peer.run(QUIET_S)
-            assert all(six(heard[-1]) == [0.0] * 6 for heard in commands.values())
-            last = unpack_device(samples[-1].data)
-            assert not last.applied.any()
-            assert not last.measured.hand_wrench.any()
+            assert at_zero()
             seen = {name: len(heard) for name, heard in commands.items()}
             peer.run(QUIET_S)
             assert {name: len(heard) for name, heard in commands.items()} == seen

@@ -29,7 +29,7 @@ DEVICE = "haptic_device"
 
 
 def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
-    with running(",".join(NODES), domain, autostart=False):
+    with running(",".join(NODES), domain, autostart=False, control_rate=0.0):
         for node in NODES:
             fields = actor_type(node).parameters_type.model_fields
             listed = peer.call(ListParameters, f"{node}/list_parameters", ListParameters.Request())
@@ -74,7 +74,7 @@ def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer, tmp_path: 
     samples = peer.listen("device/state", Float64MultiArray)
     poses = peer.listen("device/measured_cp", PoseStamped)
     scene = allowing(tmp_path, command_timeout=0.5)
-    with running(DEVICE, domain, scene, hand="commanded"):
+    with running(DEVICE, domain, scene, hand="commanded", control_rate=0.0):
         command = peer.publisher("device/servo_cf", WrenchStamped)
 
         def obeyed_s() -> float:

@@ -20,7 +20,7 @@ from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.loading import find_scene
 from hapticmech_ros.readiness import ADDRESS, Readiness
-from ros.harness import WAIT_S, Peer
+from ros.harness import RATE, WAIT_S, Peer
 
 pytestmark = pytest.mark.ros
 COMMAND = [sys.executable, "-m", "hapticmech_ros"]
@@ -29,7 +29,7 @@ COMMAND = [sys.executable, "-m", "hapticmech_ros"]
 @contextmanager
 def running(domain: int, *options: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [*COMMAND, "run", *options],
+        [*COMMAND, "run", "--control-rate", f"{RATE:g}", *options],
         env=private_environment(domain) | environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -19,7 +19,7 @@ from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _hears
 from hapticmech_ros.experiment.demo import DemoError, record_graph
 from hapticmech_ros.graph import private_environment, start_process, stop_process
-from ros.harness import WAIT_S, Peer
+from ros.harness import RATE, WAIT_S, Peer
 
 pytestmark = pytest.mark.ros
 
@@ -30,6 +30,7 @@ COMMAND = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
 def run(domain: int, bag: Path, log: Path | None = None) -> Iterator[subprocess.Popen[str]]:
     """Run a graph in one process and record it; what it tells people is in ``bag.told``."""
     command = [*COMMAND, "run", "two_link", "--composed", "--record", str(bag)]
+    command += ["--control-rate", f"{RATE:g}"]
     with (log or bag.with_suffix(".told")).open("w") as told:
         process = subprocess.Popen(
             command, env=private_environment(domain), stderr=told, stdout=told, text=True

@@ -80,6 +80,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
     clock = TestClock(peer)
     given = {"use_sim_time": True, "hand": "commanded", "diagnostics_period": 0.05}
     given["realtime"] = "on"
+    given["control_rate"] = 0.0
     with running("haptic_device,mechanism_simulator", domain, **given):
         push = peer.publisher("device/hand_cf", WrenchStamped)
         clock.begin(1000 * MS, clock.devices, clock.mechanisms)
@@ -130,7 +131,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
 
 def test_a_clock_that_jumps_back_begins_anew(domain: int, peer: Peer) -> None:
     clock = TestClock(peer)
-    commands = {"use_sim_time": True, "hand": "commanded"}
+    commands = {"use_sim_time": True, "hand": "commanded", "control_rate": 0.0}
     with running("haptic_device", domain, **commands) as process:
         push = peer.publisher("device/servo_cf", WrenchStamped)
         clock.begin(50_000 * MS, clock.devices)
@@ -204,7 +205,7 @@ def soon(tmp_path: Path) -> str:
 def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
     domain: int, peer: Peer, soon: str, step_s: float
 ) -> None:
-    given = {"use_sim_time": True, "diagnostics_period": 0.05}
+    given = {"use_sim_time": True, "diagnostics_period": 0.05, "control_rate": 0.0}
     with running(",".join(NODES), domain, soon, **given):
         loop = Loop(peer)
         loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
@@ -232,7 +233,7 @@ def test_time_that_no_stamp_can_hold_ends_nobody(
     domain: int, peer: Peer, soon: str, seconds: int, nanoseconds: int
 ) -> None:
     """The last is a time, though one that no stamp can tell."""
-    given = {"use_sim_time": True, "diagnostics_period": 0.05}
+    given = {"use_sim_time": True, "diagnostics_period": 0.05, "control_rate": 0.0}
     with running(",".join(NODES), domain, soon, **given) as process:
         loop = Loop(peer)
         loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
@@ -263,7 +264,7 @@ def test_time_that_no_stamp_can_hold_ends_nobody(
 
 def test_an_emergency_stop_needs_no_clock_that_goes_on(domain: int, peer: Peer) -> None:
     setpoints = peer.listen("device/setpoint_cf", WrenchStamped)
-    with running("haptic_device", domain, use_sim_time=True, hand="commanded"):
+    with running("haptic_device", domain, use_sim_time=True, hand="commanded", control_rate=0.0):
         clock = TestClock(peer)
         push = peer.publisher("device/servo_cf", WrenchStamped)
         clock.begin(1000 * MS, clock.devices)

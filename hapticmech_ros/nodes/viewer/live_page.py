@@ -42,11 +42,11 @@ from hapticmech_ros.nodes.parameters import LiveParameters
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.viewer.graph_commands import GraphCommands
 from hapticmech_ros.nodes.viewer.onlooker import Onlooker
-from hapticmech_ros.nodes.viewer.page_device import STALE_NS, PageDevice
+from hapticmech_ros.nodes.viewer.page_device import STALE, PageDevice
 from hapticmech_ros.nodes.viewer.page_link import PageLink
 from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser
 from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.state import WireState
 from hapticmech_ros.wire.topics import DIAGNOSTICS, STATE
 
@@ -196,7 +196,7 @@ class LivePageNode(Onlooker[LiveParameters]):
         """Push what is dragged as it is now; nothing where that is not known."""
         wrenches: dict[Draggable, Array] = {}
         if self._dragging.grips:
-            state = self.inputs.state(now_ns, STALE_NS)
+            state = self.inputs.state(now_ns, nanoseconds(STALE.at(self.period_s)))
             moving = {point: one.motion(now_ns) for point, one in self._devices.items()}
             wrenches = self._dragging.wrenches(
                 {point: motion for point, motion in moving.items() if motion is not None},

@@ -13,17 +13,18 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import Draggable
 from hapticmech_ros.live.holding import holding
 from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.viewer.graph_commands import GraphCommands
 from hapticmech_ros.nodes.viewer.scene_inputs import SceneInput
 from hapticmech_ros.scene.hand import STILL_HAND
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
 from hapticmech_ros.wire.topic import DEVICE, REAL_DEVICES
 from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS, HAND_WRENCH
 
-# What is older (ns) nobody is pushed by.
-STALE_NS = NANOSECONDS // 20
+# What is older nobody is pushed by.
+STALE = ByRate(12, 0.05)
 # Diagnostics come once a second; older ones (ns) are not shown.
 _TOLD_NS = 3 * NANOSECONDS
 
@@ -41,6 +42,7 @@ class PageDevice:
     def __init__(self, page: Actor[Any], point: str, prefix: str, commands: GraphCommands) -> None:
         self._body, self._prefix, self._commands = Draggable("hand", point), prefix, commands
         self._scene = page.shared_scene.held_at(point)
+        self._stale_ns = nanoseconds(STALE.at(page.period_s))
         self._state: SceneInput[DeviceSample] = SceneInput(
             page,
             prefix + DEVICE_STATE.name,
@@ -77,7 +79,7 @@ class PageDevice:
 
     def motion(self, now_ns: int) -> tuple[Array, Array] | None:
         """Return its place (3,), m, and velocity (3,), m/s, world axes; None if not known."""
-        sample = self._state.value(now_ns, STALE_NS)
+        sample = self._state.value(now_ns, self._stale_ns)
         if sample is None:
             return None
         return sample.measured.pose.translation, sample.measured.twist[:3]
