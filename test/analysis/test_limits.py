@@ -20,6 +20,7 @@ from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.analysis.z_width import Wall, z_width
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
+from sampling import sampled
 
 
 def late(name):
@@ -27,7 +28,7 @@ def late(name):
     return with_loop(load_scene(name), False)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.9])
+@pytest.mark.parametrize("share", sampled([0.3, 0.9]))
 def test_a_wall_that_the_device_closes_is_as_stiff_at_any_delay(share):
     """2 %, as below; what the position channel does with the delay is out of it here."""
     found = [z_width(load_scene("five_bar"), delay=delay, shares=[share])[0] for delay in (0, 50)]
@@ -39,7 +40,9 @@ def test_a_wall_that_the_device_closes_is_as_stiff_at_any_delay(share):
     assert found[1].measured > 100.0 * over.measured
 
 
-@pytest.mark.parametrize(("delay", "share"), [(0, 0.5), (1, 0.1), (1, 0.7), (5, 0.5)])
+@pytest.mark.parametrize(
+    ("delay", "share"), sampled([(0, 0.5), (1, 0.1), (1, 0.7), (5, 0.5)], every=2)
+)
 def test_stiffness_limits_of_sessions_agree_with_eigenvalues(delay, share):
     """2 %: bisection to 1 %, and a rate of decay that ten cycles still tell from none."""
     (found,) = z_width(late("five_bar"), delay=delay, shares=[share])
