@@ -155,7 +155,10 @@ def test_what_cannot_be_measured_is_refused(call, message):
         call()
 
 
-def test_the_command_writes_tables_file_and_pictures(tmp_path):
+def test_the_command_writes_tables_file_and_pictures(tmp_path, monkeypatch):
+    # What it measures is another test's.
+    for seconds in ("WATCHED_S", "SWINGING_S", "SLOW_S"):
+        monkeypatch.setattr(f"hapticmech_ros.analysis.m_width.{seconds}", 0.1)
     words = ["feel", "limits", "two_link", "--delays", "1", "--rates", "1000"]
     found = CliRunner().invoke(app, [*words, "--processes", "1", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
