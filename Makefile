@@ -1,7 +1,8 @@
 # Each target works alone on a fresh clone: it makes .venv and installs what it needs, once.
 #
 #   make demo    the paper's experiment, into demo/
-#   make test    lint, types, tests
+#   make test    lint, types, tests; of sweeps over seeds, states and values a sample
+#   make test-long   the same with whole sweeps
 #   make lint    lint and types only
 #   make bench   accuracy, ablation, speed, memory and graphs, for hours, into bench/; ONE=speed: one
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
@@ -60,9 +61,11 @@ demo: .venv/package
 # Graphs of nodes mostly wait: two at a time; what is timed, one after the other. Thousands of other
 # tests are in other folders, and are not collected for them.
 GRAPHS := test/ros test/live
-.PHONY: test
+.PHONY: test test-long
+test-long: SWEEPS := --long
+test-long: test
 test: lint
-	$(BIN)/pytest -m 'not ros and not alone' -n auto --dist worksteal
+	$(BIN)/pytest -m 'not ros and not alone' -n auto --dist worksteal $(SWEEPS)
 	$(BIN)/pytest $(GRAPHS) -m 'ros and not alone' -n 2 --dist worksteal
 	$(BIN)/pytest $(GRAPHS) -m alone
 

@@ -32,6 +32,7 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_MEASURED, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
 from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
+from sampling import sampled
 
 WARM_UP, TICKS = 500, 5000
 # A reference kept by every tick takes 8 bytes of a list, and what it refers to 24 or more: 160 kB.
@@ -123,7 +124,7 @@ def traced_later():
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize(("make", "scene"), CASES)
+@pytest.mark.parametrize(("make", "scene"), sampled(CASES, "behind", 2))
 def test_ticks_leave_nothing_behind(
     make: Callable[[Scene], Tick], scene: Scene, traced_later: Callable[[], None]
 ) -> None:
@@ -157,7 +158,7 @@ def test_ticks_leave_nothing_behind(
     assert arrays_now() <= arrays
 
 
-@pytest.mark.parametrize(("make", "scene"), CASES)
+@pytest.mark.parametrize(("make", "scene"), sampled(CASES, "collector", 2))
 def test_ticks_leave_nothing_for_the_collector(make: Callable[[Scene], Tick], scene: Scene) -> None:
     """Nothing refers to itself: the collector, which would stop a tick, finds nothing to free."""
     tick = make(scene)
@@ -174,7 +175,7 @@ def test_ticks_leave_nothing_for_the_collector(make: Callable[[Scene], Tick], sc
 
 
 @pytest.mark.usefixtures("traced")
-@pytest.mark.parametrize(("make", "scene"), CASES)
+@pytest.mark.parametrize(("make", "scene"), sampled(CASES, "arrays", 2))
 def test_a_tick_takes_no_more_than_its_arrays(make: Callable[[Scene], Tick], scene: Scene) -> None:
     tick = make(scene)
     for _ in range(WARM_UP):

@@ -4,6 +4,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,7 @@ def tree(path):
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
+@cache
 def imports(path):
     """Return every module that a file imports, anywhere in it; a relative one by its full name."""
     found = set()
@@ -66,6 +68,12 @@ def roots(path):
     return {name.split(".")[0] for name in imports(path)}
 
 
+def inside(path):
+    """Return the parts of the package that a file imports."""
+    return {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
+
+
+@cache
 def called(path):
     """Return every dotted name that is called, such as ``np.random.default_rng``."""
     return {ast.unparse(n.func) for n in ast.walk(tree(path)) if isinstance(n, ast.Call)}
@@ -76,8 +84,9 @@ def _name(path):
     return str(path.relative_to(folder))
 
 
-def named(paths):
-    return pytest.mark.parametrize("path", paths, ids=_name)
+def found(rule, paths):
+    """Return by file what breaks a rule."""
+    return {_name(path): broken for path in paths if (broken := rule(path))}
 
 
 QUIET = [path for path in FILES if part_of(path) in CORE + TOOLS]
@@ -103,35 +112,35 @@ def test_the_walk_sees_the_package():
     assert "hapticmech_ros.control" in imports(PACKAGE / "session/loop.py")
 
 
-@named(FILES)
-def test_only_nodes_import_ros(path):
-    if part_of(path) == "nodes":
-        return
-    ros = {name for name in roots(path) if name in ROS or name.endswith(MESSAGES)}
-    assert not ros, f"{sorted(ros)}: only nodes/ may import ROS"
+def test_only_nodes_import_ros():
+    def ros(path):
+        return {name for name in roots(path) if name in ROS or name.endswith(MESSAGES)}
+
+    assert found(ros, [path for path in FILES if part_of(path) != "nodes"]) == {}
 
 
-@named(QUIET)
-def test_the_core_knows_no_clock_and_no_chance(path):
-    allowed = {"datetime"} if part_of(path) in MAY_SPEAK_OF_DATES else set()
-    clocks = roots(path) & (CLOCKS - allowed)
-    assert not clocks, f"{sorted(clocks)}: time is an argument"
+def test_the_core_knows_no_clock_and_no_chance():
+    """Time is an argument, and same inputs must give the same bits."""
     telling = ("time.time", "monotonic", "perf_counter", ".now", ".utcnow", ".today")
-    asked = {name for name in called(path) if name.endswith(telling) or "np.random" in name}
-    assert not asked, f"{sorted(asked)}: same inputs must give the same bits"
+
+    def asked(path):
+        allowed = {"datetime"} if part_of(path) in MAY_SPEAK_OF_DATES else set()
+        calls = {name for name in called(path) if name.endswith(telling) or "np.random" in name}
+        return roots(path) & (CLOCKS - allowed) | calls
+
+    assert found(asked, QUIET) == {}
 
 
-@named([path for path in FILES if part_of(path) in CORE])
-def test_the_core_does_not_depend_on_what_is_above_it(path):
-    inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
-    assert not inside & {*TOOLS, *STUDIES, "nodes", "cli"}
+def test_the_core_does_not_depend_on_what_is_above_it():
+    core = [path for path in FILES if part_of(path) in CORE]
+    assert found(lambda path: inside(path) & {*TOOLS, *STUDIES, "nodes", "cli"}, core) == {}
 
 
-@named(FILES)
-def test_the_package_knows_nothing_of_benchmarks_and_tests(path):
-    assert not roots(path) & {"benchmarks", "test", "oracles"}
+def test_the_package_knows_nothing_of_benchmarks_and_tests():
+    assert found(lambda path: roots(path) & {"benchmarks", "test", "oracles"}, FILES) == {}
 
 
+@cache
 def graph_of(folder):
     """Return what each module of a package imports of it, by names without the package's.
 
@@ -209,45 +218,51 @@ def test_rooms_know_each_other_one_way():
 MOTION = ("mechanism", "contact", "simulation", "operational")
 
 
-@named([path for path in FILES if part_of(path) in MOTION])
-def test_what_moves_a_mechanism_is_in_layers(path):
-    inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
-    assert not inside & {*MOTION[MOTION.index(part_of(path)) + 1 :]}
+def test_what_moves_a_mechanism_is_in_layers():
+    def above(path):
+        return inside(path) & {*MOTION[MOTION.index(part_of(path)) + 1 :]}
+
+    assert found(above, [path for path in FILES if part_of(path) in MOTION]) == {}
 
 
-@named([path for path in FILES if part_of(path) in ("scene", *MOTION)])
-def test_the_model_does_not_depend_on_device_or_control(path):
-    inside = {name.split(".")[1] for name in imports(path) if name.startswith("hapticmech_ros.")}
-    assert not inside & {"control", "device", "session", "wire"}
+def test_the_model_does_not_depend_on_device_or_control():
+    model = [path for path in FILES if part_of(path) in ("scene", *MOTION)]
+    assert found(lambda path: inside(path) & {"control", "device", "session", "wire"}, model) == {}
 
 
-@named(ALL_FILES)
-def test_library_errors_are_exceptions_not_asserts(path):
-    lines = [node.lineno for node in ast.walk(tree(path)) if isinstance(node, ast.Assert)]
-    assert not lines
+def test_library_errors_are_exceptions_not_asserts():
+    def asserts(path):
+        return [node.lineno for node in ast.walk(tree(path)) if isinstance(node, ast.Assert)]
+
+    assert found(asserts, ALL_FILES) == {}
 
 
-@named(ALL_FILES)
-def test_files_stay_small(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
+def test_files_stay_small():
+    def lines(path):
+        return len(path.read_text(encoding="utf-8").splitlines())
+
+    assert found(lambda path: lines(path) > LONGEST_FILE, ALL_FILES) == {}
 
 
-@named(ALL_FILES)
-def test_every_module_and_public_name_says_what_it_is(path):
-    module = tree(path)
-    assert ast.get_docstring(module)
-    public = [
-        node
-        for node in module.body
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
-    ]
-    silent = [node.name for node in public if not ast.get_docstring(node)]
-    assert not silent
+def test_every_module_and_public_name_says_what_it_is():
+    def silent(path):
+        module = tree(path)
+        public = [
+            node
+            for node in module.body
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
+        ]
+        return [
+            getattr(node, "name", "module")
+            for node in (module, *public)
+            if not ast.get_docstring(node)
+        ]
+
+    assert found(silent, ALL_FILES) == {}
 
 
-@named(QUIET)
-def test_the_core_prints_nothing(path):
-    assert "print" not in called(path)
+def test_the_core_prints_nothing():
+    assert found(lambda path: called(path) & {"print"}, QUIET) == {}
 
 
 def test_graphs_of_nodes_are_tested_in_the_folders_that_make_collects_them_from():

@@ -11,6 +11,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device.device_layout import DEVICE_STATE
 from hapticmech_ros.scene.mechanism import Origin
+from sampling import sampled
 
 
 def arm_that_moves(rate):
@@ -130,7 +131,7 @@ class Failing(ControlArchitecture):
 
 
 @pytest.mark.parametrize(
-    ("milliseconds", "most"), [(20, 0.57), (60, 0.61), (200, 0.61), (600, 0.8)]
+    ("milliseconds", "most"), sampled([(20, 0.57), (60, 0.61), (200, 0.61), (600, 0.8)], every=2)
 )
 def test_who_pushed_while_rendering_failed_is_slowed_evenly(milliseconds, most):
     """0.5 N on 0.3 kg; what it has got is braked with 0.08 N, or in 1.5 s at most."""

@@ -15,6 +15,7 @@ from hapticmech_ros.operational.coupling import by_others, coupling, transmissio
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.closed_form import kkt
 from oracles.users import MASS, REACH, inverse_inertia, two_points
+from sampling import sampled
 
 ARM = {"mass": 0.5, "damping": 8.0, "stiffness": 200.0}
 TURNING = {"angular_inertia": 5e-4, "angular_damping": 4e-2, "angular_stiffness": 0.2}
@@ -174,8 +175,10 @@ def with_an_arm(direction, massless):
     return np.array(found)
 
 
-@pytest.mark.parametrize(("massless", "most"), [(True, 0.015), (False, 0.06)])
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(
+    ("massless", "most", "axis"),
+    [(*case, axis) for case in ((True, 0.015), (False, 0.06)) for axis in sampled((0, 1), case)],
+)
 def test_one_feels_the_arm_of_the_other_through_the_body(axis, massless, most):
     """Its device gets what the other does at once; what is left is of the order of the period.
 

@@ -90,9 +90,10 @@ def test_what_is_felt_beside_an_arm_behind_its_grip():
         assert one.error(10.0) < 0.01
 
 
-@pytest.mark.usefixtures("soon_settled")
-def test_a_device_that_nobody_holds_is_nothing_to_feel():
+def test_a_device_that_nobody_holds_is_nothing_to_feel(monkeypatch):
     """But for half a period of what is lighter than the device, which it does not carry on."""
+    # What joins the other's device to its point is all that has to settle.
+    monkeypatch.setattr(beside_others, "SETTLING_S", 0.5)
     scene = scene_from_document(document({"kind": "constant_wrench", "force": [1.0, 0.0, 0.0]}))
     for one in felt_beside_others(scene.with_(simulation={"period": 0.001}), "a"):
         assert one.share == pytest.approx(np.zeros(len(S)), abs=1e-12)

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.analysis import rendering_methods
 from hapticmech_ros.analysis.comparison import compare, side_by_side
 from hapticmech_ros.analysis.directions import directions
 from hapticmech_ros.analysis.proxy import (
@@ -81,8 +82,11 @@ def test_what_cannot_be_compared_is_refused():
         compare(["five_bar"], [1], 0)
 
 
-def test_the_command_writes_table_file_and_picture(tmp_path):
-    words = ["feel", "compare", "two_link", "--processes", "1", "--out", str(tmp_path)]
+def test_the_command_writes_table_file_and_picture(tmp_path, monkeypatch):
+    # What it measures is another test's.
+    monkeypatch.setattr(rendering_methods, "WATCHED_S", 0.2)
+    short = ["--set", "experiment.duration=0.2"]
+    words = ["feel", "compare", "two_link", "--processes", "1", *short, "--out", str(tmp_path)]
     found = CliRunner().invoke(app, words)
     assert found.exit_code == 0, found.output
     rows = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is felt of a robot's environment: impedances in closed form, and the linear loop's."""
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,6 +23,7 @@ from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.linear_environment import CONTACT, Impedance, LinearEnvironment
+from sampling import sampled
 
 S = 2.0j * np.pi * np.array([0.5, 2.0, 8.0, 32.0])
 
@@ -97,8 +100,10 @@ def answered(interface, impedance, frequency):
     return -found / (stiff * through)[0]
 
 
-@pytest.mark.parametrize("impedance", [Impedance(300.0, 6.0), Impedance(20e3, 400.0)])
-@pytest.mark.parametrize("frequency", [5.0, 30.0])
+@pytest.mark.parametrize(
+    ("impedance", "frequency"),
+    sampled(product([Impedance(300.0, 6.0), Impedance(20e3, 400.0)], [5.0, 30.0]), every=2),
+)
 def test_a_robot_that_takes_torques_presses_as_the_closed_form_says(impedance, frequency):
     """The sensor tells the force of the last of four steps: up to 0.25 ms late."""
     found = answered("effort", impedance, frequency)
@@ -107,14 +112,15 @@ def test_a_robot_that_takes_torques_presses_as_the_closed_form_says(impedance, f
     assert 0.0 <= -np.angle(found) <= 2.0 * np.pi * frequency * 0.25e-3
 
 
-@pytest.mark.parametrize("interface", ["velocity", "position", "trajectory"])
+@pytest.mark.parametrize("interface", sampled(["velocity", "position", "trajectory"]))
 def test_a_robot_with_a_servo_presses_as_the_closed_form_says(interface):
     # The closed form's servo is continuous: half a period of 2 π 5 Hz, 1.6 %.
     assert abs(answered(interface, Impedance(300.0, 6.0), 5.0) - 1.0) < 0.016
 
 
 @pytest.mark.parametrize(
-    ("impedance", "felt"), [(Impedance(300.0, 6.0), 0.86), (Impedance(20e3, 400.0), 0.08)]
+    ("impedance", "felt"),
+    sampled([(Impedance(300.0, 6.0), 0.86), (Impedance(20e3, 400.0), 0.08)]),
 )
 def test_what_a_tool_is_fixed_to_is_felt_as_the_linear_loop_says(monkeypatch, impedance, felt):
     """A robot gives way by ω² / X, 1.7 kN/m: at 1 Hz to a spring by 14 %, to a wall by 92 %."""
@@ -131,13 +137,16 @@ def test_what_a_tool_is_fixed_to_is_felt_as_the_linear_loop_says(monkeypatch, im
 
 @pytest.mark.parametrize(
     ("interface", "impedance", "delay", "stable"),
-    [
-        ("effort", Impedance(300.0, 6.0), 5, True),
-        ("effort", Impedance(20e3, 400.0), 0, True),
-        ("effort", Impedance(20e3, 400.0), 5, False),
-        ("position", Impedance(300.0, 6.0), 0, False),
-        ("trajectory", Impedance(300.0, 6.0), 0, True),
-    ],
+    sampled(
+        [
+            ("effort", Impedance(300.0, 6.0), 5, True),
+            ("effort", Impedance(20e3, 400.0), 0, True),
+            ("effort", Impedance(20e3, 400.0), 5, False),
+            ("position", Impedance(300.0, 6.0), 0, False),
+            ("trajectory", Impedance(300.0, 6.0), 0, True),
+        ],
+        every=2,
+    ),
 )
 def test_a_loop_that_the_closed_form_has_unstable_grows(interface, impedance, delay, stable):
     """By Nyquist's criterion, against 1.5 s of a session that is touched once."""

@@ -3,6 +3,7 @@
 """Trials of passivity: what is counted, what is refused, and what they find."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.session import Run
 from oracles.users import two_points
+from sampling import sampled
 
 
 def test_a_trial_has_the_stiffness_the_connection_and_the_device_that_are_asked_for():
@@ -145,8 +147,9 @@ def test_what_the_mechanism_gave_counts_from_when_it_gave_it():
     assert least_energy(np.array([0.0, 0.5, -2.0, -2.5, 0.0]), to_mechanism) == -0.5
 
 
-@pytest.mark.parametrize("hand", ["scene", "firm", "grips"])
-@pytest.mark.parametrize("delay", [0.0, 0.05])
+@pytest.mark.parametrize(
+    ("hand", "delay"), sampled(product(("scene", "firm", "grips"), (0.0, 0.05)), every=3)
+)
 def test_with_several_users_each_port_is_passive_and_the_sum_keeps_its_bound(shared, delay, hand):
     found = tried(Trial(shared(slack=1e-3), hand=hand, delay=delay, seconds=3.0))
     assert found.passive

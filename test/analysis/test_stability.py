@@ -33,6 +33,7 @@ from hapticmech_ros.control.operational_model import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from oracles.rough_device import RoughDevice
+from sampling import sampled
 
 
 def matrix_of(scene, delay, held=NOBODY):
@@ -81,7 +82,8 @@ def test_carrying_the_hand_s_wrench_on_makes_no_loop_less_stable(name, monkeypat
         held_by(scene.with_(hand={"kind": "arm", "impedance": one, "waypoints": [{"time": 0.0}]}))
         for one in ("firm", "relaxed")
     ]
-    hands, delays = [*map(fixed, (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0)), *arms], (0, 1, 3)
+    hands = [*map(fixed, (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 20.0)), *arms]
+    delays = sampled((0, 1, 3), name)
     without = growth(scene, hands, delays, lambda gain: (0.0 * gain, 0.0 * gain), monkeypatch)
     with_it = growth(scene, hands, delays, lead_gains, monkeypatch)
     assert (with_it <= np.maximum(without, 1.0) + ON_CIRCLE).all()

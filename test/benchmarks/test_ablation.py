@@ -23,6 +23,7 @@ from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.session import loop as session_module
 from hapticmech_ros.session.data import SessionData
+from sampling import sampled
 
 LADDER, PAIRS = ladder(), pairs()
 SIDES = [side for pair in PAIRS for side in (pair.without, pair.having)]
@@ -36,7 +37,12 @@ def plain(variant: Variant) -> ScenePlan:
     return plan_scene(variant.scene())
 
 
-@pytest.mark.parametrize("variant", [*LADDER, *SIDES], ids=lambda variant: variant.name)
+@pytest.mark.parametrize(
+    # The last one of the ladder has everything.
+    "variant",
+    [*sampled((*LADDER[:-1], *SIDES)), LADDER[-1]],
+    ids=lambda variant: variant.name,
+)
 def test_kernels_and_readable_implementation_agree(variant: Variant) -> None:
     agreed = agreement(variant.scene(), 30)
     assert agreed.held

@@ -88,7 +88,9 @@ def felt(period, wall):
         session = Session(block(period).model_copy(update={"hand": hand}))
     sample = session.tick()
     start, places, wrench = sample.point.pose.translation[0], [], 0.0
-    for _ in range(periods + 1):
+    if not any(wall):
+        places = session.run(periods + 1)["device_true_position"][:, 0]
+    while len(places) < periods + 1:
         sample = session.tick(along_x(wrench))
         places.append(sample.device.pose.translation[0])
         # The point of this sample, and its velocity: the wall pushes on it from the next one on.

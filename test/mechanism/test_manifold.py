@@ -11,6 +11,7 @@ from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rate
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
 from oracles.mechanism.integrators import local_rate
+from sampling import sampled
 
 # A handful of products, each rounded to 1e-16, of numbers of order 10.
 ROUNDING = 1e-13
@@ -29,7 +30,11 @@ def mechanisms():
         )
 
 
-CASES = [(mechanism, q, size) for mechanism, q in mechanisms() for size in SIZES]
+CASES = [
+    (mechanism, q, size)
+    for index, (mechanism, q) in enumerate(mechanisms())
+    for size in sampled(SIZES, index)
+]
 
 
 def change(mechanism, size):

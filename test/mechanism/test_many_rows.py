@@ -20,6 +20,7 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
 )
 from oracles.generator import closed_chain
 from oracles.implementations import apart, condition, pair_of, projector, sample_pair
+from sampling import sampled
 
 # As in test_terms.py.
 ROUNDING = 1e-12
@@ -146,7 +147,7 @@ def test_zeros_of_a_factor_are_passed_over():
     assert apart(factor @ solved, columns) < 1e-14
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", sampled(range(40)))
 def test_what_is_cut_is_what_a_truncated_svd_cuts(seed):
     """Rows that depend on each other but for 1e-9 to 1e-5, as off the closures."""
     rng = np.random.default_rng(seed)
