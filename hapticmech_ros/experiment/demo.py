@@ -44,14 +44,6 @@ class DemoError(HapticMechError):
     """The demo could not be completed."""
 
 
-class _DoesNotFitError(DemoError):
-    """The machine does not carry the graph at its rate."""
-
-    def __init__(self, load: GraphLoad) -> None:
-        super().__init__(f"{load.sentence()}: {load.advice()}")
-        self.load = load
-
-
 def run_demo(
     scene_name: str,
     out: Path,
@@ -101,19 +93,17 @@ def run_demo(
                 scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
             )
         except _DoesNotFitError as misfit:
-            rate = misfit.load.fitting_rate_hz or lower[-1]
-            notify(f"{misfit.load.sentence()}: the demo runs at {rate:g} Hz")
-        else:
-            if run.load is not None:
-                notify(run.load.sentence())
-            if lower and not run.kept:
-                rate = lower[0]
-                notify(f"{run.told()}: once more at {rate:g} Hz")
-            else:
-                break
+            run = misfit.run
+        if run.load is not None:
+            notify(run.load.sentence())
+        if run.kept or not lower:
+            break
+        fitting = None if run.load is None or run.load.fits else run.load.fitting_rate_hz
+        rate = fitting or lower[0]
+        notify(f"{run.told()}: the demo runs at {rate:g} Hz")
         lower = [one for one in lower if one < 0.99 * rate]
     if not run.kept:
-        notify(f"{run.told()}: the results are those of such a run")
+        notify(f"{run.told()}: take the results with care")
     scene = load_scene(scene_name, rate)
     return _results(scene, bag, out, seconds, run.interruptions, show)
 
@@ -169,6 +159,14 @@ class GraphRun:
         return f"rendering was interrupted {times}"
 
 
+class _DoesNotFitError(DemoError):
+    """The machine does not carry the graph at its rate."""
+
+    def __init__(self, run: GraphRun) -> None:
+        super().__init__(run.told())
+        self.run = run
+
+
 def _engagements(reports: Mapping[str, Report]) -> int:
     """Return how often controllers have engaged, and devices were held."""
     counted = ("engagements", "times_held")
@@ -197,7 +195,7 @@ def record_graph(
         storage: mcap or sqlite3.
         show: called with the progress.
         control_rate: Hz; 0: the scene's.
-        must_fit: whether to give up before the hands start if the machine does not carry the graph.
+        must_fit: whether to give up once it is seen that the machine does not carry the graph.
 
     Returns:
         How the run went.
@@ -236,10 +234,12 @@ def record_graph(
                         if not event["missing"]:
                             reports = graph.reports()
                             load, engaged = watch.look(reports), _engagements(reports)
-                            if must_fit and load is not None and not load.fits:
-                                raise _DoesNotFitError(load)
+                            _look_whether_it_fits(GraphRun(load, 0), must_fit)
                     case "progress":
-                        load = watch.look(graph.reports())
+                        reports = graph.reports()
+                        load = watch.look(reports)
+                        broken = _engagements(reports) - engaged
+                        _look_whether_it_fits(GraphRun(load, broken), must_fit)
                         show("pushing and recording", event["elapsed_s"] / seconds)
                     case "failed":
                         raise DemoError(f"recording failed: {event['reason']}")
@@ -248,6 +248,16 @@ def record_graph(
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
+
+
+def _look_whether_it_fits(run: GraphRun, must: bool) -> None:
+    """Give up a run that is not kept, where it must be.
+
+    Raises:
+        _DoesNotFitError: it is not.
+    """
+    if must and not run.kept:
+        raise _DoesNotFitError(run)
 
 
 def _waiting(missing: Sequence[str]) -> str:
