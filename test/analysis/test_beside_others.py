@@ -118,7 +118,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
 
 def test_the_command_prints_writes_and_draws(tmp_path, monkeypatch):
     # What it measures is another test's.
-    monkeypatch.setattr(beside_others, "SETTLING_S", 0.5)
+    monkeypatch.setattr(beside_others, "SETTLING_S", 0.1)
     path, out = tmp_path / "scene.yaml", tmp_path / "out"
     path.write_text(yaml.safe_dump(document(HOLDS)), encoding="utf-8")
     done = CliRunner().invoke(app, ["feel", "users", str(path), "--out", str(out)])

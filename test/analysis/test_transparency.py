@@ -13,7 +13,6 @@ from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, Felt, felt
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
-from sampling import sampled
 
 
 def at_period(scene, period):
@@ -34,7 +33,7 @@ ERRORS = {
 DIRECTIONS = {"five_bar": 2, "door": 1, "spatial_arm": 6, "ur5e": 6, "stewart_platform": 6}
 
 
-@pytest.mark.parametrize("name", sampled(ERRORS, every=3))
+@pytest.mark.parametrize("name", ERRORS)
 def test_free_directions_feel_as_the_mechanism_does(name):
     found = felt(load_scene(name))
     assert len(found) == DIRECTIONS[name]
