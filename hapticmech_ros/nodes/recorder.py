@@ -12,8 +12,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import rclpy
@@ -21,19 +20,18 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from hapticmech_ros.bag.offered_qos import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.bags.bag_recorder import (
-    DISCOVERY_PERIOD_S,
-    BagRecorderNode,
-    RecordOptions,
-)
+from hapticmech_ros.nodes.bags.bag_recorder import BagRecorderNode, RecordOptions
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
+from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
+from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topic import Topic, users_of
@@ -43,6 +41,8 @@ from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
 # hands start once nothing is missing for so long: by then it is known what the graph costs.
 TAIL_S, SETTLE_S = 1.2, 2.2
 PROGRESS_PERIOD_S = 0.1
+# It may be behind by so long at the end.
+MOST_BEHIND_S = 10.0
 WAITING_PERIOD_S = 0.5
 _HAND_WRENCH = DEVICE_FIELDS.slice("hand_wrench")
 
@@ -52,7 +52,7 @@ class RecorderNode(BagRecorderNode):
 
     Args:
         spool: of the bag.
-        options: of the recording; its topics are those of the table.
+        options: of the recording.
         points: the operational points held.
         exchange: brings what comes over the lane.
 
@@ -63,12 +63,16 @@ class RecorderNode(BagRecorderNode):
     def __init__(
         self, spool: BagSpool, options: RecordOptions, points: Sequence[str], exchange: Exchange
     ) -> None:
-        users = users_of(points)
-        topics = {topic.of(at, space) for space, at in users for topic in TOPICS}
-        super().__init__(spool, replace(options, topics=tuple(topics)), exchange)
-        full = self.resolve_topic_name
+        super().__init__(spool, options, exchange)
+        users, full = users_of(points), self.resolve_topic_name
         self._expected = {full(topic.of(at, space)) for space, at in users for topic in _expected()}
-        self._watched = {full(DEVICE_STATE.of(at, space)) for space, at in users}
+        watched = {full(DEVICE_STATE.of(at, space)) for space, at in users}
+        names = {full(topic.of(at, space)): topic for space, at in users for topic in TOPICS}
+        for name, topic in names.items():
+            # Before their publishers are there: to subscribe in a running graph takes long.
+            request = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
+            heard = self.hear(name, topic.type, self._look_at_device if name in watched else None)
+            heard.expect(request, offered_qos(topic.qos))
         self._decode = FlatArray(DEVICE_FIELDS).decode
         self._start_hands = [
             self.create_client(Trigger, f"{space}/{START_HAND}" if space else START_HAND)
@@ -76,11 +80,8 @@ class RecorderNode(BagRecorderNode):
         ]
         self._asked = False
         self._whole_s = 0.0
+        self._newest_ns = 0
         self.started_ns: int | None = None
-
-    def watch(self, name: str) -> Callable[[Messages], None] | None:
-        """Return who looks for the start of a hand in what a device measures."""
-        return self._look_for_start if name in self._watched else None
 
     def start_hands_when_ready(self) -> None:
         """Let the hands start once every topic of the graph is heard, for :data:`SETTLE_S`."""
@@ -89,6 +90,9 @@ class RecorderNode(BagRecorderNode):
             self._whole_s = now
         elif now - self._whole_s >= SETTLE_S:
             self._asked = True
+            # What comes from now on is the experiment.
+            for topic in self.heard.values():
+                topic.forget_losses()
             for client in self._start_hands:
                 client.call_async(Trigger.Request())
 
@@ -99,10 +103,20 @@ class RecorderNode(BagRecorderNode):
             client.srv_name for client in self._start_hands if not client.service_is_ready()
         ]
 
-    def _look_for_start(self, messages: Messages) -> None:
-        for time_ns, data in messages:
-            if self.started_ns is None and self._decode(bytes(data))[_HAND_WRENCH].any():
-                self.started_ns = time_ns
+    @property
+    def elapsed_s(self) -> float:
+        """Time recorded since the first hand started, s: a busy machine's recorder is behind."""
+        if self.started_ns is None:
+            return 0.0
+        return (self._newest_ns - self.started_ns) / NANOSECONDS
+
+    def _look_at_device(self, messages: Messages) -> None:
+        self._newest_ns = messages[-1][0]
+        if self.started_ns is None:
+            for time_ns, data in messages:
+                if self._decode(bytes(data))[_HAND_WRENCH].any():
+                    self.started_ns = time_ns
+                    return
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -158,14 +172,10 @@ def _record_until_done(
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     write_progress("ready")
-    looked = told = -DISCOVERY_PERIOD_S
-    begun, started, missing = time.monotonic(), 0.0, None
+    begun, started, told, missing = time.monotonic(), 0.0, 0.0, None
     while rclpy.ok() and not stop.asked and not spool.failure:
         inbox.gather()
         now = time.monotonic()
-        if now - looked >= DISCOVERY_PERIOD_S:
-            node.discover()
-            looked = now
         if node.started_ns is None:
             node.start_hands_when_ready()
             before, missing = missing, node.waits_for()
@@ -182,8 +192,9 @@ def _record_until_done(
             write_progress("started")
         if now - told >= PROGRESS_PERIOD_S:
             told = now
-            write_progress("progress", elapsed_s=min(now - started, options.duration))
-        if now - started >= options.duration + TAIL_S:
+            write_progress("progress", elapsed_s=min(node.elapsed_s, options.duration))
+        end = options.duration + TAIL_S
+        if node.elapsed_s >= end or now - started >= end + MOST_BEHIND_S:
             return ""
     return "stopped by a signal before the experiment was over"
 

@@ -97,6 +97,7 @@ class BagRecorderNode(QuietEventsNode):
             raise BagError(f"regex {options.regex!r}: {error}") from None
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.heard: dict[str, HeardTopic] = {}
+        self._counted: dict[str, int] = {}
         self.skipped: dict[str, str] = {}
 
     def discover(self) -> None:
@@ -105,16 +106,33 @@ class BagRecorderNode(QuietEventsNode):
         for name, types in self.get_topic_names_and_types():
             if name in self.skipped or not self._wants(name):
                 continue
-            offered, hashes = self._offers(name)
             topic = self.heard.get(name)
+            count = self.count_publishers(name)
+            if topic is not None and topic.is_settled and count == self._counted.get(name):
+                continue
+            self._counted[name] = count
+            offered, hashes = self._offers(name)
             if topic is None and offered:
                 topic = self._hear(name, types, hashes)
             if topic is not None and offered:
                 topic.follow(offered, now)
 
-    def watch(self, name: str) -> Callable[[Messages], None] | None:
-        """Return who looks on at what a topic brings; nobody does."""
-        return None
+    def hear(
+        self, name: str, msgtype: str, watch: Callable[[Messages], None] | None = None
+    ) -> HeardTopic:
+        """Begin with a topic, and return it.
+
+        Args:
+            name: absolute name.
+            msgtype: such as ``std_msgs/msg/UInt8``.
+            watch: called with the times (ns) and bytes of messages as they come.
+
+        Raises:
+            BagError: no such message type is installed.
+        """
+        made = HeardTopic(self, self._spool, name, msgtype, self._time_ns, self._exchange, watch)
+        self.heard[name] = made
+        return made
 
     @property
     def hears(self) -> bool:
@@ -124,7 +142,8 @@ class BagRecorderNode(QuietEventsNode):
     def finish(self) -> None:
         """Announce what was heard too briefly to be announced until now, and note what was lost."""
         for topic in self.heard.values():
-            topic.announce(self._offers(topic.name)[0])
+            if not topic.is_announced:
+                topic.announce(self._offers(topic.name)[0])
             self._spool.note_lost(topic.name, topic.lost)
 
     def missing(self) -> list[str]:
@@ -154,15 +173,7 @@ class BagRecorderNode(QuietEventsNode):
         reason = self._refusal(types, hashes)
         if not reason:
             try:
-                self.heard[name] = HeardTopic(
-                    self,
-                    self._spool,
-                    name,
-                    types[0],
-                    self._time_ns,
-                    self._exchange,
-                    self.watch(name),
-                )
+                self.hear(name, types[0])
             except BagError as error:
                 reason = str(error)
         if reason:

@@ -10,6 +10,7 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import Qos
 
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
@@ -75,9 +76,18 @@ class HeardTopic:
         self._sent: dict[int, int] = {}
         self._had = exchange.listen_to_all(name, self._hear_on_lane, self._class.__name__)
         self._doubles: set[tuple[int, int]] = set()
-        self._had_last = False
         self._ahead: dict[tuple[int, bytes], None] = {}
         self._begun = self._replaced = time.monotonic()
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether nothing is left to be done unless its publishers change."""
+        return self._held is None and self._old is None
+
+    @property
+    def is_announced(self) -> bool:
+        """Whether it is in the bag."""
+        return self._held is None
 
     @property
     def lost(self) -> int | None:
@@ -101,6 +111,22 @@ class HeardTopic:
             self._doubles.clear()
         if self._held is not None and now_s - self._begun >= SETTLE_S:
             self.announce(offered)
+
+    def forget_losses(self) -> None:
+        """Count losses from now on."""
+        self._lost = 0
+
+    def expect(self, request: QoSProfile, offered: Qos) -> None:
+        """Subscribe to and announce a topic whose publishers are known before they are there.
+
+        Args:
+            request: of the subscription.
+            offered: what its publishers will offer.
+        """
+        self._publishers = 1
+        self._subscribe(request, self._begun)
+        self._held = None
+        self._spool.add_topic(self.name, self.type, [offered])
 
     def announce(self, offered: Sequence[QoSProfile]) -> None:
         """Put the topic into the bag, if it is not there yet, and what was heard until now."""
@@ -144,11 +170,11 @@ class HeardTopic:
             if key in self._doubles:
                 return
             self._doubles.add(key)
-        # A number that goes back is a publisher that was started anew. What comes over the lane too
-        # is counted there.
-        if self._key[1] and number > self._key[1] and not (had or self._had_last):
+        # A number that goes back is a publisher that was started anew. Of one that sends over the
+        # lane losses are counted there: what the middleware alone has dropped was brought.
+        if self._key[1] and number > self._key[1] and not self._sent:
             self._lost += number - self._key[1] - 1
-        self._key, self._had_last = key, had
+        self._key = key
         if had:
             return
         if self._sent:
