@@ -46,8 +46,8 @@ def choose_discovery(environment: MutableMapping[str, str], asked: Discovery | N
     if asked == "localhost":
         environment.pop(PEERS, None)
     environment.setdefault(_TRANSPORTS, "UDPv4")
-    loopback = str(shared(_LOOPBACK) or "")
-    if environment.get(PROFILES, loopback) != loopback:
+    profile = environment.get(PROFILES, "")
+    if profile and not _is_loopback(profile):
         return
     local = _is_local(environment)
     if not environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps"):
@@ -81,6 +81,15 @@ def exposure() -> str:
         "apply forces, set parameters and stop nodes; to restrict nodes to this machine: "
         f"{unset}export {RANGE}=LOCALHOST"
     )
+
+
+def _is_loopback(profile: str) -> bool:
+    """Return whether a profile is the one for this machine alone, of whatever installation."""
+    own = shared(_LOOPBACK)
+    try:
+        return own is not None and Path(profile).read_bytes() == own.read_bytes()
+    except OSError:
+        return False
 
 
 def _is_local(environment: MutableMapping[str, str]) -> bool:

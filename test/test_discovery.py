@@ -4,6 +4,7 @@
 
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
@@ -53,6 +54,15 @@ def test_what_is_asked_of_a_command_goes_first():
     assert found[PROFILES] == LOOPBACK
     assert RANGE not in found
     assert PEERS not in found
+
+
+def test_the_profile_of_another_installation_is_no_profile_of_the_users_own(tmp_path):
+    """A program from a clone starts commands that are installed elsewhere."""
+    copy = tmp_path / "copy.xml"
+    copy.write_bytes(Path(LOOPBACK).read_bytes())
+    found = chosen("localhost", **{PROFILES: str(copy)})
+    assert found[PROFILES] == LOOPBACK
+    assert RANGE not in found
 
 
 def test_a_profile_of_the_users_own_is_left_alone():
