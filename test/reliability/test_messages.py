@@ -454,7 +454,7 @@ def test_thousands_of_hostile_messages(tmp_path: Path):
     assert not broken, (broken, (tmp_path / "messages_in_process.txt").read_text())
 
 
-@pytest.mark.parametrize("stall_ms", sampled([30, 120, 500, 1500], every=2))
+@pytest.mark.parametrize("stall_ms", [30, 120, 500, 1500])
 def test_a_mechanism_that_stood_still_and_catches_up_is_held_by_nobody_meanwhile(stall_ms):
     """It moves by several periods in one then: held, it pulled with twice the hand's force."""
     graph = FakeGraph("five_bar", actors=FOUR)
