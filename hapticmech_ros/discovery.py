@@ -58,7 +58,9 @@ def choose_discovery(environment: MutableMapping[str, str], asked: Discovery | N
     profiles = shared(_LOOPBACK if local else _NETWORK)
     if profiles is None:
         return
-    environment[PROFILES] = str(profiles)
+    if not (local and profile):
+        # Processes with the same path meet on the lane too.
+        environment[PROFILES] = str(profiles)
     if local and environment.get(RANGE, "").upper() == "LOCALHOST":
         del environment[RANGE]
     if local:

@@ -61,8 +61,9 @@ def test_the_profile_of_another_installation_is_no_profile_of_the_users_own(tmp_
     copy = tmp_path / "copy.xml"
     copy.write_bytes(Path(LOOPBACK).read_bytes())
     found = chosen("localhost", **{PROFILES: str(copy)})
-    assert found[PROFILES] == LOOPBACK
+    assert found[PROFILES] == str(copy)
     assert RANGE not in found
+    assert chosen("subnet", **{PROFILES: str(copy)})[PROFILES] == NETWORK
 
 
 def test_a_profile_of_the_users_own_is_left_alone():
