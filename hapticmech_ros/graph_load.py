@@ -113,6 +113,9 @@ class LoadWatch:
         missed = 0.0
         for name, report in reports.items():
             now = report.figures
+            if "pid" not in now:
+                # Not configured yet.
+                return None
             then = self._first.setdefault(name, now)
             if now["pid"] != then["pid"]:
                 then = self._first[name] = now

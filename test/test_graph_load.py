@@ -61,6 +61,12 @@ def test_a_node_that_was_started_again_begins_anew() -> None:
     assert load.used == pytest.approx(0.4)
 
 
+def test_nothing_is_known_of_a_graph_with_a_node_that_is_not_configured() -> None:
+    watch, made = LoadWatch(1000.0, 2.0), Report("/new", False, "unconfigured", {})
+    for at in (10.0, 11.0, 12.0):
+        assert watch.look(reports(report("/device", 1, at, at, 100), made)) is None
+
+
 @pytest.mark.parametrize(
     ("change", "fits"),
     [({}, True), ({"missed": 0.05}, False), ({"used": 1.8}, False), ({"cores": 0.9}, False)],
