@@ -374,9 +374,8 @@ class DeviceDriver(ClockedActor[D]):
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
         """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
-        why = ""
-        if self._answers.obeys:
-            why = self._losses.explained(silence_ns, self.timeout_ns, self.now_ns())
+        obeyed, explained = self._answers.obeys, self._losses.explained
+        why = explained(silence_ns, self.timeout_ns, self.now_ns()) if obeyed else ""
         self._obey_no_more(what, why)
 
     def _obey_no_more(self, reason: str, why: str = "") -> None:
@@ -419,8 +418,7 @@ class DeviceDriver(ClockedActor[D]):
         self.node.exchange.publish_kept()
 
     def _warn(self, reason: str, why: str = "") -> None:
-        more = f" ({why})" if why else ""
-        self.node.get_logger().warning(f"{reason}: actuators at zero{more}")
+        self.node.get_logger().warning(f"{reason}: actuators at zero{why and f' ({why})'}")
 
     def _on_own_axes(self, message: Bool, now_ns: int) -> None:
         del now_ns
