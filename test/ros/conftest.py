@@ -31,7 +31,7 @@ def as_urgent_as_nodes(request: pytest.FixtureRequest) -> Iterator[None]:
     """
     before = os.getpriority(os.PRIO_PROCESS, 0)
     beside_others = "PYTEST_XDIST_WORKER" in os.environ and request.node.get_closest_marker("ros")
-    if beside_others or request.path.stem == "test_reliability":
+    if beside_others or request.path.stem.startswith("test_reliability"):
         with suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, 0, -20)
     yield

@@ -7,9 +7,6 @@ In full, with limits on force and time of return: `make campaign`, docs/reliabil
 
 from __future__ import annotations
 
-import os
-import signal
-import time
 from collections.abc import Iterator
 
 import pytest
@@ -19,7 +16,7 @@ from benchmarks.reliability.doubles import KINDS, try_double
 from benchmarks.reliability.emergency import WAYS_MS, try_stop
 from benchmarks.reliability.freezes import try_freeze
 from benchmarks.reliability.kills import try_kill
-from benchmarks.reliability.rig import MS, Rig, pushing
+from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.trial import Trial
 from hapticmech_ros.nodes.entry import NODES
@@ -88,42 +85,6 @@ def test_a_kill(graph: Graph, node: str) -> None:
 @pytest.mark.parametrize("node", NODES)
 def test_a_freeze(graph: Graph, node: str) -> None:
     survived(try_freeze(graph.rig, node, 0.2))
-
-
-@pytest.fixture(scope="module")
-def slow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """A graph at 250 Hz."""
-    out = tmp_path_factory.mktemp("slow")
-    with Rig(out, "slow", domain=next_domain(), clean=False, rate=250.0) as rig:
-        yield rig
-
-
-@pytest.mark.parametrize("node", NODES)
-def test_a_kill_at_250_hz(slow: Rig, node: str) -> None:
-    trials = (try_kill(slow, node) for _ in range(10))
-    trial = next((one for one in trials if one is not None), None)
-    assert trial is not None
-    assert trial.zero_goal_s == 0.08
-    survived(trial)
-
-
-@pytest.mark.parametrize("node", NODES)
-def test_a_pause_of_20_ms_does_not_end_rendering_at_250_hz(slow: Rig, node: str) -> None:
-    for _ in range(10):
-        since, pid = slow.ready(), slow.pid(node)
-        begun_ns = time.monotonic_ns()
-        os.kill(pid, signal.SIGSTOP)
-        time.sleep(0.02)
-        os.kill(pid, signal.SIGCONT)
-        lasted_ns = time.monotonic_ns() - begun_ns
-        time.sleep(0.3)
-        # Unless this process itself was kept waiting meanwhile.
-        if lasted_ns < 25 * MS:
-            break
-    assert lasted_ns < 25 * MS
-    found = slow.samples(since)
-    assert len(found) > 50
-    assert pushing(found).all()
 
 
 def test_only_a_sentence_on_the_clock_is_one() -> None:
