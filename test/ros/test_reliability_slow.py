@@ -13,22 +13,11 @@ import pytest
 
 from benchmarks.reliability.kills import try_kill
 from benchmarks.reliability.rig import MS, Rig, pushing
-from benchmarks.reliability.stepped_clock import SteppedClock
 from hapticmech_ros.nodes.entry import NODES
 from ros.harness import next_domain
 from ros.test_reliability import survived
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
-# A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
-PEAK_N = 2.0
-
-
-class Graph:
-    """A graph whose clock is stepped, watched on all topics."""
-
-    def __init__(self, rig: Rig, clock: SteppedClock) -> None:
-        self.rig = rig
-        self.clock = clock
 
 
 @pytest.fixture(scope="module")

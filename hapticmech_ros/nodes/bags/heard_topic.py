@@ -188,6 +188,9 @@ class HeardTopic:
             self.untimed += 1
 
     def _keep(self, messages: Messages) -> None:
+        if not messages:
+            # The middleware was ahead with all of them.
+            return
         self.count += len(messages)
         if self._watch is not None:
             self._watch(messages)
