@@ -15,15 +15,18 @@ from rosbags.interfaces import Qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
-from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.exchange import UNDERWAY_NS, Exchange
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.origin import Batch, Origin
+from hapticmech_ros.times import NANOSECONDS
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
 # So many messages of the middleware may be ahead of their copies on the lane.
 MOST_AHEAD = 2048
+# Copies of what the lane has brought may come so late, s.
+UNDERWAY_S = UNDERWAY_NS / NANOSECONDS
 # A subscription that replaces another one runs beside it for so long, so that nothing is missed.
 OVERLAP_S = 1.0
 
@@ -74,6 +77,7 @@ class HeardTopic:
         self._old: Any = None
         self._key = (0, 0)
         self._sent: dict[int, int] = {}
+        self._lane_s = float("-inf")
         self._had = exchange.listen_to_all(name, self._hear_on_lane, self._class.__name__)
         self._doubles: set[tuple[int, int]] = set()
         self._ahead: dict[tuple[int, bytes], None] = {}
@@ -148,7 +152,7 @@ class HeardTopic:
         )
 
     def _hear_on_lane(self, batch: Batch) -> None:
-        sent = self._sent
+        sent, self._lane_s = self._sent, time.monotonic()
         for _, origin in batch:
             number = origin.sent
             self._lost += number - sent.get(origin.via, number - 1) - 1
@@ -170,9 +174,10 @@ class HeardTopic:
             if key in self._doubles:
                 return
             self._doubles.add(key)
-        # A number that goes back is a publisher that was started anew. Of one that sends over the
-        # lane losses are counted there: what the middleware alone has dropped was brought.
-        if self._key[1] and number > self._key[1] and not self._sent:
+        # A number that goes back is a publisher that was started anew. As long as the lane brings
+        # messages, losses are counted there: what the middleware alone has dropped was brought.
+        by_middleware = time.monotonic() - self._lane_s > UNDERWAY_S
+        if self._key[1] and number > self._key[1] and by_middleware:
             self._lost += number - self._key[1] - 1
         self._key = key
         if had:
