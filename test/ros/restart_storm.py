@@ -34,7 +34,7 @@ _PR_SET_PDEATHSIG = 1
 TOLD = 9
 
 
-def started(name: str, transport: str) -> int:
+def started(name: str, transport: str, rate: float) -> int:
     """Return the process id of a node that starts."""
     pid = os.fork()
     if pid:
@@ -43,16 +43,19 @@ def started(name: str, transport: str) -> int:
     try:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         os.close(TOLD)
-        arguments = ros_arguments(
-            {"scene": "five_bar", "transport": transport, "diagnostics_period": 0.1}
-        )
-        status = runtime.run([name], arguments, QuickStart(()))
+        parameters = {
+            "scene": "five_bar",
+            "transport": transport,
+            "control_rate": rate,
+            "diagnostics_period": 0.1,
+        }
+        status = runtime.run([name], ros_arguments(parameters), QuickStart(()))
     finally:
         sys.stdout.flush()
         os._exit(status)
 
 
-def main(seed: int, restarts: int, transport: str) -> None:
+def main(seed: int, restarts: int, transport: str, rate: float) -> None:
     signal.alarm(TIMEOUT_S)
     draw = random.Random(seed)
     for name in NODES:
@@ -64,7 +67,7 @@ def main(seed: int, restarts: int, transport: str) -> None:
     os.dup2(1, TOLD)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    running = {name: started(name, transport) for name in NODES}
+    running = {name: started(name, transport, rate) for name in NODES}
     killed: Counter[str] = Counter()
     unasked: list[tuple[str, int]] = []
     for _ in range(restarts):
@@ -73,13 +76,13 @@ def main(seed: int, restarts: int, transport: str) -> None:
             ended, status = os.waitpid(pid, os.WNOHANG)
             if ended:
                 unasked.append((name, os.waitstatus_to_exitcode(status)))
-                running[name] = started(name, transport)
+                running[name] = started(name, transport, rate)
         victim, number = draw.choice(list(NODES)), draw.choice(SIGNALS)
         os.kill(running[victim], number)
         os.waitpid(running[victim], 0)
         killed[number.name] += 1
         time.sleep(draw.uniform(*ABSENT_S))
-        running[victim] = started(victim, transport)
+        running[victim] = started(victim, transport, rate)
     os.write(TOLD, (json.dumps({"killed": killed, "unasked": unasked}) + "\n").encode())
     sys.stdin.read()
     for pid in running.values():
@@ -89,4 +92,4 @@ def main(seed: int, restarts: int, transport: str) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], float(sys.argv[4]))

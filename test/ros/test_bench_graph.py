@@ -22,10 +22,11 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from ros.harness import RATE
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.ros
 
-SECONDS, RATE_HZ = 2.0, 500.0
+SECONDS = 2.0
 # Figures are said once a second and rates are taken between them: to a sample or two at each end.
 SLACK_HZ = 2.0
 
@@ -37,7 +38,7 @@ def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[GraphResults, list[str]]:
-    plan = Plan("five_bar", (RATE_HZ,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
+    plan = Plan("five_bar", (RATE,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
     told: list[str] = []
     results = run_benchmark(plan, out, told.append)
     results.write(out)
@@ -50,10 +51,10 @@ def conserves(run: Run) -> None:
     assert run.window_s >= SECONDS
     for kept in run.clocked.values():
         assert 0 <= kept.missed <= kept.periods
-        assert 0.0 < kept.rate_hz <= RATE_HZ + SLACK_HZ
+        assert 0.0 < kept.rate_hz <= RATE + SLACK_HZ
     for node, clocked in ((CONTROLLER, DEVICE), (ANALYSER, MECHANISM)):
         # Figures of two nodes are of different moments: rates may differ while they change.
-        assert 0.0 < run.answers_hz[node] <= RATE_HZ + SLACK_HZ
+        assert 0.0 < run.answers_hz[node] <= RATE + SLACK_HZ
         assert clocked in run.clocked
     for latency in run.said.values():
         values = astuple(latency)
@@ -113,7 +114,7 @@ def test_a_graph_that_does_not_start_is_a_result(
 ) -> None:
     # A module that says something else and ends.
     monkeypatch.setattr("benchmarks.graph.run.BARE", "this")
-    step = Step(Configuration(RATE_HZ, "composed", False), 1, "bare")
+    step = Step(Configuration(RATE, "composed", False), 1, "bare")
     nothing = Expected((), (), False)
     found = measure(step, tmp_path / "scene.yaml", "handle", SECONDS, tmp_path, nothing)
     assert "ended by itself" in found.failure

@@ -23,7 +23,7 @@ from hapticmech_ros.nodes.conformance import DriverTest
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from oracles.users import two_points
-from ros.harness import OTHERS, WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros
 # A hand that holds still for a while, then pulls the point to and fro: a busy machine may lose the
@@ -250,11 +250,11 @@ def test_it_keeps_every_rule_of_a_driver(
             domain,
             str(scene),
             uri=service.uri,
-            view_rate=500.0,
-            control_rate=0.0,
+            view_rate=RATE,
+            control_rate=RATE,
         ),
     ):
-        test = DriverTest()
+        test = DriverTest(rate=RATE)
         try:
             found = list(test.run())
         finally:

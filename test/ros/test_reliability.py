@@ -7,6 +7,9 @@ In full, with limits on force and time of return: `make campaign`, docs/reliabil
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -16,11 +19,11 @@ from benchmarks.reliability.doubles import KINDS, try_double
 from benchmarks.reliability.emergency import WAYS_MS, try_stop
 from benchmarks.reliability.freezes import try_freeze
 from benchmarks.reliability.kills import try_kill
-from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.trial import Trial
 from hapticmech_ros.nodes.entry import NODES
-from ros.harness import next_domain
+from ros.harness import RATE, next_domain
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 # A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
@@ -41,7 +44,9 @@ def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     with SteppedClock(out) as clock:
         hosts = [(tuple(NODES), clock)]
         domain = next_domain()
-        with Rig(out, "short", hosts, all_topics=True, domain=domain, clean=False) as rig:
+        with Rig(
+            out, "short", hosts, all_topics=True, domain=domain, clean=False, rate=RATE
+        ) as rig:
             yield Graph(rig, clock)
 
 
@@ -79,12 +84,33 @@ def test_a_kill(graph: Graph, node: str) -> None:
     trials = (try_kill(graph.rig, node) for _ in range(10))
     trial = next((one for one in trials if one is not None), None)
     assert trial is not None
+    # 20 periods.
+    assert trial.zero_goal_s == 0.08
     survived(trial)
 
 
 @pytest.mark.parametrize("node", NODES)
 def test_a_freeze(graph: Graph, node: str) -> None:
     survived(try_freeze(graph.rig, node, 0.2))
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_pause_of_20_ms_does_not_end_rendering(graph: Graph, node: str) -> None:
+    for _ in range(10):
+        since, pid = graph.rig.ready(), graph.rig.pid(node)
+        begun_ns = time.monotonic_ns()
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.02)
+        os.kill(pid, signal.SIGCONT)
+        lasted_ns = time.monotonic_ns() - begun_ns
+        time.sleep(0.3)
+        # Unless this process itself was kept waiting meanwhile.
+        if lasted_ns < 25 * MS:
+            break
+    assert lasted_ns < 25 * MS
+    found = graph.rig.samples(since)
+    assert len(found) > 50
+    assert pushing(found).all()
 
 
 def test_only_a_sentence_on_the_clock_is_one() -> None:

@@ -15,9 +15,9 @@ import pytest
 from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
-from ros.harness import Peer
+from ros.harness import RATE, Peer
 
-pytestmark = [pytest.mark.ros, pytest.mark.alone]
+pytestmark = pytest.mark.ros
 
 STORM = Path(__file__).with_name("restart_storm.py")
 RESTARTS = 200
@@ -54,7 +54,7 @@ def test_a_storm_of_restarts_stops_nobody_else_and_leaves_nothing(
 ) -> None:
     statuses = peer.statuses()
     environment = private_environment(domain)
-    command = [sys.executable, str(STORM), "7", str(RESTARTS), transport]
+    command = [sys.executable, str(STORM), "7", str(RESTARTS), transport, f"{RATE}"]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
     ) as storm:
