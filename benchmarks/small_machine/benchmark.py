@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether ``hapticmech demo`` works on a small and busy machine: runs, and a verdict."""
+"""Whether ``hapticmech demo`` works on a small and busy machine, and what else does beside it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from benchmarks.children import busy_programs
 from benchmarks.machine import MachineResults, machine
 from benchmarks.small_machine.cpu_group import NoGroupError, cpu_group, places
 from benchmarks.small_machine.demo_run import SCENE, DemoRun, demo_command, watch_demo
+from benchmarks.small_machine.reader import read_beside
 from hapticmech_ros.analysis.study import NOTHING, Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -28,6 +29,8 @@ from hapticmech_ros.errors import InvalidInputError
 
 PROCESSORS, BUSY, CORES = 2, 2, 1.2
 LOADS = ("alone", "busy", "quota")
+# Beside a graph and nothing else, an ordinary program has read a message so many s after its start.
+READS_WITHIN_S = 1.0
 
 # Turns a command into one that runs within a load.
 Within = Callable[[Sequence[str]], Sequence[str]]
@@ -43,6 +46,7 @@ class Settings:
         cores: quota of the load ``quota``, in processors.
         duration: s that the hand pushes; the scene's if None.
         loads: of :data:`LOADS`.
+        readers: programs that are started beside a graph afterwards, at the last run's rate.
 
     Raises:
         InvalidInputError: an unknown load.
@@ -53,6 +57,7 @@ class Settings:
     cores: float = CORES
     duration: float | None = None
     loads: tuple[str, ...] = LOADS
+    readers: int = 5
 
     def __post_init__(self) -> None:
         for load in self.loads:
@@ -76,21 +81,28 @@ class Loaded:
         load: by name.
         runs: in order.
         skipped: why there is none; empty if there are.
+        reads_s: s from the start of a program beside the graph until it had read a message.
     """
 
     load: str
     runs: tuple[DemoRun, ...] = ()
     skipped: str = ""
+    reads_s: tuple[float, ...] = ()
 
     @property
     def passed(self) -> bool:
         """Whether there were runs, and all passed."""
         return bool(self.runs) and all(run.passed for run in self.runs)
 
+    @property
+    def read_in_time(self) -> bool:
+        """Whether programs beside the graph alone read within :data:`READS_WITHIN_S`."""
+        return self.load != "alone" or max(self.reads_s, default=0.0) <= READS_WITHIN_S
+
     def row(self, words: str) -> tuple[str, ...]:
         """Return a line of the table, medians of those runs that have figures."""
         if self.skipped:
-            return words, "skipped", *[NOTHING] * 8
+            return words, "skipped", *[NOTHING] * 9
         good = sum(run.passed for run in self.runs)
         rates = {run.rate_hz for run in self.runs if run.rate_hz is not None}
         seconds = [run.seconds for run in self.runs]
@@ -105,7 +117,14 @@ class Loaded:
             number(self._median("p50_us"), ".0f"),
             number(self._median("p99_us"), ".0f"),
             number(self._median("lost"), ".0f"),
+            self._reads(),
         )
+
+    def _reads(self) -> str:
+        if not self.reads_s:
+            return NOTHING
+        told = f"{statistics.median(self.reads_s):.2f} ({max(self.reads_s):.2f})"
+        return judged(told, self.read_in_time) if self.load == "alone" else told
 
     def _median(self, name: str) -> float | None:
         values = [value for run in self.runs if (value := getattr(run, name)) is not None]
@@ -122,26 +141,28 @@ class SmallMachineResults(MachineResults):
     """
 
     NAME: ClassVar[str] = "bench_small_machine"
-    FAULT: ClassVar[str] = "a run of the demo did not pass"
+    FAULT: ClassVar[str] = "a run of the demo did not pass, or a program beside it came too late"
 
     settings: Settings
     loads: tuple[Loaded, ...]
 
     @property
     def sound(self) -> bool:
-        """Whether every run passed, of those loads that were not skipped."""
-        return all(one.passed for one in self.loads if not one.skipped)
+        """Whether all passed, of those loads that were not skipped."""
+        return all(one.passed and one.read_in_time for one in self.loads if not one.skipped)
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield a line for each load."""
         times = ("seconds", "longest", "measured, Hz", "missed", "p50, µs", "p99, µs", "lost")
+        headings = ("load", "passed", "rate, Hz", *times, "a program, s")
         rows = tuple(one.row(self.settings.words(one.load)) for one in self.loads)
         caption = (
             f"passed: done within {self.settings.limit_s:g} s with right physics; medians: time of "
             "the command, rate of the device, deadlines missed by all nodes, sample to answer, "
-            "messages lost by the recorder"
+            "messages lost by the recorder; a program: from its start until it has read from "
+            f"a graph at the last run's rate, median (longest), beside it alone within "
+            f"{READS_WITHIN_S:g} s"
         )
-        headings = ("load", "passed", "rate, Hz", *times)
         yield Sheet(f"hapticmech demo {SCENE}", headings, rows, caption=caption, kept=40)
 
     def notes(self) -> list[str]:
@@ -185,17 +206,19 @@ def small_machine(
         typer.Option(min=3.0, help="s that the hand pushes", show_default="the scene's"),
     ] = None,
     loads: Annotated[str, typer.Option(help="of alone, busy and quota")] = ",".join(LOADS),
+    readers: Annotated[int, typer.Option(min=0, help="programs beside a graph, each load")] = 5,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,
 ) -> None:
     """Run hapticmech demo alone, beside busy programs, and with a quota of processor time."""
-    settings = Settings(1 if quick else runs, limit, cores, duration, words(loads))
+    settings = Settings(1 if quick else runs, limit, cores, duration, words(loads), readers)
     carry_out(lambda show: run_small_machine(settings, out, show), out, json_only)
 
 
 def _under(load: str, settings: Settings, out: Path, show: Show) -> Loaded:
     """Return all runs under a load, or why there are none."""
-    runs = []
+    runs: list[DemoRun] = []
+    reads_s: tuple[float, ...] = ()
     try:
         with _loaded(load, settings.cores) as within:
             for index in range(1, settings.runs + 1):
@@ -205,10 +228,15 @@ def _under(load: str, settings: Settings, out: Path, show: Show) -> Loaded:
                 runs.append(watch_demo(command, folder, settings.limit_s))
                 if not runs[-1].passed:
                     show(f"  did not pass: {'; '.join(runs[-1].failures)}")
+            rate_hz = runs[-1].rate_hz
+            if settings.readers and rate_hz is not None:
+                show(f"{settings.words(load)}: {settings.readers} programs beside a graph")
+                log = folder.with_name("graph.log")
+                reads_s = read_beside(rate_hz, within, settings.readers, log)
     except NoGroupError as error:
         show(f"{settings.words(load)}: skipped: {error}")
         return Loaded(load, skipped=str(error))
-    return Loaded(load, tuple(runs))
+    return Loaded(load, tuple(runs), reads_s=reads_s)
 
 
 @contextmanager

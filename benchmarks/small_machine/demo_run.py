@@ -71,12 +71,21 @@ def demo_command(out: Path, duration: float | None) -> list[str]:
     Raises:
         BenchError: hapticmech is not installed.
     """
+    options = [] if duration is None else ["--duration", f"{duration:g}"]
+    return [hapticmech(), "demo", SCENE, "--out", str(out), *options]
+
+
+def hapticmech() -> str:
+    """Return the path of the command.
+
+    Raises:
+        BenchError: it is not installed.
+    """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     command = shutil.which("hapticmech", path=path)
     if command is None:
         raise BenchError("hapticmech is not installed: make .venv/package")
-    options = [] if duration is None else ["--duration", f"{duration:g}"]
-    return [command, "demo", SCENE, "--out", str(out), *options]
+    return command
 
 
 def watch_demo(command: Sequence[str], out: Path, limit_s: float) -> DemoRun:

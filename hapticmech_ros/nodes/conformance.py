@@ -24,7 +24,7 @@ from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.message_info import Info
+from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
@@ -120,7 +120,7 @@ class DriverTest:
             waited = now - (int(info["received_timestamp"]) or now)
             heard.append((time.monotonic() - waited / NANOSECONDS, message))
 
-        self._node.create_subscription(kind, name, keep, qos)
+        self._node.create_subscription(kind, name, WithInfo(keep), qos)
         return heard
 
     def _wait_for_driver(self) -> None:

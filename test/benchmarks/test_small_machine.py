@@ -155,8 +155,8 @@ def test_one_failed_run_is_a_failed_load_and_a_skipped_one_is_not_passed() -> No
     assert not skipped.passed
     assert skipped.row("quota")[1] == "skipped"
     row = Loaded("busy", (PASSED, FAILED)).row("busy")
-    assert row == ("busy", "1 of 2", "1000", "27.5", "35.0", "999.0", "4", "130", "900", "0")
-    assert Loaded("busy", (FAILED,)).row("busy")[2:] == ("-", "35.0", "35.0", *["-"] * 5)
+    assert row == ("busy", "1 of 2", "1000", "27.5", "35.0", "999.0", "4", "130", "900", "0", "-")
+    assert Loaded("busy", (FAILED,)).row("busy")[2:] == ("-", "35.0", "35.0", *["-"] * 6)
 
 
 def test_an_unknown_load_is_refused() -> None:
@@ -177,6 +177,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Path]]:
 
         monkeypatch.setattr(benchmark, "watch_demo", watch)
         monkeypatch.setattr(benchmark, "places", list)
+        monkeypatch.setattr(benchmark, "read_beside", lambda *given: (0.5, 0.5, 1.5))
         return folders
 
     return put
@@ -203,11 +204,23 @@ def test_a_skipped_load_is_told_and_does_not_count(
     runs: Callable[..., list[Path]], tmp_path: Path
 ) -> None:
     folders = runs(PASSED, PASSED)
-    code, printed, document = command(tmp_path, "--quick")
+    code, printed, document = command(tmp_path, "--quick", "--readers", "0")
     assert code == 0
     assert [folder.parent.name for folder in folders] == ["alone", "busy"]
     assert "quota of 1.2 processors: skipped: this user cannot make a group" in printed
     assert [one["passed"] for one in document["loads"]] == [True, True, False]
+
+
+def test_a_program_that_reads_late_beside_the_graph_alone_gives_exit_code_1(
+    runs: Callable[..., list[Path]], tmp_path: Path
+) -> None:
+    runs(PASSED, PASSED)
+    code, printed, document = command(tmp_path, "--quick", "--loads", "busy")
+    assert code == 0
+    assert "0.50 (1.50)" in printed
+    code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
+    assert code == 1
+    assert document["loads"][0]["reads_s"] == [0.5, 0.5, 1.5]
 
 
 def test_a_signal_ends_it_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

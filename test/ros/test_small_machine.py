@@ -21,9 +21,10 @@ def test_the_demo_works_beside_busy_programs(
 ) -> None:
     for name, value in private_environment(domain).items():
         monkeypatch.setitem(os.environ, name, value)
-    settings = Settings(1, duration=DURATION_S, loads=("busy",))
+    settings = Settings(1, duration=DURATION_S, loads=("busy",), readers=1)
     results = run_small_machine(settings, tmp_path)
     (busy,) = results.loads
     (run,) = busy.runs
     assert run.failures == (), run.last_line
+    assert len(busy.reads_s) == 1
     assert results.sound
