@@ -69,7 +69,7 @@ def test_nothing_is_known_of_a_graph_with_a_node_that_is_not_configured() -> Non
 
 @pytest.mark.parametrize(
     ("change", "fits"),
-    [({}, True), ({"missed": 0.05}, False), ({"used": 1.8}, False), ({"cores": 0.9}, False)],
+    [({}, True), ({"missed": 0.05}, False), ({"used": 1.1}, False), ({"cores": 0.9}, False)],
 )
 def test_a_graph_fits_that_keeps_its_deadlines_and_leaves_something(change, fits) -> None:
     load = replace(IDLE, **change)
@@ -81,8 +81,8 @@ def test_the_rate_that_is_proposed_fits_by_what_a_period_costs() -> None:
     # 1.6 ms of processor time a period: 0.8 cores at 500 Hz.
     heavy = replace(IDLE, used=1.6, missed=0.0)
     assert heavy.period_us == pytest.approx(1600.0)
-    assert replace(heavy, cores=1.5).fitting_rate_hz == 500.0
-    assert replace(heavy, cores=1.0).fitting_rate_hz == 250.0
+    assert replace(heavy, cores=2.1).fitting_rate_hz == 500.0
+    assert replace(heavy, cores=1.1).fitting_rate_hz == 250.0
     # None does: something else takes the processors, and the lowest is the best that there is.
     assert replace(heavy, cores=0.2).fitting_rate_hz == 250.0
     assert replace(heavy, rate_hz=250.0).fitting_rate_hz is None
@@ -95,6 +95,8 @@ def test_advice_names_what_helps() -> None:
     assert "--control-rate 500, --composed, fewer users, ending other programs" in busy.advice()
     least = replace(busy, rate_hz=250.0, composed=True, users=1)
     assert "what helps: ending other programs" in least.advice()
+    assert "does not carry 250 Hz" in least.advice()
+    assert "leaves too little to other programs" in replace(IDLE, used=1.1).advice()
 
 
 @pytest.mark.parametrize("version", [1, 2])
