@@ -11,9 +11,11 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
@@ -369,9 +371,31 @@ def _wait_for_end(process: subprocess.Popen[str]) -> int:
     return process.wait()
 
 
-def told_by(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
-    """Yield the events that a process tells by lines of JSON on its standard output."""
-    for line in process.stdout or ():
+def told_by(
+    process: subprocess.Popen[str], patience_s: float | None = None
+) -> Iterator[dict[str, Any]]:
+    """Yield the events that a process tells by lines of JSON on its standard output.
+
+    Args:
+        process: with its output in a pipe.
+        patience_s: s after which the event ``nothing`` is yielded, if nothing else comes.
+    """
+    lines: SimpleQueue[str | None] = SimpleQueue()
+
+    def read() -> None:
+        for line in process.stdout or ():
+            lines.put(line)
+        lines.put(None)
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        try:
+            line = lines.get(timeout=patience_s)
+        except Empty:
+            yield {"event": "nothing"}
+            continue
+        if line is None:
+            return
         if line.startswith("{"):
             yield json.loads(line)
 

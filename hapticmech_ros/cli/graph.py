@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.graph import AuxiliaryProcess, Graph
 
 CHECK_PERIOD_S = 0.2
-# A recorder that hears nothing for so long after the nodes are up is not waited for any more.
+# A recorder that does not hear every topic so long after the nodes are up is not waited for.
 HEARS_WITHIN_S = 20.0
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
@@ -388,5 +388,5 @@ def _hears(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
         return True
     if time.monotonic() - up < HEARS_WITHIN_S:
         return False
-    typer.echo(f"the recorder has heard nothing for {HEARS_WITHIN_S:g} s", err=True)
+    typer.echo(f"after {HEARS_WITHIN_S:g} s the recorder does not hear every topic", err=True)
     return True

@@ -164,6 +164,18 @@ class Inbox:
         while self.look() and time.monotonic() < end:
             self._look_ns = 0
 
+    def drain(self, most_s: float) -> None:
+        """Hand on all that has come until now, for ``most_s`` at most."""
+        end = time.monotonic() + most_s
+        time.sleep(GATHER_S)
+        self._exchange.collect(whole=True)
+        self._exchange.deliver()
+        if not self._marked:
+            self._marked = True
+            self._executor.create_task(self._unmark)
+        while self._marked and time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=NO_WAIT_S)
+
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
         exchange = self._exchange

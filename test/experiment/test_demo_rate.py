@@ -4,14 +4,27 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hapticmech_ros.experiment import demo
-from hapticmech_ros.experiment.demo import GraphRun, run_demo
+from hapticmech_ros.experiment.demo import DemoError, GraphRun, record_graph, run_demo
+from hapticmech_ros.graph import start_process, stop_process, told_by
 from hapticmech_ros.graph_load import GraphLoad
+from hapticmech_ros.readiness import Report
+
+# Says that it is ready and waits, then gets no processor.
+STARVED = """
+import time
+print('{"event": "ready"}', flush=True)
+print('{"event": "waiting", "missing": ["/device/state"]}', flush=True)
+time.sleep(600.0)
+"""
 
 
 class Machine:
@@ -85,3 +98,59 @@ def test_a_rate_that_is_wanted_is_kept(run: Any) -> None:
     assert run(machine, 400.0) == pytest.approx(400.0)
     assert machine.rates == [400.0]
     assert machine.said[-1].endswith("take the results with care")
+
+
+class Saturated:
+    """A graph that misses half of its deadlines."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.begun = time.monotonic()
+
+    def __enter__(self) -> Saturated:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Nothing runs."""
+
+    def check(self) -> None:
+        """All is well."""
+
+    def reports(self) -> dict[str, Report]:
+        now = time.monotonic()
+        periods = int(500.0 * (now - self.begun))
+        figures = {
+            "pid": "1",
+            "cpu_s": f"{2.0 * now}",
+            "monotonic_s": f"{now}",
+            "periods": f"{periods}",
+            "missed_deadlines": f"{periods // 2}",
+        }
+        return {"/haptic_device": Report("/haptic_device", True, "", figures)}
+
+
+def starved(command: Sequence[str], *arguments: Any, **options: Any) -> Any:
+    return start_process([sys.executable, "-c", STARVED], {}, pipe_output=True)
+
+
+def test_a_graph_that_starves_its_recorder_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(demo, "start_process", starved)
+    monkeypatch.setattr(demo, "Graph", Saturated)
+    monkeypatch.setattr(demo, "STARTS_WITHIN_S", 0.3)
+    monkeypatch.setattr(demo, "PATIENCE_S", 0.1)
+    with pytest.raises(DemoError, match="did not keep the rate") as given:
+        record_graph("five_bar", tmp_path / "bag", False, 1.0, must_fit=True)
+    assert given.value.run.load.missed == pytest.approx(0.5, abs=0.01)  # type: ignore[attr-defined]
+
+
+def test_a_process_that_tells_nothing_is_noticed() -> None:
+    process = starved([])
+    try:
+        events = told_by(process, 0.2)
+        told = [next(one["event"] for one in events if one["event"] != "nothing") for _ in "12"]
+        assert told == ["ready", "waiting"]
+        assert next(events) == {"event": "nothing"}
+    finally:
+        stop_process(process)
+    assert all(one == {"event": "nothing"} for one in events)

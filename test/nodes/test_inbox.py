@@ -237,6 +237,22 @@ def test_who_answers_nobody_stops_where_the_middleware_never_does(
     assert system.now - begun < 2.1e9 * loop.GATHER_S
 
 
+def test_who_ends_takes_all_that_has_come_but_not_for_ever(
+    monkeypatch: pytest.MonkeyPatch, system: LateSystem
+) -> None:
+    executor = Busy(system, 9 * US)
+    monkeypatch.setattr(loop.time, "sleep", system.sleep)
+    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+    executor.wait(10_000)
+    inbox.drain(1.0)
+    assert executor.waiting == 0
+    executor.wait(200_000)
+    begun = system.now
+    inbox.drain(1.0)
+    assert executor.waiting > 0
+    assert system.now - begun < 1.1e9
+
+
 def test_who_answers_nobody_wakes_up_once_in_a_while() -> None:
     exchange = Gathered()
     inbox = Inbox(NoMessages(), exchange)  # type: ignore[arg-type]

@@ -94,6 +94,18 @@ def test_records_every_topic_as_it_is_offered(
     assert "/mixed: 30 messages, losses unknown: several publishers" in text
 
 
+def test_a_topic_that_never_pauses_and_brings_nothing_is_named(
+    peer: Peer, domain: int, tmp_path: Path
+) -> None:
+    with bag_command(domain, "record", "--all", "-o", tmp_path / "bag") as recorder:
+        for name in ("/one/device/measured_cf", "/one/joint_states", "/one/of_a_stranger"):
+            peer.publisher(name, UInt8)
+        publish(peer, peer.publisher("/one/mechanism/measured_js", UInt8), range(10))
+        text = end(recorder)
+    assert "nothing came from /one/device/measured_cf, /one/joint_states: nobody sent" in text
+    assert "/one/of_a_stranger: 0 messages, losses unknown" in text
+
+
 def test_several_publishers_are_all_written_down(peer: Peer, domain: int, tmp_path: Path) -> None:
     for qos in (RELIABLE, BEST_EFFORT):
         peer.node.create_publisher(UInt8, "/both", qos)

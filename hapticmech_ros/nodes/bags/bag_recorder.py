@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -31,8 +32,16 @@ from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.wire.topic import Rate
+from hapticmech_ros.wire.topics import topic_of
 
 DISCOVERY_PERIOD_S = 0.2
+# A graph is not recorded whole before something came from each topic whose publisher never pauses;
+# those that are still silent after so long, s, are not waited for.
+NEVER_PAUSE: tuple[Rate, ...] = ("control", "view", "marker", "1 Hz")
+SILENT_S = 10.0
+# s, for which a recorder that is to end takes what has come before.
+DRAIN_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +148,17 @@ class BagRecorderNode(QuietEventsNode):
         """Whether a message has come."""
         return any(topic.count for topic in self.heard.values())
 
+    def silent(self) -> list[str]:
+        """Return topics with a publisher that nothing came from, of those that never pause."""
+        return [
+            name
+            for name, topic in sorted(self.heard.items())
+            if self._counted.get(name)
+            and not topic.count
+            and (known := topic_of(name)) is not None
+            and known.rate in NEVER_PAUSE
+        ]
+
     def finish(self) -> None:
         """Announce what was heard too briefly to be announced until now, and note what was lost."""
         for topic in self.heard.values():
@@ -244,7 +264,7 @@ def _record(
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     begun = time.monotonic()
-    looked, ready = -DISCOVERY_PERIOD_S, False
+    looked, ready, heard = -DISCOVERY_PERIOD_S, False, math.inf
     print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
     while rclpy.ok() and not stop.asked and not spool.failure:
         now = time.monotonic() - begun
@@ -253,11 +273,16 @@ def _record(
         if now - looked >= DISCOVERY_PERIOD_S:
             looked, known = now, len(node.heard)
             node.discover()
-            # Nobody is new, and messages come.
+            heard = min(heard, now) if node.hears else math.inf
+            # Nobody is new, and messages come: of a part of a graph perhaps not from every topic.
+            patient = now - heard < SILENT_S
             if not ready and len(node.heard) == known and node.hears:
-                ready = True
-                say_ready()
+                ready = not (patient and node.silent())
+                if ready:
+                    say_ready()
         inbox.gather()
+    # On a busy machine it is behind.
+    inbox.drain(DRAIN_S)
     node.finish()
     executor.remove_node(node)
 
@@ -267,10 +292,13 @@ def _report(node: BagRecorderNode, spool: BagSpool, path: Path) -> None:
     print(f"{path}: {total} messages of {len(node.heard)} topics")
     for name, topic in sorted(node.heard.items()):
         lost = "losses unknown: several publishers" if topic.lost is None else f"{topic.lost} lost"
+        lost = lost if topic.count else "losses unknown"
         untimed = f", {topic.untimed} before the first /clock left out" if topic.untimed else ""
         print(f"  {name}: {topic.count} messages, {lost}{untimed}")
     for name, reason in sorted(node.skipped.items()):
         print(f"  {name}: not recorded, {reason}")
+    if silent := node.silent():
+        print(f"  nothing came from {', '.join(silent)}: nobody sent, or the machine was too busy")
     for name in node.missing():
         print(f"  {name}: nobody published it")
     if spool.dropped:
