@@ -98,19 +98,26 @@ class LoadWatch:
         cores: processors that there are for it.
         composed: whether its nodes share a process.
         users: how many hands there are.
+        least_span_s: s between the reports that are compared.
     """
 
     def __init__(
-        self, rate_hz: float, cores: float, composed: bool = False, users: int = 1
+        self,
+        rate_hz: float,
+        cores: float,
+        composed: bool = False,
+        users: int = 1,
+        least_span_s: float = LEAST_SPAN_S,
     ) -> None:
         self._rate_hz, self._cores = rate_hz, cores
         self._composed, self._users = composed, users
+        self._least_span_s = least_span_s
         self._first: dict[str, Mapping[str, str]] = {}
 
     def look(self, reports: Mapping[str, Report]) -> GraphLoad | None:
         """Take what nodes have reported last; return the load since the first of their reports.
 
-        None until all that have reported once have reported again, :data:`LEAST_SPAN_S` later.
+        None until all that have reported once have reported again, the least span later.
         """
         used: dict[str, float] = {}
         missed = 0.0
@@ -123,7 +130,7 @@ class LoadWatch:
             if now["pid"] != then["pid"]:
                 then = self._first[name] = now
             span = float(now["monotonic_s"]) - float(then["monotonic_s"])
-            if span < LEAST_SPAN_S:
+            if span < self._least_span_s:
                 continue
             # Of a process with several nodes, that of any of them.
             used[name] = (float(now["cpu_s"]) - float(then["cpu_s"])) / span

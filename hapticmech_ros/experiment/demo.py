@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -221,9 +220,9 @@ def record_graph(
         parameters["control_rate"] = control_rate
     size = 1.0 / scene.simulation.period, available_cores(), composed, len(hold) or 1
     # What starting costs is not counted, unless that takes too long.
-    watch, starting = LoadWatch(*size), LoadWatch(*size)
+    watch, starting = LoadWatch(*size), LoadWatch(*size, least_span_s=STARTS_WITHIN_S)
     load: GraphLoad | None = None
-    engaged, began = 0, 0.0
+    engaged = 0
     try:
         # A recorder without a processor tells nothing.
         events = told_by(recorder, PATIENCE_S)
@@ -253,10 +252,8 @@ def record_graph(
                     engaged = engaged if pushing else _engagements(reports)
                     broken = _engagements(reports) - engaged
                     _look_whether_it_fits(GraphRun(load, broken), must_fit)
-                elif (start := starting.look(reports)) is not None:
-                    began = began or time.monotonic()
-                    if time.monotonic() - began > STARTS_WITHIN_S:
-                        _look_whether_it_fits(GraphRun(start, 0), must_fit)
+                else:
+                    _look_whether_it_fits(GraphRun(starting.look(reports), 0), must_fit)
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
