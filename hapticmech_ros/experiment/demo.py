@@ -29,7 +29,7 @@ from hapticmech_ros.graph import (
     stop_process,
     told_by,
 )
-from hapticmech_ros.graph_load import RATES, GraphLoad, LoadWatch
+from hapticmech_ros.graph_load import MOST_MISSED, RATES, GraphLoad, LoadWatch
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.readiness import Report
 from hapticmech_ros.scene import Scene
@@ -157,6 +157,8 @@ class GraphRun:
     def told(self) -> str:
         """Return in words what was not kept."""
         if not self.interruptions:
+            if self.load is not None and self.load.missed <= MOST_MISSED:
+                return "the graph took more than half of the machine"
             return "the machine did not keep the rate"
         times = "once" if self.interruptions == 1 else f"{self.interruptions} times"
         return f"rendering was interrupted {times}"
