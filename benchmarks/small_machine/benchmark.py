@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +17,11 @@ from typing import Annotated, ClassVar
 
 import typer
 
-from benchmarks.children import busy_programs
+from benchmarks.children import BenchError, busy_programs
 from benchmarks.machine import MachineResults, machine
 from benchmarks.small_machine.cpu_group import NoGroupError, cpu_group, places
 from benchmarks.small_machine.demo_run import SCENE, DemoRun, demo_command, watch_demo
-from benchmarks.small_machine.reader import read_beside
+from benchmarks.small_machine.reader import Within, read_beside
 from hapticmech_ros.analysis.study import NOTHING, Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -31,9 +32,6 @@ PROCESSORS, BUSY, CORES = 2, 2, 1.2
 LOADS = ("alone", "busy", "quota")
 # Beside a graph and nothing else, an ordinary program has read a message so many s after its start.
 READS_WITHIN_S = 1.0
-
-# Turns a command into one that runs within a load.
-Within = Callable[[Sequence[str]], Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +158,7 @@ class SmallMachineResults(MachineResults):
             f"passed: done within {self.settings.limit_s:g} s with right physics; medians: time of "
             "the command, rate of the device, deadlines missed by all nodes, sample to answer, "
             "messages lost by the recorder; a program: from its start until it has read from "
-            f"a graph at the last run's rate, median (longest), beside it alone within "
+            "a graph at the last run's rate, median (longest), beside it alone within "
             f"{READS_WITHIN_S:g} s"
         )
         yield Sheet(f"hapticmech demo {SCENE}", headings, rows, caption=caption, kept=40)
@@ -232,7 +230,12 @@ def _under(load: str, settings: Settings, out: Path, show: Show) -> Loaded:
             if settings.readers and rate_hz is not None:
                 show(f"{settings.words(load)}: {settings.readers} programs beside a graph")
                 log = folder.with_name("graph.log")
-                reads_s = read_beside(rate_hz, within, settings.readers, log)
+                try:
+                    reads_s = read_beside(rate_hz, within, settings.readers, log)
+                except BenchError as error:
+                    # The runs before it count all the same.
+                    show(f"  {error}")
+                    reads_s = (math.inf,)
     except NoGroupError as error:
         show(f"{settings.words(load)}: skipped: {error}")
         return Loaded(load, skipped=str(error))

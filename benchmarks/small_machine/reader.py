@@ -28,13 +28,13 @@ while not heard:
     rclpy.spin_once(node)
 print("read", flush=True)
 """
+# Turns a command into one that runs within a load.
+Within = Callable[[Sequence[str]], Sequence[str]]
 # s that the first one may take, which waits for the graph, and that each of the others may.
 PATIENCE_S = 60.0
 
 
-def read_beside(
-    rate_hz: float, within: Callable[[Sequence[str]], Sequence[str]], count: int, log: Path
-) -> tuple[float, ...]:
+def read_beside(rate_hz: float, within: Within, count: int, log: Path) -> tuple[float, ...]:
     """Return the times of programs that are started one after the other beside a graph, s.
 
     Args:
@@ -57,7 +57,7 @@ def read_beside(
         stop_process(graph)
 
 
-def _read(within: Callable[[Sequence[str]], Sequence[str]]) -> float:
+def _read(within: Within) -> float:
     begun = time.monotonic()
     program = start_process(within([sys.executable, "-c", PROGRAM]), os.environ, pipe_output=True)
     try:

@@ -170,9 +170,7 @@ class Inbox:
         time.sleep(GATHER_S)
         self._exchange.collect(whole=True)
         self._exchange.deliver()
-        if not self._marked:
-            self._marked = True
-            self._executor.create_task(self._unmark)
+        self._mark()
         while self._marked and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=NO_WAIT_S)
 
@@ -195,6 +193,11 @@ class Inbox:
         """Note that what was sent now may be answered soon."""
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
 
+    def _mark(self) -> None:
+        if not self._marked:
+            self._marked = True
+            self._executor.create_task(self._unmark)
+
     def _unmark(self) -> None:
         self._marked = False
 
@@ -215,9 +218,7 @@ class Inbox:
         now = time.monotonic_ns()
         if now < self._look_ns:
             return False
-        if not self._marked:
-            self._marked = True
-            self._executor.create_task(self._unmark)
+        self._mark()
         for _ in range(MOST_CALLBACKS):
             self._executor.spin_once(timeout_sec=NO_WAIT_S)
             if not self._marked:

@@ -17,6 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
+from benchmarks.children import BenchError
 from benchmarks.small_machine import benchmark
 from benchmarks.small_machine.benchmark import Loaded, Settings, run_small_machine
 from benchmarks.small_machine.demo_run import FIGURES, DemoRun, faults, watch_demo
@@ -221,6 +222,22 @@ def test_a_program_that_reads_late_beside_the_graph_alone_gives_exit_code_1(
     code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
     assert code == 1
     assert document["loads"][0]["reads_s"] == [0.5, 0.5, 1.5]
+
+
+def test_runs_are_kept_where_no_program_reads(
+    runs: Callable[..., list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def deaf(*given: object) -> tuple[float, ...]:
+        raise BenchError("read nothing")
+
+    runs(PASSED)
+    monkeypatch.setattr(benchmark, "read_beside", deaf)
+    code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
+    assert code == 1
+    assert "read nothing" in printed
+    (alone,) = document["loads"]
+    assert alone["passed"]
+    assert not alone["read_in_time"]
 
 
 def test_a_signal_ends_it_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -48,6 +48,7 @@ def test_no_node_asks_the_middleware_for_events(name: str, domain: int) -> None:
     assert events == 0
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("transport", ["auto", "middleware"])
 def test_a_storm_of_restarts_stops_nobody_else_and_leaves_nothing(
     transport: str, domain: int, peer: Peer

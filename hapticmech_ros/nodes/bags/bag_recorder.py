@@ -161,10 +161,11 @@ class BagRecorderNode(QuietEventsNode):
 
     def finish(self) -> None:
         """Announce what was heard too briefly to be announced until now, and note what was lost."""
+        silent = self.silent()
         for topic in self.heard.values():
             if not topic.is_announced:
                 topic.announce(self._offers(topic.name)[0])
-            self._spool.note_lost(topic.name, topic.lost)
+            self._spool.note_lost(topic.name, None if topic.name in silent else topic.lost)
 
     def missing(self) -> list[str]:
         """Return topics asked for by name that nobody published."""
@@ -275,9 +276,9 @@ def _record(
             node.discover()
             heard = min(heard, now) if node.hears else math.inf
             # Nobody is new, and messages come: of a part of a graph perhaps not from every topic.
-            patient = now - heard < SILENT_S
+            late = now - heard >= SILENT_S
             if not ready and len(node.heard) == known and node.hears:
-                ready = not (patient and node.silent())
+                ready = late or not node.silent()
                 if ready:
                     say_ready()
         inbox.gather()
