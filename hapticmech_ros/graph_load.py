@@ -14,6 +14,9 @@ LEAST_SPAN_S = 0.9
 # A graph fits if it misses no larger share of its deadlines, and takes no more of the processors:
 # other programs were there after 0.7 s beside one that takes a third of two, and 1.1 s beside 0.6.
 MOST_MISSED, MOST_USED = 0.03, 0.5
+# One that takes more of them than this and misses more keeps no deadlines, whatever it takes away
+# from others.
+TAKES_ALL, MISSES_MANY = 0.8, 0.1
 # What is proposed would take no more than this: there are moments that are busier than a second's
 # mean.
 PROPOSED_USED = 0.4
@@ -50,6 +53,11 @@ class GraphLoad:
     def fits(self) -> bool:
         """Whether deadlines are kept, and something is left to other programs."""
         return self.missed <= MOST_MISSED and self.used <= MOST_USED * self.cores
+
+    @property
+    def saturates(self) -> bool:
+        """Whether it takes the machine from all others and misses deadlines all the same."""
+        return self.missed > MISSES_MANY and self.used > TAKES_ALL * self.cores
 
     @property
     def fitting_rate_hz(self) -> float | None:

@@ -4,14 +4,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hapticmech_ros import cpu_list
+from hapticmech_ros.graph import SHARING_NICE, Graph
 from hapticmech_ros.graph_load import GraphLoad, LoadWatch
 from hapticmech_ros.readiness import Report
+from real_time import grants_nice
 
 IDLE = GraphLoad(rate_hz=1000.0, cores=2.0, used=0.8, missed=0.0)
 
@@ -75,6 +80,40 @@ def test_a_graph_fits_that_keeps_its_deadlines_and_leaves_something(change, fits
     load = replace(IDLE, **change)
     assert load.fits == fits
     assert len(load.sentences()) == (1 if fits else 2)
+
+
+@pytest.mark.parametrize(
+    ("used", "missed", "saturates"), [(1.7, 0.3, True), (1.7, 0.05, False), (1.2, 0.3, False)]
+)
+def test_a_graph_saturates_that_takes_all_and_misses_deadlines_all_the_same(
+    used, missed, saturates
+) -> None:
+    assert replace(IDLE, used=used, missed=missed).saturates == saturates
+
+
+@pytest.mark.skipif(not grants_nice(-20), reason="nice -20 is not granted to this user")
+def test_all_threads_of_the_nodes_give_up_their_precedence_once() -> None:
+    waits = """
+import os, threading
+os.setpriority(os.PRIO_PROCESS, 0, -20)
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+print("up", flush=True)
+threading.Event().wait()
+"""
+    command = [sys.executable, "-c", waits]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "up\n"
+        graph = Graph.__new__(Graph)
+        graph.processes = {"node": process}
+        threads = [int(one.name) for one in Path(f"/proc/{process.pid}/task").iterdir()]
+        assert len(threads) == 2
+        assert graph.leave_share()
+        found = {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads}
+        assert found == {SHARING_NICE}
+        assert not graph.leave_share()
+        process.kill()
+    assert not graph.leave_share()
 
 
 def test_the_rate_that_is_proposed_fits_by_what_a_period_costs() -> None:

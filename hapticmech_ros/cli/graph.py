@@ -105,7 +105,7 @@ def run(
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
     from hapticmech_ros.cpu_list import available_cores
-    from hapticmech_ros.graph import AuxiliaryProcess, Graph
+    from hapticmech_ros.graph import SHARING_NICE, AuxiliaryProcess, Graph
     from hapticmech_ros.graph_load import LoadWatch
     from hapticmech_ros.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
@@ -202,6 +202,8 @@ def run(
                     load = watch.look(reports)
                     for sentence in () if load is None else load.sentences():
                         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+                    if load is not None and load.saturates and graph.leave_share():
+                        console.print(f"nodes run at nice {SHARING_NICE} now: others need a share")
                 if up is None and graph.is_ready():
                     up = time.monotonic()
                 if ends is None and up is not None and _hears(recorder, graph, up):
