@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterator, Mapping
-from concurrent.futures import CancelledError, Executor
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -23,6 +24,42 @@ from hapticmech_ros.installation import refuse_unmet
 DASK = "distributed>=2024.5"
 # s until a scheduler has answered, and has a worker.
 PATIENCE = 20.0
+
+
+class _OfCluster(Executor):
+    """A client's workers as an executor.
+
+    Dask has one, ``Client.get_executor``, which ends with a ValueError of its own where a worker
+    dies between its answer and the answer's way here, and the task is done again.
+
+    Args:
+        client: of Dask.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        """Return the future of a call by a worker; arguments as of ``Executor.submit``."""
+        found: Future[Any] = Future()
+        # The same call twice is done twice, by whoever is free.
+        there = self._client.submit(work, *given, pure=False, **named)
+        there.add_done_callback(partial(_hand_over, found))
+        return found
+
+
+def _hand_over(found: Future[Any], there: Any) -> None:
+    """Fill a future with what became of a task of Dask."""
+    try:
+        result = there.result()
+    except CancelledError:
+        found.cancel()
+        # Only so does whoever waits for several wake up.
+        found.set_running_or_notify_cancel()
+    except Exception as error:  # noqa: BLE001 - whatever it was: who waits for it is told
+        found.set_exception(error)
+    else:
+        found.set_result(result)
 
 
 class ClusterError(HapticMechError):
@@ -60,7 +97,7 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
                 raise ClusterError(f"the scheduler at {address} has no worker")
             time.sleep(0.1)
         try:
-            yield client.get_executor()
+            yield _OfCluster(client)
         except CancelledError:
             raise ClusterError(f"the scheduler at {address} has gone") from None
 
