@@ -72,6 +72,7 @@ _SOURCES = (
     "device/hand_kernels.py",
     "device/friction_kernels.py",
     "device/driver_kernels.py",
+    "device/motion_kernels.py",
     "device/kernels.py",
     "device/safety_layout.py",
     "device/safety_kernels.py",

@@ -28,6 +28,7 @@ from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
+from hapticmech_ros.scene.device import Motion
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import (
     DEVICE_BUTTONS,
@@ -44,6 +45,8 @@ _PATIENCE, _LOOK, _PUSH, _BEFORE, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.1, 0.002, 0.2
 # Hz that poses come at least with, a force that counts as none (N), and shares and slacks of what
 # is compared: of forces (N), and of velocities (m/s).
 _SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
+# How far, m, and how fast, m/s, a hand moves a device.
+_FARTHEST, _FASTEST = 2.0, Motion().speed
 _QOS = QoSProfile(depth=200)
 _Heard = list[tuple[float, Any]]
 
@@ -98,6 +101,7 @@ class DriverTest:
         self._spin(_LOOK)
         yield from self._check_poses(start)
         yield self._check_twists(start)
+        yield self._check_motion(start)
         yield self._check_buttons()
         yield self._check_no_force("no force without a command", start)
         yield self._check_obedience()
@@ -188,6 +192,19 @@ class DriverTest:
             return Check(rule, "it did not move: move it during the first second", None)
         found = f"{off:.4f} m/s off at {speed:.4f} m/s"
         return Check(rule, found, off < _CRAWL + _SHARE * speed)
+
+    def _check_motion(self, start: float) -> Check:
+        """Tell whether it is where a hand can be and as fast as one, or in other units."""
+        rule = f"it moves within {_FARTHEST:g} m, at {_FASTEST:g} m/s at most"
+        poses = np.array([_seven(m)[:3] for _, m in _since(self._poses, start)]).reshape(-1, 3)
+        twists = [_three(message.twist.linear) for _, message in _since(self._twists, start)]
+        if not len(poses):
+            return Check(rule, "there are no poses", None)
+        moved = float(np.linalg.norm(poses - poses[0], axis=1).max())
+        speed = float(np.linalg.norm(np.array(twists).reshape(-1, 3), axis=1).max(initial=0.0))
+        kept = moved <= _FARTHEST and speed <= _FASTEST
+        found = f"{moved:.3g} m, {speed:.3g} m/s"
+        return Check(rule, found if kept else f"{found}: are these millimetres?", kept)
 
     def _check_buttons(self) -> Check:
         rule = "buttons are 0 or 1, and of one handle"

@@ -20,6 +20,7 @@ from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, read_wrench
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS
@@ -34,6 +35,9 @@ from hapticmech_ros.wire.topics import (
 
 if TYPE_CHECKING:
     from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
+
+# Samples that have waited are passed over for no longer than this share of the timeout.
+LATE_SHARE = 4
 
 
 class CrtkDevice:
@@ -90,7 +94,8 @@ class CrtkDevice:
         self._hand: Latest[Array] = Latest()
         self._force: Latest[Array] = Latest()
         self._pose: Latest[pin.SE3] = Latest()
-        self._epoch_ns = 0
+        self._epoch_ns = self._stamp_ns = self._answered_ns = 0
+        self._age = SampleAge()
         # Made when they are asked for.
         self.__dict__.pop("_observer", None)
         self.__dict__.pop("_moving", None)
@@ -135,6 +140,12 @@ class CrtkDevice:
         stamp = self._stamp(message, now_ns)
         pose = read_pose(message, self._actor.limits)
         self._pose.put(pose, now_ns)
+        since_ns, self._stamp_ns = stamp - self._stamp_ns, stamp
+        late = 0 < since_ns < self._age.beyond(stamp)
+        if late and now_ns - self._answered_ns < self._timeout_ns() // LATE_SHARE:
+            # The next one is here already. Answers to one after the other would stay that late.
+            return
+        self._answered_ns = now_ns
         self._epoch_ns = self._epoch_ns or stamp
         time = (stamp - self._epoch_ns) / NANOSECONDS
         twist = self._moving.at(time, pose) if self._twist.value is None else self._twist.value

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import SimulatedDevice
+from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.device.real_device import RealDevice
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.device_driver import DeviceDriver
@@ -30,6 +31,7 @@ class RealDeviceDriver(DeviceDriver[D]):
             raise InvalidInputError("lockstep", True, "must be false: a real device has real time")
         self._was_there = False
         super().__init__(node, parameters)
+        self._motion = MotionCheck(self.scene.device, self.period_s)
         if warning := pose_without_torques(self.scene):
             node.get_logger().warning(warning)
 
@@ -62,7 +64,7 @@ class RealDeviceDriver(DeviceDriver[D]):
 
     def unavailable(self) -> str:
         """Return why the device gives no force; empty if it does."""
-        return self._real.problem
+        return self._real.problem or self._motion.fault
 
     def has_sample(self) -> bool:
         """Return whether the device has answered in this period."""
@@ -73,6 +75,7 @@ class RealDeviceDriver(DeviceDriver[D]):
         is_there = self._real.look()
         if is_there and not self._was_there:
             # Where it is now, and without a force: whoever held it may have moved it meanwhile.
+            self._motion.restart()
             self.activate()
         elif self._was_there and not is_there:
             self._warn(self._real.problem)
@@ -80,6 +83,9 @@ class RealDeviceDriver(DeviceDriver[D]):
         self._was_there = is_there
         if is_there:
             super().tick(periods, deadline_ns)
+            if self._real.fresh:
+                # Before the next command, which is made for this sample.
+                self._motion.look(self._sample(), self.now_ns())
         self.buttons.tell(self._real.buttons, deadline_ns)
 
     def put_at_zero(self) -> None:
@@ -89,7 +95,7 @@ class RealDeviceDriver(DeviceDriver[D]):
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return what diagnostics say of the device."""
-        return self._real.figures()
+        return {**self._real.figures(), "motion_faults": str(self._motion.faults)}
 
     def close(self) -> None:
         """Leave the device without a wrench."""

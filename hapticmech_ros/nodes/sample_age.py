@@ -41,6 +41,17 @@ class SampleAge:
         Raises:
             InvalidInputError: it is older.
         """
+        beyond_ns = self.beyond(stamp_ns)
+        if beyond_ns > limit_ns:
+            rule = f"must be within {limit_ns / NANOSECONDS:g} s of the quickest one's"
+            raise InvalidInputError("age of sample, s", beyond_ns / NANOSECONDS, rule)
+
+    def beyond(self, stamp_ns: int) -> int:
+        """Return by how much longer, ns, a sample that comes now took than the quickest one.
+
+        Args:
+            stamp_ns: of the sample; one before the last says that the sender's clock was set.
+        """
         if stamp_ns < self._stamp_ns:
             self.forget()
         self._stamp_ns = stamp_ns
@@ -51,6 +62,4 @@ class SampleAge:
             self._least_ns, self._next_ns, self._since_ns = self._next_ns, lacks, arrived_ns
         self._next_ns = min(self._next_ns, lacks)
         least = self._next_ns if self._least_ns is None else min(self._least_ns, self._next_ns)
-        if lacks - least > limit_ns:
-            rule = f"must be within {limit_ns / NANOSECONDS:g} s of the quickest one's"
-            raise InvalidInputError("age of sample, s", (lacks - least) / NANOSECONDS, rule)
+        return lacks - least

@@ -16,6 +16,7 @@ from hapticmech_ros.control.rendering_controller import (
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
+from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
@@ -98,6 +99,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._losses = Losses(node.pauses, 1.0 / self.period_s, warn)
         self._device_pauses = SenderPauses("the device", period_ns)
         self._model_pauses = SenderPauses("the analyser or the mechanism", period_ns)
+        self._motion = MotionCheck(self.scene.device, self.period_s)
         self._crtk = CrtkDevice(
             self,
             self.bounds.twist,
@@ -173,9 +175,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._single.append(self.sources(topic))
         return self._single[-1]
 
-    def _fault(self, now_ns: int) -> str:
+    def _rivals(self, now_ns: int) -> str:
         """Return which two speak where one may; empty if none do."""
         return next((fault for one in self._single if (fault := one.fault(now_ns))), "")
+
+    def _fault(self, now_ns: int) -> str:
+        """Return why nothing may be rendered; empty if it may."""
+        return self._rivals(now_ns) or self._motion.fault
 
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
@@ -195,6 +201,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         for sources in self._single:
             sources.forget()
         self._path.restart()
+        self._motion.restart()
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
@@ -224,10 +231,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         if not silent and model is not None and not model.commanded:
             silent.append(POINT_COMMAND.of(self.point) + " to act on the mechanism")
         engaged = self._clutch is not None and not silent and not fault
-        lacks = ", ".join(silent) or "a device"
-        sentence = (
-            "engaged" if engaged else f"disengaged: {fault}" if fault else f"waiting for {lacks}"
-        )
+        lacks = f"waiting for {', '.join(silent) or 'a device'}"
+        sentence = "engaged" if engaged else f"disengaged: {fault}" if fault else lacks
         if not fault and self._buttons.is_pressed(self.parameters.clutch_button):
             sentence = f"disengaged: {CLUTCHED}"
         doubtful = self._transmissions.fault(now)
@@ -240,6 +245,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             "lost_while_sender_paused": str(self._losses.sender_paused),
             "grasps": str(self.grasps),
             "fault": fault,
+            "motion_faults": str(self._motion.faults),
             **({"coupling_fault": doubtful} if self.other_points else {}),
             **self._path.figures(self._tuned, self.parameters.soften, self.loop_warning),
             "lost_on_connection": str(self._side.lost),
@@ -282,8 +288,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Return whether the device speaks CRTK only, as far as was heard."""
         if self.lockstep:
             return False
-        if fault := self._fault(now_ns):
-            self._disengage_at(fault)
+        if rivals := self._rivals(now_ns):
+            self._disengage_at(rivals)
             return False
         return now_ns - self._state_ns > NANOSECONDS
 
@@ -298,6 +304,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
+        self._motion.look(device, stamp)
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return
@@ -345,9 +352,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         paced = self._path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
         ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
-        operational_model = model.operational_model
+        operational_model, clutch = model.operational_model, self._clutch
         time_s = self._time_s(now_ns)
-        clutch = self._clutch
         if clutch is None:
             clutch = self._control.engage(time_s, device, operational_model, ahead)
             self._side, self._arrived = self._new_side(self._side), None

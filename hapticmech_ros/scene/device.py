@@ -109,6 +109,22 @@ class Servo(Part):
     damping_ratio: Annotated[Real, Field(ge=0.4, le=2.0)] = 0.7
 
 
+class Motion(Part):
+    """The fastest that the device can be moved; samples that say more are no motion of it.
+
+    Attributes:
+        speed: m/s.
+        angular_speed: rad/s.
+        acceleration: m/s^2.
+        angular_acceleration: rad/s^2.
+    """
+
+    speed: Positive = 5.0
+    angular_speed: Positive = 100.0
+    acceleration: Positive = 500.0
+    angular_acceleration: Positive = 20000.0
+
+
 class Device(Part):
     """Impedance-type haptic device, as a rigid body driven by hand and actuators.
 
@@ -137,6 +153,7 @@ class Device(Part):
             own, on CRTK's ``body/servo_cf`` and ``body/measured_cf``. Of drivers without
             ``device/state``; the simulated device has those of ``world``.
         workspace: end stops.
+        motion: the fastest that it can be moved.
         compensation: by the device's driver.
         servo: of commanded poses.
         safety: bounds of what a node's parameters may choose.
@@ -162,6 +179,7 @@ class Device(Part):
     observer_bandwidth: Positive = 30.0
     servo_axes: Literal["world", "body"] = "world"
     workspace: Workspace = Workspace()
+    motion: Motion = Motion()
     compensation: Compensation = Compensation()
     servo: Servo = Servo()
     safety: Safety = Safety()

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -35,6 +36,7 @@ from hapticmech_ros.device import (
     device_for,
 )
 from hapticmech_ros.device.device_layout import DEVICE_MODEL
+from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
@@ -81,6 +83,7 @@ if TYPE_CHECKING:
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_RATES = DEVICE_SAMPLE.slice("twist", "hand_wrench")
 _NOBODY = np.zeros((0, 10))
 _CONSTRAINTS = TOTALS.start("constraints")
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
@@ -112,6 +115,8 @@ class SessionLoop:
         self._control = ControlArchitecture(scene) if control is None else control
         self._device: SimulatedDevice = device_for(scene) if device is None else device
         self._simulated = isinstance(self._device, ImpedanceDevice) and self._device.plain
+        # Of a device of one's own, whose samples may be anything.
+        self._motion = None if device is None else MotionCheck(scene.device, self.period)
         state = self.simulator.initial_state()
         start = self.simulator.evaluate(state).points[self._analyser.index].pose
         self._held: DeviceState = self._device.at_rest(start, held=True)
@@ -371,9 +376,12 @@ class SessionLoop:
         self._call(HEAR, inputs, rows)
         clutch = self._engaged_clutch(self.time)
         self._set(clutch)
-        if control.answers_in_python and self._data.heard:
+        faulty = self._motion is not None and bool(self._motion.fault)
+        if faulty:
+            self._given[:] = 0.0
+        elif control.answers_in_python and self._data.heard:
             self._answer_otherwise(self.time, clutch)
-        self._clock[ANSWERED] = control.answers_in_python
+        self._clock[ANSWERED] = control.answers_in_python or faulty
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
         self._clock[ANSWERED] = 0
         if not simulated:
@@ -403,6 +411,21 @@ class SessionLoop:
         data.sample[_FORCE] = state.reported + device.sensed(data.push)
         data.added[:] = device.compensation(state)
         data.state[:] = state.flat
+        if self._motion is not None:
+            self._look_at_motion(self._motion)
+
+    def _look_at_motion(self, motion: MotionCheck) -> None:
+        """Hold a sample against the one before; engage anew where it is no motion of a device."""
+        before = motion.faults
+        motion.look(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
+        if motion.faults > before:
+            warnings.warn(f"disengaged: {motion.fault}", RuntimeWarning, stacklevel=2)
+            self._parts.answers[:] = self._parts.told[:] = 0.0
+            self._device_side.begin()
+        if motion.fault:
+            self._clutch = None
+            # In the accounts of energy it stands still: nobody moves it so.
+            self._parts.sample[_RATES] = 0.0
 
     def _observe_otherwise(self) -> None:
         """Analyse where the kernel could not, or raise what is wrong."""

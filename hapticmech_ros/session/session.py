@@ -19,6 +19,7 @@ from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.passivity import PassivityController
 from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
+from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.device.safety import SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
@@ -78,6 +79,11 @@ class Session(UserLoop):
     def envelope(self) -> SafetyEnvelope:
         """The device's safety envelope."""
         return self._device_side.envelope
+
+    @property
+    def motion(self) -> MotionCheck | None:
+        """What holds the samples of a device of one's own against each other; None for others."""
+        return self._motion
 
     @property
     def controller(self) -> RenderingController:

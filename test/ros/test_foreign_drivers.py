@@ -29,6 +29,8 @@ pytestmark = pytest.mark.ros
 SCENE = load_scene("five_bar")
 MASS = np.array([SCENE.device.mass] * 3 + [SCENE.device.inertia] * 3)
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+# Of the hand that holds it: a relaxed arm's, N s/m, and a fist's, N m s/rad (docs/devices.md).
+DAMPING = np.array([6.45] * 3 + [0.0058] * 3)
 PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -62,6 +64,8 @@ class Driver:
         self.pose.rotation = self.pose.rotation @ pin.exp3(np.array((0.0, 0.0, turn)))
         self.began = self.pose.copy()
         self._twist, self.pushing = np.zeros(6), False
+        # What it tells beside where it is, and how fast.
+        self.away, self.more = np.zeros(3), np.zeros(6)
         self._next = time.monotonic()
 
     def go_on(self) -> None:
@@ -72,7 +76,7 @@ class Driver:
         command = given
         if self._own:
             command = np.concatenate([self.pose.rotation @ part for part in (given[:3], given[3:])])
-        push = PUSH if self.pushing else np.zeros(6)
+        push = (PUSH if self.pushing else np.zeros(6)) - DAMPING * self._twist
         behind = time.monotonic() - self._next
         # On a busy machine it stands still, as this process does.
         periods = 1 if behind > 0.05 else 1 + int(behind / self._period)
@@ -83,7 +87,7 @@ class Driver:
             self.pose = pin.SE3(turned, place)
         self._next = time.monotonic() + self._period
         told = {
-            "measured_cv": peer.twist(*self._twist),
+            "measured_cv": peer.twist(*(self._twist + self.more)),
             "measured_cf": peer.wrench(*command),
             "body/measured_cf": peer.wrench(*given),
             "hand/measured_cf": peer.wrench(*push),
@@ -91,14 +95,13 @@ class Driver:
         for name, publisher in self._publishers.items():
             publisher.publish(told[name])
         message = PoseStamped()
-        write_pose(message, self.pose, peer.node.get_clock().now().nanoseconds)
+        told_pose = pin.SE3(self.pose.rotation, self.pose.translation + self.away)
+        write_pose(message, told_pose, peer.node.get_clock().now().nanoseconds)
         self._poses.publish(message)
 
 
 @contextmanager
-def graph(
-    domain: int, folder: Path, sensor: str, axes: str = "world", rate: float = RATE
-) -> Iterator[None]:
+def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterator[None]:
     """Run the other three nodes for a device whose hand is known in a way."""
     document = document_of(SCENE)
     document["device"] |= {"force_sensor": sensor, "servo_axes": axes}
@@ -110,7 +113,7 @@ def graph(
     if axes == "body":
         names += ("body/servo_cf", "body/measured_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
-    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2, control_rate=rate):
+    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2):
         yield
 
 
@@ -125,13 +128,13 @@ def until(driver: Driver, condition: Any, what: str) -> None:
 @pytest.mark.parametrize(
     ("sensor", "says", "rate", "turn"),
     [
-        ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), 500.0, 0.0),
-        ("estimated", ("measured_cv", "measured_cf"), 500.0, 0.0),
-        ("estimated", ("measured_cv",), 500.0, 0.0),
-        ("estimated", (), 500.0, 0.0),
-        ("absent", ("measured_cv", "measured_cf"), 500.0, 0.0),
+        ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), RATE, 0.0),
+        ("estimated", ("measured_cv", "measured_cf"), RATE, 0.0),
+        ("estimated", ("measured_cv",), RATE, 0.0),
+        ("estimated", (), RATE, 0.0),
+        ("absent", ("measured_cv", "measured_cf"), RATE, 0.0),
         ("estimated", ("measured_cv", "measured_cf"), 200.0, 0.0),
-        ("estimated", ("measured_cv", "body/measured_cf"), 500.0, 2.0),
+        ("estimated", ("measured_cv", "body/measured_cf"), RATE, 2.0),
     ],
     ids=[
         *("sensor", "without-sensor", "without-measured_cf", "poses-only", "absent", "200-Hz"),
@@ -147,7 +150,7 @@ def test_the_mechanism_is_felt(
     rate: float,
     turn: float,
 ) -> None:
-    with graph(domain, tmp_path, sensor, "body" if turn else "world", 0.0):
+    with graph(domain, tmp_path, sensor, "body" if turn else "world"):
         points = peer.listen("mechanism/handle/measured_cp", PoseStamped)
         driver = Driver(peer, says, rate, turn)
         # Until the springs have come in.
@@ -161,6 +164,51 @@ def test_the_mechanism_is_felt(
     apart = np.array([place.x, place.y]) - driver.pose.translation[:2]
     # The mechanism comes along. Without knowing of the hand, the springs alone pull it.
     assert np.linalg.norm(apart) < (0.01 if sensor == "absent" else 0.003)
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize(
+    ("away", "more", "said"),
+    [
+        ((0.2, 0.0, 0.0), 0.0, "the device has moved by 200 mm more or less than its twist says"),
+        ((0.0, 0.0, 0.0), 0.3, "more or less than its twist says"),
+        ((0.0, 0.0, 0.0), 8.0, "8 m/s, device.motion.speed is 5; are these millimetres?"),
+    ],
+    ids=["elsewhere", "stands-still", "too-fast"],
+)
+def test_what_is_no_motion_of_a_device_is_not_felt(
+    domain: int, peer: Peer, tmp_path: Path, away: tuple[float, ...], more: float, said: str
+) -> None:
+    statuses = peer.statuses()
+
+    def status(key: str) -> str:
+        return figures(statuses["teleoperation_controller"]).get(key, "")
+
+    with graph(domain, tmp_path, "estimated"):
+        driver = Driver(peer, ("measured_cv",), 500.0)
+        until(driver, lambda: len(driver.commands) > 500, "a second of commands")
+        faults = int(status("motion_faults") or 0)
+        engagements = int(status("engagements") or 0)
+        driver.commands.clear()
+        driver.away[:], driver.more[0] = away, more
+        until(driver, lambda: int(status("motion_faults")) > faults, "the fault")
+        if more:
+            sentence = "disengaged: the device"
+            until(
+                driver,
+                lambda: statuses["teleoperation_controller"].message.startswith(sentence),
+                "its sentence",
+            )
+            assert said in statuses["teleoperation_controller"].message
+            driver.commands.clear()
+            again = time.monotonic() + 0.5
+            until(driver, lambda: time.monotonic() > again, "half a second")
+            assert not any(any(six(command)) for command in driver.commands)
+            driver.more[0] = 0.0
+        # It goes on where the device is now.
+        until(driver, lambda: int(status("engagements")) > engagements, "another engagement")
+        until(driver, lambda: len(driver.commands) > 500, "commands")
+        assert max(np.abs(six(command)[:3]).max() for command in driver.commands) < 1.0
 
 
 def test_what_a_driver_lacks_is_said_by_its_own_names(

@@ -264,7 +264,7 @@ def test_it_keeps_every_rule_of_a_driver(
         "it did not move: move it during the first second"
     ]
     assert [check for check in found if check.kept is False] == []
-    assert len(found) == 13
+    assert len(found) == 14
     (buttons,) = [check for check in found if check.rule.startswith("buttons")]
     assert buttons.found == "3 buttons, now [0, 0, 0]"
 
@@ -290,7 +290,8 @@ class BadDriver:
         pose.header.frame_id = "base"
         pose.header.stamp.sec -= 5
         self._pose.publish(pose)
-        self._twist.publish(self._peer.twist(0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+        # Its hand swings at 8 mm/s, which it says is 8 m/s.
+        self._twist.publish(self._peer.twist(8.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._wrench.publish(self._peer.wrench(*self._force))
 
 
@@ -310,8 +311,9 @@ def test_a_driver_that_breaks_rules_is_told_which(
         stop_process(process)
         process.stdout.close()
     assert process.returncode == 1
-    # Norm, frame, age, velocity, end of the force, not a number, old: seven of ten.
-    assert said.count("NO") == 7, said
+    # Norm, frame, age, velocity, speed, end of the force, not a number, old: eight of eleven.
+    assert said.count("NO") == 8, said
+    assert "8 m/s: are these millimetres?" in " ".join(said.split()), said
     # Its motion, as it is still, and buttons.
     assert said.count("not seen") == 2, said
 

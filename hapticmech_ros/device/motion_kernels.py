@@ -1,0 +1,191 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a device's samples can be one motion: see :mod:`~hapticmech_ros.device.motion_check`.
+
+Of translation and rotation alike, with samples Δt apart, Δp the way between their poses (a rotation
+vector of it), v their twists, and v̄ the mean of both:
+
+    d⁺ = e d + v̄ Δt - Δp,   h⁺ = e h + Δv,   e = exp(-Δt/T)
+
+d is by how much the twist says otherwise than the poses within the last T. A twist that has passed
+a filter with a lag τ makes d = -τ h, so what counts is the distance of d from all -τ h with τ from
+0 to LONGEST_LAG. It may be
+
+    slack + a Δt²/4 + u (Δt/2 + SHARE T)
+
+a Δt²/4 is what an acceleration a can make of v̄ Δt, of the longest Δt within T; u the largest speed
+within T: half a Δt of it for stamps that are not on time, a share for a scale that is not right.
+There, and where speeds are compared, Δt is no shorter than the period of the scene.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.layout import DEVICE_SAMPLE, Field, Layout
+from hapticmech_ros.rotation_kernels import log3, multiply_transposed, rotation_of
+
+SHARE, LONGEST_LAG = 0.1, 0.015
+# Samples further apart, s, say nothing of each other.
+LONGEST_GAP = 0.1
+SOUND, SPEED, ACCELERATION, DISAGREES, AWAY = 0, 1, 2, 3, 4
+ROTATION = 8
+
+_TWO = Field(2)
+# T of two windows, s; of translation and rotation most speed, m/s and rad/s, and most acceleration,
+# m/s² and rad/s²; by window, slack of both, m and rad. Furthest from the first sample, m; period,
+# s. Then what is known: whether there was a sample, the first position, the last sample, and by
+# window, of translation and rotation: d, h, the largest speed and a Δt²/4 within it. Last what was
+# found, and how much it may be.
+MOTION = Layout(
+    {
+        **dict.fromkeys(("window", "most_speed", "most_acceleration"), _TWO),
+        "slack": Field(4),
+        "reach": Field(1),
+        "period": Field(1),
+        "started": Field(1),
+        "first": Field(3),
+        "sample": Field(DEVICE_SAMPLE.size),
+        "apart": Field(12),
+        "change": Field(12),
+        "speed": Field(4),
+        "curve": Field(4),
+        "found": Field(1),
+        "most": Field(1),
+    }
+)
+WINDOW, MOST_SPEED, MOST_ACCELERATION, SLACK, REACH, PERIOD = MOTION.starts(
+    "window", "most_speed", "most_acceleration", "slack", "reach", "period"
+)
+STARTED, FIRST, SAMPLE = MOTION.starts("started", "first", "sample")
+APART, CHANGE, TOP_SPEED, CURVE, FOUND, MOST = MOTION.starts(
+    *("apart", "change", "speed", "curve", "found", "most")
+)
+QUATERNION, TWIST = DEVICE_SAMPLE.starts("quaternion", "twist")
+
+
+@inner
+def _length(vector: Array) -> float:
+    return float(np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2))
+
+
+@inner
+def _exceeds(motion: Array, found: float, most: float) -> bool:
+    """Return whether something is more than it may be; then both are kept."""
+    exceeds = not found <= most
+    if exceeds:
+        motion[FOUND], motion[MOST] = found, most
+    return exceeds
+
+
+@inner
+def _begin(motion: Array, sample: Array) -> None:
+    """Let a sample be the first one."""
+    put(motion[FIRST : FIRST + 3], sample[:3])
+    motion[APART:FOUND] = 0.0
+    motion[STARTED] = 1.0
+
+
+@inner
+def _from_lag(apart: Array, change: Array) -> float:
+    """Return the distance of d (3,) from all -τ h, h (3,)."""
+    along, square = 0.0, 0.0
+    for i in range(3):
+        along -= apart[i] * change[i]
+        square += change[i] * change[i]
+    lag = 0.0
+    if square > 0.0:
+        lag = min(max(along / square, 0.0), LONGEST_LAG)
+    total = 0.0
+    for i in range(3):
+        total += (apart[i] + lag * change[i]) ** 2
+    return float(np.sqrt(total))
+
+
+@inner
+def _disagrees(
+    motion: Array, moved: Array, now: Array, before: Array, elapsed: float, part: int
+) -> bool:
+    """Return whether poses and twists disagree, of translation (part 0) or rotation (1)."""
+    speed, pace = max(_length(now), _length(before)), max(elapsed, motion[PERIOD])
+    curve = 0.25 * motion[MOST_ACCELERATION + part] * pace * pace
+    wrong = False
+    for window in range(2):
+        span, index = motion[WINDOW + window], 2 * window + part
+        left = np.exp(-elapsed / span)
+        apart = motion[APART + 3 * index : APART + 3 * index + 3]
+        change = motion[CHANGE + 3 * index : CHANGE + 3 * index + 3]
+        for i in range(3):
+            apart[i] = left * apart[i] + 0.5 * elapsed * (now[i] + before[i]) - moved[i]
+            change[i] = left * change[i] + now[i] - before[i]
+        top = max(left * motion[TOP_SPEED + index], speed)
+        bend = max(left * motion[CURVE + index], curve)
+        motion[TOP_SPEED + index], motion[CURVE + index] = top, bend
+        most = motion[SLACK + index] + bend + top * (0.5 * pace + SHARE * span)
+        if not wrong and _exceeds(motion, _from_lag(apart, change), most):
+            wrong = True
+            if window == 0:
+                # What has jumped is elsewhere from now on; what adds up slowly is still wrong.
+                motion[APART:FOUND] = 0.0
+                break
+    return wrong
+
+
+@inner
+def _follow(motion: Array, sample: Array, last: Array, before: Array, elapsed: float) -> int:
+    """Return what is wrong between a sample and the one before it."""
+    twist, moved, pace = sample[TWIST : TWIST + 6], local(6), max(elapsed, motion[PERIOD])
+    for i in range(3):
+        moved[i] = sample[i] - last[i]
+    now_axes, last_axes, turn = local(9), local(9), local(9)
+    rotation_of(sample[QUATERNION : QUATERNION + 4], shaped(now_axes, (3, 3)))
+    rotation_of(last[QUATERNION : QUATERNION + 4], shaped(last_axes, (3, 3)))
+    multiply_transposed(shaped(now_axes, (3, 3)), shaped(last_axes, (3, 3)), shaped(turn, (3, 3)))
+    log3(shaped(turn, (3, 3)), moved[3:])
+    for part in range(2):
+        at = 3 * part
+        change = local(3)
+        for i in range(3):
+            change[i] = twist[at + i] - before[at + i]
+        # Encoder steps make a twist of their own.
+        most = motion[MOST_ACCELERATION + part] + motion[SLACK + part] / (pace * pace)
+        if _exceeds(motion, _length(change) / pace, most):
+            motion[APART:FOUND] = 0.0
+            return ACCELERATION + part * ROTATION
+        if _disagrees(motion, moved[at:], twist[at:], before[at:], elapsed, part):
+            return DISAGREES + part * ROTATION
+    return SOUND
+
+
+@kernel("int64(float64[::1], float64[::1], float64)")
+def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
+    """Return whether a sample can follow the one before it: one of the codes above.
+
+    Args:
+        motion: (numbers,) limits and what is known; changed.
+        sample: (19,) of a device, see ``layout.DEVICE_SAMPLE``.
+        elapsed: s since the sample before it.
+    """
+    last = motion[SAMPLE:APART]
+    twist, before = sample[TWIST : TWIST + 6], local(6)
+    put(before, last[TWIST : TWIST + 6])
+    code = SOUND
+    for part in range(2):
+        if _exceeds(motion, _length(twist[3 * part :]), motion[MOST_SPEED + part]):
+            code = SPEED + part * ROTATION
+            break
+    follows = motion[STARTED] != 0.0 and 0.0 < elapsed <= LONGEST_GAP
+    if not follows:
+        _begin(motion, sample)
+    elif code == SOUND:
+        code = _follow(motion, sample, last, before, elapsed)
+    if code == SOUND:
+        moved = local(3)
+        for i in range(3):
+            moved[i] = sample[i] - motion[FIRST + i]
+        if _exceeds(motion, _length(moved), motion[REACH]):
+            code = AWAY
+    put(last, sample)
+    return code
