@@ -21,6 +21,7 @@ from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.joint_input import joints_read, numbers_in
 from hapticmech_ros.nodes.messages import (
+    WORLD,
     checked_stamp,
     read_pose,
     read_twist,
@@ -84,6 +85,8 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         self._mechanism = Mechanism(
             load_arm(parameters.robot, numbers_in("gravity", parameters.gravity))
         )
+        if parameters.wrench_frame:
+            self._known_frame(parameters.wrench_frame)
         self._names = list(self._mechanism.tree.joint_names)
         self._law = self._new_law(parameters)
         self._port = FeedbackPort(self._feedback(parameters))
@@ -315,10 +318,27 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             self._follower.hear_target(pose, twist, stamp / NANOSECONDS)
 
     def _on_wrench(self, message: WrenchStamped, now_ns: int) -> None:
+        frame = self._known_frame(self.parameters.wrench_frame or message.header.frame_id)
         wrench = read_wrench(message, self.wrenches, message.header.frame_id)
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         if self._follower is not None:
-            self._follower.hear_wrench(wrench, stamp / NANOSECONDS)
+            self._follower.hear_wrench(wrench, stamp / NANOSECONDS, frame)
+
+    def _known_frame(self, frame: str) -> str:
+        """Return the frame that a wrench is given in, as it is.
+
+        Raises:
+            InvalidInputError: the robot has none of that name.
+        """
+        known = (
+            WORLD,
+            *(link.name for link in self._mechanism.scene.links),
+            *self._mechanism.point_names,
+        )
+        if frame not in known:
+            rule = f"must be one of {', '.join(known)}; or wrench_frame names the one that is meant"
+            raise InvalidInputError("frame_id", frame, rule)
+        return frame
 
     def _on_tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         del request

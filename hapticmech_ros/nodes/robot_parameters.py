@@ -42,7 +42,10 @@ class FollowerParameters(JointParameters):
         "that the law compensates for, m/s^2; empty: the robot's file's, and 0 0 -9.81 for URDF",
     )
     wrench_topic: str = text(
-        "", "WrenchStamped of a sensor at robot_point, in its axes; empty: none"
+        "", "WrenchStamped of a sensor at robot_point, in the axes of its frame_id; empty: none"
+    )
+    wrench_frame: str = text(
+        "", "frame of the robot whose axes wrench_topic has, whatever frame_id; empty: frame_id"
     )
     torque_limits: str = text("", "of all joints, N m or N, with spaces between; empty: none")
     joint_timeout: float = timeout(

@@ -250,13 +250,25 @@ class Follower:
         """
         self._pose, self._twist, self._target_at = pose, twist, time
 
-    def hear_wrench(self, wrench: Array, time: float) -> None:
-        """Take a sample of the wrench sensor.
+    def hear_wrench(self, wrench: Array, time: float, frame: str = "") -> None:
+        """Take a sample of the wrench sensor, which is at the point.
 
         Args:
-            wrench: (6,) as measured, on the robot, N and N m, axes of the point's frame.
+            wrench: (6,) as measured, on the robot, N and N m.
             time: that it stands for, s.
+            frame: whose axes it is given in: the point's if empty, or those of a link or of the
+                robot's world. Samples in these are dropped until joints were heard.
+
+        Raises:
+            InvalidInputError: the robot has no such frame.
         """
+        if frame not in ("", self._law.point):
+            if self._joints_at == _NEVER:
+                return
+            given, own = (
+                self._law.mechanism.frame_pose(self._q, n) for n in (frame, self._law.point)
+            )
+            wrench = turned(wrench, own.rotation.T @ given.rotation)
         self._wrench, self._wrench_at = wrench, time
         self._sensor.record(wrench)
 

@@ -5,6 +5,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings
@@ -153,6 +154,35 @@ def test_the_contact_is_told_in_the_axes_of_the_world():
     rotation = pose_of(law, Q).rotation
     expected = np.r_[rotation @ own[:3], rotation @ own[3:]]
     np.testing.assert_allclose(made.order(0.0).contact, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("frame", ["world", "link4", "link7", "tool"])
+def test_a_contact_is_the_same_in_whatever_axes_it_is_measured(frame):
+    law, made = follower(has_sensor=True)
+    contact = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    # Axes of a link, as the robot's file says: joints one after the other.
+    axes = Rotation.identity()
+    for link, angle in zip(law.mechanism.scene.links, Q, strict=True):
+        if frame == "world":
+            break
+        joint = link.joint
+        axes *= Rotation.from_euler("xyz", joint.origin.rpy)
+        axes *= Rotation.from_rotvec(angle * np.array(joint.axis))
+        if link.name == frame:
+            break
+    if frame == "tool":
+        axes *= Rotation.from_euler("xyz", law.mechanism.scene.operational_points[0].origin.rpy)
+    told = np.r_[axes.inv().apply(contact[:3]), axes.inv().apply(contact[3:])]
+    if frame != "tool":
+        # Where the point is, is not known yet.
+        made.hear_wrench(told, 0.0, frame)
+    made.hear_joints(Q, STILL, 0.0)
+    made.hear_target(POSE, np.zeros(6), 0.0)
+    assert bool(made.order(0.0).trouble)
+    made.hear_wrench(told, 0.0, frame)
+    np.testing.assert_allclose(made.order(0.0).contact, contact, atol=1e-13)
+    with pytest.raises(InvalidInputError, match="must be one of"):
+        made.hear_wrench(told, 0.0, "nonsense")
 
 
 def test_without_a_sensor_a_steady_contact_is_estimated():

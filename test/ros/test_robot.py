@@ -186,6 +186,34 @@ def test_the_sensor_is_tared_at_rest_only(domain: int, peer: Peer) -> None:
         assert "the robot moves" in refused.message
 
 
+def test_a_wrench_is_felt_in_the_axes_that_it_names(domain: int, peer: Peer) -> None:
+    """2 N down: of a sensor that tells the base's axes, and of one with a frame of nobody."""
+    with graph(domain, "effort", wrench_topic="ft/wrench"):
+        seen = Watched(peer)
+        sensor = peer.publisher("ft/wrench", WrenchStamped)
+
+        def told(frame: str) -> None:
+            message = peer.wrench(0.0, 0.0, -2.0, 0.0, 0.0, 0.0)
+            message.header.frame_id = frame
+            sensor.publish(message)
+
+        def felt() -> bool:
+            told("world")
+            return bool(seen.felt) and abs(six(seen.felt[-1])[2] + 2.0) < 0.05
+
+        peer.until(felt, "2 N down", 3 * WAIT_S)
+        assert max(np.abs(six(seen.felt[-1])[:2])) < 0.05
+
+        def refused() -> bool:
+            told("nonsense")
+            return "nonsense" in seen.counts().get("last_refusal", "")
+
+        peer.until(refused, "a refusal")
+        said = seen.counts()["last_refusal"]
+        assert "must be one of world, link1, " in said
+        assert "wrench_frame names the one that is meant" in said
+
+
 def test_without_a_target_the_robot_stands_and_carries_its_weight(domain: int, peer: Peer) -> None:
     with graph(domain, "effort") as processes:
         seen = Watched(peer)
