@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many ticks in a call: the same numbers as one by one; and what is written in Python."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.flat import device_of
 from hapticmech_ros.control.prediction import point_ahead
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
@@ -396,13 +398,22 @@ def test_states_of_a_device_of_ones_own_are_handed_back_to_it():
     assert session.device.mark == 5
 
 
+def test_the_largest_wrench_moves_all_by_finite_numbers():
+    session, most = Session(load_scene("five_bar")), np.full(6, 1e6)
+    with suppress(HapticMechError):
+        for _ in range(20):
+            sample = session.tick(external_wrench=most, hand_wrench=most)
+            assert np.isfinite(sample.mechanism.q).all()
+            assert np.isfinite(sample.device.flat).all()
+
+
 def test_a_run_of_no_ticks_changes_nothing():
     session = Session(load_scene("two_link"), control=ControlArchitecture(load_scene("two_link")))
     assert len(session.run(0)) == 0
     assert session.time == 0.0
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e160, -1.001e6])
 @pytest.mark.parametrize("name", ["external_wrench", "hand_wrench"])
 def test_wrenches_that_are_no_numbers_are_refused_and_move_nothing(name, bad):
     session, other = Session(load_scene("five_bar")), Session(load_scene("five_bar"))

@@ -15,9 +15,15 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.flat import flat_device
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.messages import checked_stamp, read_pose, read_twist, read_wrench
+from hapticmech_ros.nodes.inputs import NEVER, Latest
+from hapticmech_ros.nodes.messages import (
+    checked_stamp,
+    read_framed_pose,
+    read_twist,
+    read_wrench,
+)
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sample_age import SampleAge
@@ -86,7 +92,31 @@ class CrtkDevice:
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
         sources = self._watch(name)
-        self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, accept, sources, self._wanted)
+
+        def hear(message: Any, now_ns: int) -> None:
+            try:
+                self._check_frame(name, message.header.frame_id)
+                accept(message, now_ns)
+            except InvalidInputError as error:
+                self._refusals[name] = str(error), now_ns
+                raise
+
+        self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, hear, sources, self._wanted)
+
+    def _check_frame(self, name: str, frame: str) -> None:
+        """Refuse a message in axes that nobody has told.
+
+        Raises:
+            InvalidInputError: with what would have it accepted.
+        """
+        told = self._actor.parameters.device_frame
+        if frame == told or name == DEVICE_BODY_FORCE.name:
+            # Wrenches in the device's own axes: whatever the driver calls its own frame.
+            return
+        rule = f"must be '{told}'; if its axes are the world's, let device_frame be '{frame}'"
+        if frame.strip("/") == told:
+            rule = f"must be '{told}', without the slash of tf's old spelling"
+        raise InvalidInputError("frame_id", frame, rule)
 
     def forget(self) -> None:
         """Wait for all anew."""
@@ -96,6 +126,7 @@ class CrtkDevice:
         self._pose: Latest[pin.SE3] = Latest()
         self._epoch_ns = self._stamp_ns = self._answered_ns = 0
         self._age = SampleAge()
+        self._refusals: dict[str, tuple[str, int]] = {}
         # Made when they are asked for.
         self.__dict__.pop("_observer", None)
         self.__dict__.pop("_moving", None)
@@ -122,15 +153,25 @@ class CrtkDevice:
         """
         limit_ns = self._timeout_ns()
         if not self._pose.fresh(now_ns, limit_ns):
-            return []
+            refused = self._refused(DEVICE_POSE.name, now_ns)
+            return [self._named(DEVICE_POSE.name) + refused] if refused else []
         needed = [(HAND_FORCE, self._hand)] if self._sensor == "measured" else []
         if self._twist.value is not None:
             needed.append((DEVICE_TWIST, self._twist))
         return [
-            self._actor.node.resolve_topic_name(topic.name)
+            self._named(topic.name) + self._refused(topic.name, now_ns)
             for topic, held in needed
             if not held.fresh(now_ns, limit_ns)
         ]
+
+    def _named(self, name: str) -> str:
+        """Return a topic's full name."""
+        return str(self._actor.node.resolve_topic_name(name))
+
+    def _refused(self, name: str, now_ns: int) -> str:
+        """Return, in parentheses, why messages of a topic were refused lately; nothing if not."""
+        why, refused_ns = self._refusals.get(name, ("", NEVER))
+        return f" (refused: {why})" if now_ns - refused_ns < NANOSECONDS else ""
 
     def _stamp(self, message: Any, now_ns: int) -> int:
         limit_ns = self._actor.age_limit_ns
@@ -138,7 +179,7 @@ class CrtkDevice:
 
     def _on_pose(self, message: PoseStamped, now_ns: int) -> None:
         stamp = self._stamp(message, now_ns)
-        pose = read_pose(message, self._actor.limits)
+        pose = read_framed_pose(message, self._actor.limits)
         self._pose.put(pose, now_ns)
         since_ns, self._stamp_ns = stamp - self._stamp_ns, stamp
         late = 0 < since_ns < self._age.beyond(stamp)
@@ -166,15 +207,15 @@ class CrtkDevice:
 
     def _on_hand(self, message: WrenchStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        self._hand.put(read_wrench(message, self._actor.wrenches), now_ns)
+        wrench = read_wrench(message, self._actor.wrenches, message.header.frame_id)
+        self._hand.put(wrench, now_ns)
 
     def _on_force(self, message: WrenchStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        if not self._in_own_axes:
-            self._force.put(read_wrench(message, self._actor.wrenches), now_ns)
-            return
-        # Whatever the driver calls its own frame.
         wrench = read_wrench(message, self._actor.wrenches, message.header.frame_id)
+        if not self._in_own_axes:
+            self._force.put(wrench, now_ns)
+            return
         axes = self.rotation
         if axes is not None:
             self._force.put(turned(wrench, axes), now_ns)
@@ -187,4 +228,4 @@ class CrtkDevice:
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         self._stamp(message, now_ns)
-        self._twist.put(read_twist(message, self._bounds), now_ns)
+        self._twist.put(read_twist(message, self._bounds, message.header.frame_id), now_ns)

@@ -111,13 +111,13 @@ def read_wrench(message: WrenchStamped, bounds: SixBounds, frame: str = WORLD) -
     return _six(bounds, message.wrench.force, message.wrench.torque)
 
 
-def read_twist(message: TwistStamped, bounds: SixBounds) -> Array:
-    """Return (6,) linear and angular velocity, m/s and rad/s, given in ``world``.
+def read_twist(message: TwistStamped, bounds: SixBounds, frame: str = WORLD) -> Array:
+    """Return (6,) linear and angular velocity, m/s and rad/s, given in ``frame``.
 
     Raises:
         InvalidInputError: another frame, or beyond its bounds.
     """
-    check_frame(message.header)
+    check_frame(message.header, frame)
     return _six(bounds, message.twist.linear, message.twist.angular)
 
 

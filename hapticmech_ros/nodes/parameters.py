@@ -293,6 +293,11 @@ class ControllerParameters(NodeParameters):
         "never",
     )
     soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
+    device_frame: str = text(
+        "world",
+        "frame_id of a driver that speaks CRTK only; its axes are taken as those of the world",
+        "unconfigured",
+    )
     clutch_button: int = count(
         0, "button of the handle that disengages while it is pressed; 0: none", 0, MOST_BUTTONS
     )

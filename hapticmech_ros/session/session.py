@@ -26,6 +26,7 @@ from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.run import Run
 from hapticmech_ros.session.sample import Sample
@@ -119,20 +120,20 @@ class Session(UserLoop):
             ClosureError: a closed loop came apart.
             InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
             InvalidInputError: the state is no longer finite, an unknown link, or a wrench of
-                another shape or not finite; nothing has moved then.
+                another shape, not finite or beyond ``limits``; nothing has moved then.
         """
         pushed: dict[str, Array] = {}
         if on_links:
             for link, wrench in on_links.items():
                 self.simulator.mechanism.link_place(link)
-                pushed[link] = checked_wrench(f"wrench on {link}", wrench)
-        inputs = _NOTHING
+                pushed[link] = checked_wrench(f"wrench on {link}", wrench, self.scene.limits)
+        inputs, limits = _NOTHING, self.scene.limits
         if external_wrench is not None or hand_wrench is not None:
             inputs = np.zeros((1, 12))
         if external_wrench is not None:
-            inputs[0, :6] = checked_wrench("external_wrench", external_wrench)
+            inputs[0, :6] = checked_wrench("external_wrench", external_wrench, limits)
         if hand_wrench is not None:
-            inputs[0, 6:] = checked_wrench("hand_wrench", hand_wrench)
+            inputs[0, 6:] = checked_wrench("hand_wrench", hand_wrench, limits)
         begun = self.begun()
         if pushed:
             self._tick_pushed(inputs, _NO_RECORDS, pushed)
@@ -169,12 +170,12 @@ class Session(UserLoop):
             ClosureError: a closed loop came apart.
             InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
             InvalidInputError: the state is no longer finite; fewer than 0 ticks, ``every`` or
-                ``chunk`` below 1, or arrays of another shape or not finite.
+                ``chunk`` below 1, or arrays of another shape, not finite or beyond ``limits``.
         """
         for name, value, least in (("ticks", ticks, 0), ("every", every, 1), ("chunk", chunk, 1)):
             if value < least:
                 raise InvalidInputError(name, value, f"must be {least} or more")
-        inputs = _inputs(ticks, external_wrench, hand_wrench)
+        inputs = _inputs(ticks, external_wrench, hand_wrench, self.scene.limits)
         first = self._clock[TICK]
         apart = ticks if show is None else chunk
         rows = self._rows(into, first, ticks, apart if into is None else ticks, every)
@@ -240,39 +241,43 @@ class Session(UserLoop):
         return np.asarray(into)
 
 
-def checked_wrench(name: str, given: Array) -> Array:
+def checked_wrench(name: str, given: Array, limits: Limits) -> Array:
     """Return a wrench (6,) as it was given.
 
     Args:
         name: of it, for errors.
         given: (6,) N and N m.
+        limits: of the scene, as for messages.
 
     Raises:
-        InvalidInputError: an array of another shape, NaN or infinity.
+        InvalidInputError: an array of another shape, NaN, infinity, or beyond the limits.
     """
     if np.shape(given) != (6,):
         raise InvalidInputError(f"shape of {name}", np.shape(given), "must be (6,)")
-    return _finite(name, given)
+    return _bounded(name, given, limits)
 
 
-def _finite(name: str, given: Array) -> Array:
+def _bounded(name: str, given: Array, limits: Limits) -> Array:
     """Return wrenches (..., 6) as they were given.
 
     Raises:
-        InvalidInputError: NaN or infinity.
+        InvalidInputError: NaN, infinity, or beyond the limits.
     """
-    finite = np.isfinite(given)
-    if not finite.all():
-        row = given if np.ndim(given) == 1 else given[int(np.argmin(finite.all(axis=-1)))]
-        raise InvalidInputError(name, np.asarray(row).tolist(), "must be finite numbers")
+    most = (limits.force,) * 3 + (limits.torque,) * 3
+    sound = np.abs(given) <= most
+    if not sound.all():
+        row = given if np.ndim(given) == 1 else given[int(np.argmin(sound.all(axis=-1)))]
+        force, torque = f"{limits.force:g} N (limits.force)", f"{limits.torque:g} N m"
+        rule = f"must be finite numbers, of at most {force} and {torque} (limits.torque)"
+        raise InvalidInputError(name, np.asarray(row).tolist(), rule)
     return given
 
 
-def _inputs(ticks: int, external: Array | None, push: Array | None) -> Array:
+def _inputs(ticks: int, external: Array | None, push: Array | None, limits: Limits) -> Array:
     """Return (1 or ticks, 12) wrenches by others.
 
     Raises:
-        InvalidInputError: an array of another shape, NaN or infinity.
+        InvalidInputError: an array of another shape, NaN, infinity, or beyond the limits.
     """
     given = [
         np.zeros(6) if one is None else np.asarray(one, dtype=float) for one in (external, push)
@@ -280,6 +285,6 @@ def _inputs(ticks: int, external: Array | None, push: Array | None) -> Array:
     for name, one in zip(("external_wrench", "hand_wrench"), given, strict=True):
         if one.shape not in ((6,), (ticks, 6)):
             raise InvalidInputError(f"shape of {name}", one.shape, f"must be (6,) or ({ticks}, 6)")
-        _finite(name, one)
+        _bounded(name, one, limits)
     rows = 1 if all(one.ndim == 1 for one in given) else ticks
     return np.hstack([np.broadcast_to(one, (rows, 6)) for one in given])

@@ -138,7 +138,7 @@ class SharedSession:
         pushed = {}
         for link, wrench in on_links.items():
             self.simulator.mechanism.link_place(link)
-            pushed[link] = checked_wrench(f"wrench on {link}", wrench)
+            pushed[link] = checked_wrench(f"wrench on {link}", wrench, self.scene.limits)
         begun = {point: user.begun() for point, user in self._users.items()}
         self._advance(inputs, {}, pushed)
         return {point: user.sample(begun[point]) for point, user in self._users.items()}
@@ -279,7 +279,7 @@ class SharedSession:
         for name, wrenches, first in given:
             self._check_points(name, wrenches)
             for point, wrench in wrenches.items():
-                checked = checked_wrench(f"{name} at {point}", wrench)
+                checked = checked_wrench(f"{name} at {point}", wrench, self.scene.limits)
                 inputs[point][0, first : first + 6] = checked
         return inputs
 

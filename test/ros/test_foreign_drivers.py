@@ -66,6 +66,7 @@ class Driver:
         self._twist, self.pushing = np.zeros(6), False
         # What it tells beside where it is, and how fast.
         self.away, self.more = np.zeros(3), np.zeros(6)
+        self.frame = "world"
         self._next = time.monotonic()
 
     def go_on(self) -> None:
@@ -93,15 +94,19 @@ class Driver:
             "hand/measured_cf": peer.wrench(*push),
         }
         for name, publisher in self._publishers.items():
+            told[name].header.frame_id = self.frame
             publisher.publish(told[name])
         message = PoseStamped()
         told_pose = pin.SE3(self.pose.rotation, self.pose.translation + self.away)
         write_pose(message, told_pose, peer.node.get_clock().now().nanoseconds)
+        message.header.frame_id = self.frame
         self._poses.publish(message)
 
 
 @contextmanager
-def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterator[None]:
+def graph(
+    domain: int, folder: Path, sensor: str, axes: str = "world", **more: object
+) -> Iterator[None]:
     """Run the other three nodes for a device whose hand is known in a way."""
     document = document_of(SCENE)
     document["device"] |= {"force_sensor": sensor, "servo_axes": axes}
@@ -113,7 +118,7 @@ def graph(domain: int, folder: Path, sensor: str, axes: str = "world") -> Iterat
     if axes == "body":
         names += ("body/servo_cf", "body/measured_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
-    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2):
+    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2, **more):
         yield
 
 
@@ -227,3 +232,37 @@ def test_what_a_driver_lacks_is_said_by_its_own_names(
         until(driver, lambda: sentence() == "waiting for /omega/hand/measured_cf", "its name")
     assert not driver.commands
     assert figures(statuses["teleoperation_controller"])["engagements"] == "0"
+
+
+@pytest.mark.parametrize(
+    ("frame", "remedy"),
+    [
+        ("MTMR_base", "if its axes are the world's, let device_frame be 'MTMR_base'"),
+        ("", "if its axes are the world's, let device_frame be ''"),
+        ("/world", "without the slash of tf's old spelling"),
+    ],
+)
+def test_what_is_told_in_another_frame_is_refused_with_what_mends_it(
+    domain: int, peer: Peer, tmp_path: Path, frame: str, remedy: str
+) -> None:
+    statuses = peer.statuses()
+
+    def sentence() -> str:
+        status = statuses.get("teleoperation_controller")
+        return "" if status is None else str(status.message)
+
+    with graph(domain, tmp_path, "estimated"):
+        driver = Driver(peer, ("measured_cv",), 200.0)
+        driver.frame = frame
+        named = "/omega/measured_cp (refused: frame_id: must be 'world'"
+        until(driver, lambda: named in sentence(), "the topic's name")
+        assert remedy in sentence()
+        assert f"(got '{frame}')" in sentence()
+        assert not driver.commands
+
+
+def test_a_frame_that_is_told_is_taken(domain: int, peer: Peer, tmp_path: Path) -> None:
+    with graph(domain, tmp_path, "estimated", device_frame="MTMR_base"):
+        driver = Driver(peer, ("measured_cv",), RATE)
+        driver.frame = "MTMR_base"
+        until(driver, lambda: len(driver.commands) > 50, "commands")
