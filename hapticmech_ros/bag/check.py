@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag.reader import BagReader, BagTopic
+from hapticmech_ros.bag.reader import BagReader, BagTopic, MissingMessagesError
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.times import NANOSECONDS
@@ -124,6 +124,8 @@ def _check(bag: BagReader) -> BagCheck:
     damage = []
     try:
         _read(bag, series)
+    except MissingMessagesError:
+        pass  # Told below, of every topic.
     except BagError as error:
         damage.append(str(error))
     for name, topic in bag.topics.items():

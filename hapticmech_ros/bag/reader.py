@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import heapq
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -49,6 +49,10 @@ class BagMessage(NamedTuple):
     topic: str
     time_ns: int
     message: Any
+
+
+class MissingMessagesError(BagError):
+    """A bag of which fewer messages can be read than it says it has."""
 
 
 class BagReader:
@@ -159,7 +163,25 @@ class BagReader:
         if not chosen:
             return
         stream = self._guarded(chosen, start_ns, stop_ns)
-        yield from stream if self._files == 1 else _in_order(stream)
+        read = dict.fromkeys((connection.topic for connection in chosen), 0)
+        for item in stream if self._files == 1 else _in_order(stream):
+            read[item[0].topic] += 1
+            yield item
+        if start_ns is None and stop_ns is None:
+            self._refuse_less(read)
+
+    def _refuse_less(self, read: Mapping[str, int]) -> None:
+        """Refuse a bag of which fewer messages were read than it says it has.
+
+        Raises:
+            MissingMessagesError: with the topic, and how many of how many.
+        """
+        for name, count in read.items():
+            stated = self.topics[name].count
+            if count < stated:
+                rule = f"{count} messages can be read, of {stated} stated"
+                hint = f"`hapticmech bag repair {self.path}` recovers what can be read"
+                raise MissingMessagesError(f"bag {self.path} (topic {name}): {rule}; {hint}")
 
     def _guarded(
         self, chosen: list[Connection], start_ns: int | None, stop_ns: int | None

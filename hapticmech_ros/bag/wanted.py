@@ -98,9 +98,24 @@ class _Folder(DirectoryReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Yield connection, time (ns) and bytes of messages, file by file."""
-        for connection, time_ns, data in super().messages(connections, start, stop):
-            yield connection, time_ns, unpacked(data, "zstd") if self._packed else data
+        """Yield connection, time (ns) and bytes of messages, file by file.
+
+        Topics are those of the files by name and type: what metadata say of their QoS may have been
+        edited, which the library takes for another topic.
+        """
+        known = {(one.topic, one.msgtype): one for one in connections}
+        for storage in self.storages:
+            found = {
+                one.id: known[one.topic, one.msgtype]
+                for one in storage.connections
+                if (one.topic, one.msgtype) in known
+            }
+            stored = [one for one in storage.connections if one.id in found]
+            if not stored:
+                continue
+            for connection, time_ns, data in storage.messages(stored, start, stop):
+                plain = unpacked(data, "zstd") if self._packed else data
+                yield found[connection.id], time_ns, plain
 
 
 class _Bag(Reader):

@@ -136,7 +136,11 @@ class WantedMcap(McapReader):
             for chunk in self.chunks
             if (start is None or start < chunk.message_end_time + 1)
             and (stop is None or chunk.message_start_time < stop)
-            and any(chunk.channel_count.get(channel, 0) for channel in wanted)
+            # A chunk without indices of messages may have any.
+            and (
+                not chunk.channel_count
+                or any(chunk.channel_count.get(channel, 0) for channel in wanted)
+            )
         )
         for time_ns, _, connection, data in heapq.merge(*chunks):
             if connection is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import struct
 from collections.abc import Collection, Generator
+from pathlib import Path
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.errors import ReaderError
@@ -27,13 +28,18 @@ from hapticmech_ros.bag.tables import (
     stored_topics,
 )
 from hapticmech_ros.bag.unpack import UNPACKED_LIMIT
-from hapticmech_ros.files import check_file, open_file
+from hapticmech_ros.files import check_file, is_file, open_file
 
 # Of the first page: its head; places of the size of a page (1 is 65536), and number of pages.
 _PAGE_SIZE, _PAGES = struct.Struct(">H"), struct.Struct(">I")
 _PAGE_SIZE_AT, _PAGES_AT = 16, 28
 _LARGEST_PAGE = 65536
 _HEAD = 100
+# What SQLite leaves beside a file whose writer did not end well.
+_LOGS = {
+    "-wal": "a log of messages that are not in it yet",
+    "-journal": "what a half-written change has replaced",
+}
 # SQLITE_LIMIT_LENGTH: of a text, a blob or a row, bytes.
 LENGTH = 0
 
@@ -49,6 +55,7 @@ class WantedSqlite(Sqlite3Reader):
         super().open()
 
     def _open(self) -> None:
+        self._refuse_log()
         self._size = self._refuse_cut()
         database = self.dbconn
         if database is None:
@@ -105,6 +112,17 @@ class WantedSqlite(Sqlite3Reader):
         if not self._counted:
             return {}
         return dict(execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
+
+    def _refuse_log(self) -> None:
+        """Refuse a file beside which there is what SQLite would put into it or take out of it.
+
+        It is opened as one that nobody changes, in folders too that nobody can write.
+        """
+        for suffix, what in _LOGS.items():
+            log = f"{self.path}{suffix}"
+            if is_file(log) and Path(log).stat().st_size > 0:
+                rule = f"its writer has left {Path(log).name} beside it"
+                raise ReaderError(f"{self.path} is not whole: {rule}, {what}")
 
     def _refuse_cut(self) -> int:
         """Refuse a file that is shorter than its first page says; return its size, bytes."""

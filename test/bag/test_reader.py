@@ -4,12 +4,19 @@
 
 from __future__ import annotations
 
+import shutil
+import sqlite3
+import struct
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
+import mcap.writer as mcap
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter, read_topic
+from hapticmech_ros.bag.check import check
+from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.errors import BagError
 
 Bytes = Callable[[int, float], bytes]
@@ -103,3 +110,113 @@ def test_message_of_nonsense(storage: str, tmp_path: Path) -> None:
         pytest.raises(BagError, match=r"\(topic /f\) is damaged"),
     ):
         list(reader.messages("/f"))
+
+
+def test_messages_are_found_whatever_metadata_say_of_their_qos(bag: Path) -> None:
+    """People edit it, from reliable to best effort for instance."""
+    file = bag / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    edited = text.replace("reliability: reliable", "reliability: best_effort")
+    edited = edited.replace("depth: 10", "depth: 7")
+    assert edited != text
+    file.write_text(edited, encoding="utf-8")
+    with BagReader(bag) as reader:
+        assert sum(1 for _ in reader.serialized()) == 400
+        assert sum(1 for _ in reader.messages("/f")) == 200
+
+
+def test_a_topic_of_another_type_than_stored_is_said(bag: Path) -> None:
+    file = bag / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace(WRENCH, "geometry_msgs/msg/TwistStamped", 1), encoding="utf-8")
+    with (
+        BagReader(bag) as reader,
+        pytest.raises(BagError, match=r"\(topic /f\): 0 messages can be read, of 200.*bag repair"),
+    ):
+        list(reader.serialized())
+
+
+def test_fewer_messages_than_stated_are_said_at_the_end(bag: Path) -> None:
+    file = bag / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("message_count: 200", "message_count: 201"), encoding="utf-8")
+    with BagReader(bag) as reader:
+        # Of a part nobody knows how many there are.
+        assert sum(1 for _ in reader.serialized(stop_ns=1000)) == 1
+        with pytest.raises(BagError, match="200 messages can be read, of 201 stated"):
+            list(reader.messages())
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_what_sqlite_has_left_beside_a_file_is_not_left_out(
+    tmp_path: Path, wrench_bytes: Bytes, frozen: bool
+) -> None:
+    """A writer in WAL mode that was killed: half of its messages stand in the log alone."""
+    path = tmp_path / "bag"
+    with BagWriter(path, "sqlite3") as writer:
+        writer.add_topic("/f", WRENCH)
+        for i in range(20):
+            writer.write("/f", i, wrench_bytes(i, 1.0))
+    file = path / "bag_0.db3"
+    with closing(sqlite3.connect(file, isolation_level=None)) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        database.execute("PRAGMA wal_autocheckpoint=0")
+        rows = database.execute("SELECT topic_id, timestamp, data FROM messages").fetchall()
+        later = [(topic, time + 100, data) for topic, time, data in rows]
+        database.executemany(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", later
+        )
+        left = tmp_path / "left"
+        shutil.copytree(path, left)
+    if frozen:
+        for one in (*left.iterdir(), left):
+            one.chmod(0o555 if one.is_dir() else 0o444)
+    with pytest.raises(BagError, match=r"bag_0.db3-wal beside it.*bag repair"):
+        BagReader(left)
+    with pytest.raises(BagError, match=r"bag_0.db3-wal beside it"):
+        BagReader(left / "bag_0.db3")
+    assert repair(left, tmp_path / "whole").messages == 40
+    with BagReader(tmp_path / "whole") as reader:
+        assert sum(1 for _ in reader.serialized()) == 40
+    left.chmod(0o755)
+
+
+def test_a_half_written_change_is_not_read(bag: Path) -> None:
+    if not (bag / "bag_0.db3").exists():
+        return
+    (bag / "bag_0.db3-journal").write_bytes(b"something")
+    with pytest.raises(BagError, match=r"bag_0.db3-journal beside it"):
+        BagReader(bag)
+    (bag / "bag_0.db3-journal").write_bytes(b"")
+    BagReader(bag).close()
+
+
+@pytest.mark.parametrize("index", ["ALL", "CHUNK", "MESSAGE", "NONE"])
+@pytest.mark.parametrize("compression", ["NONE", "ZSTD", "LZ4"])
+@pytest.mark.parametrize("chunked", [True, False])
+def test_other_writers_files_have_what_they_say(
+    tmp_path: Path, index: str, compression: str, chunked: bool
+) -> None:
+    """By MCAP's own writer: what is counted is what is read, whatever index there is."""
+    path = tmp_path / "other.mcap"
+    kinds = {
+        "index_types": mcap.IndexType[index],
+        "compression": mcap.CompressionType[compression],
+        "use_chunking": chunked,
+    }
+    with path.open("wb") as stream:
+        writer = mcap.Writer(stream, chunk_size=2000, **kinds)
+        writer.start(profile="ros2", library="not rosbag2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        topics = [writer.register_channel(name, "cdr", schema) for name in ("/f", "/g")]
+        for i in range(100):
+            # A string of two characters, as CDR.
+            data = struct.pack("<4sI3s", b"\0\1\0\0", 3, b"%02d\0" % i)
+            writer.add_message(topics[i % 2], 1000 * i, data, 1000 * i, i)
+        writer.finish()
+    with BagReader(path) as reader:
+        assert {name: topic.count for name, topic in reader.topics.items()} == {"/f": 50, "/g": 50}
+        found = [time for _, time, _ in reader.serialized()]
+        assert found == [1000 * i for i in range(100)]
+        assert sum(1 for _ in reader.serialized("/g")) == 50
+    assert check(path).is_sound
