@@ -60,11 +60,20 @@ class InstallationError(HapticMechError):
         )
 
 
+# Of others' errors that do not say what mends them.
+_REMEDIES = {
+    "Failed to get logging directory": "; set ROS_LOG_DIR to a folder that this user can write",
+    "Failed to create directory": "; set ROS_LOG_DIR to a folder that this user can write",
+}
+
+
 def as_ours(error: Exception) -> HapticMechError:
     """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
     if isinstance(error, HapticMechError):
         return error
-    return HapticMechError(f"{type(error).__name__}: {' '.join(str(error).split())}")
+    said = " ".join(str(error).split())
+    remedy = next((remedy for words, remedy in _REMEDIES.items() if words in said), "")
+    return HapticMechError(f"{type(error).__name__}: {said}{remedy}")
 
 
 @dataclass(frozen=True, slots=True)

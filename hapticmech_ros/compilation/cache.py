@@ -11,6 +11,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from hapticmech_ros.compilation.custody import home
+
 _PACKAGE = Path(__file__).parent.parent
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
@@ -95,10 +97,13 @@ def folder() -> Path:
     """Return the folder of the kernels as they are now.
 
     It is below ``NUMBA_CACHE_DIR``, or ``hapticmech_ros`` in the user's cache folder.
+
+    Raises:
+        OSError: the user has no home, as one whom the system has no name for.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    cache = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    root = Path(chosen) if chosen else Path(cache) / "hapticmech_ros"
+    cache = os.environ.get("XDG_CACHE_HOME") or (None if chosen else home() / ".cache")
+    root = Path(chosen) if chosen else Path(str(cache)) / "hapticmech_ros"
     return root / f"kernels-{_FINGERPRINT}"
 
 

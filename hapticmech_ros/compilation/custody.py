@@ -29,6 +29,19 @@ def warn(sentence: str) -> None:
     sys.stderr.flush()
 
 
+def home() -> Path:
+    """Return the user's home.
+
+    Raises:
+        OSError: there is none: neither HOME says so, nor has the system a name for this user.
+    """
+    try:
+        return Path("~").expanduser()
+    except RuntimeError:
+        rule = "set XDG_CACHE_HOME to a folder that it can write"
+        raise OSError(f"user {os.geteuid()} has no home: {rule}") from None
+
+
 def fault_of_owner(found: os.stat_result) -> str:
     """Return what is wrong with owner or mode of a file or folder; nothing if all is well."""
     if found.st_uid not in (os.geteuid(), 0):
@@ -73,7 +86,11 @@ def is_safe(folder: Path) -> bool:
 
 def _fault_above(folder: Path) -> str:
     """Return which of the folders above is open to others, and why."""
-    home, parent = Path("~").expanduser().resolve(), folder.parent.resolve()
+    parent = folder.parent.resolve()
+    try:
+        own = home().resolve()
+    except OSError:
+        own = Path("/")
     for above in (parent, *parent.parents):
         try:
             found = above.stat()
@@ -86,7 +103,7 @@ def _fault_above(folder: Path) -> str:
             return f"{above} can be written by others (mode {stat.S_IMODE(found.st_mode):04o})"
         if found.st_uid not in (os.geteuid(), 0):
             return f"{above} belongs to user {found.st_uid}, not to {os.geteuid()} or root"
-        if above == home:
+        if above == own:
             # As ssh does: what is above a home is the machine's.
             break
     return ""

@@ -139,8 +139,8 @@ def library_path() -> Path:
 
 def _content() -> bytes:
     """Return the library's file, built now if need be."""
-    path = library_path()
     try:
+        path = library_path()
         safe = is_safe(path.parent)
         if safe:
             found = _read(path, says_why=True)

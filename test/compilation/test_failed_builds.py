@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.compilation import library
+from hapticmech_ros.compilation.custody import is_safe
 from hapticmech_ros.compilation.library import LibraryError
 
 
@@ -156,6 +157,22 @@ def test_a_folder_that_cannot_be_written_is_no_error(alone, builds, monkeypatch,
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(alone / "file"))
     assert library.library().addresses
     assert "for this process alone" in capfd.readouterr().err
+
+
+def test_a_user_whom_the_system_has_no_name_for(alone, monkeypatch, tmp_path):
+    """As in a container with ``--user 12345``: told what to set; with that, nothing is missing."""
+
+    def nobody(uid):
+        raise KeyError(f"getpwuid(): uid not found: {uid}")
+
+    monkeypatch.setattr("pwd.getpwuid", nobody)
+    for name in ("HOME", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(OSError, match=r"user \d+ has no home: set XDG_CACHE_HOME"):
+        library.library_path()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert library.library_path().is_relative_to(tmp_path / "cache")
+    assert is_safe(library.library_path().parent)
 
 
 def test_the_rest_of_builders_that_were_killed_is_removed(alone, builds):
