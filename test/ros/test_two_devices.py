@@ -71,6 +71,7 @@ def two_points(folder: Path, period: float = 0.001) -> Path:
     return path
 
 
+@pytest.mark.alone
 def test_two_devices_feel_each_other(domain: int, peer: Peer, tmp_path: Path) -> None:
     statuses = peer.statuses()
     commands = {name: peer.listen(f"{name}/device/servo_cf", WrenchStamped) for name in "ab"}
