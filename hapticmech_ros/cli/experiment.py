@@ -102,6 +102,7 @@ def experiment(
     from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_session
     from hapticmech_ros.experiment.run import write_results
     from hapticmech_ros.loading import load_scene
+    from hapticmech_ros.scene.holding_rules import hand_beyond_device
 
     loaded = load_scene(scene, changes=changes or ())
     if len(loaded.held_points) > 1:
@@ -120,6 +121,8 @@ def experiment(
     if force is not None:
         given = {"kind": "constant_wrench", "start_delay": hand.start_delay, "force": force}
         loaded = load_scene(scene, changes=[*(changes or ()), f"hand={json.dumps(given)}"])
+    if warning := hand_beyond_device(loaded):
+        typer.echo(warning, err=True)
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
         try:

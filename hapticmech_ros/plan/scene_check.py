@@ -21,7 +21,7 @@ from hapticmech_ros.operational.felt_masses import felt_masses
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.holding_rules import pose_without_torques
+from hapticmech_ros.scene.holding_rules import hand_beyond_device, pose_without_torques
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which the start counts as next to a singular position: directions change within
@@ -188,6 +188,8 @@ def _warnings(simulator: Simulator, state: MechanismState, rows: Redundancy) -> 
     yield from _start(simulator, state)
     yield from _stiffness(simulator)
     yield from _torques(simulator, state)
+    users = [scene.held_at(point) for point in scene.held_points]
+    yield from dict.fromkeys(filter(None, map(hand_beyond_device, users)))
     for link in scene.links:
         if link.joint.limits is not None and not link.joint.locked:
             at = scene.initial_state.q.get(link.joint.name, 0.0)

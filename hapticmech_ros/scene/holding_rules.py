@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
+
+import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError, SceneProblem
 from hapticmech_ros.scene.device import SERVO_ANGLE, most_servo_stiffness
@@ -34,6 +37,30 @@ def pose_without_torques(scene: SceneDocument) -> str:
         " heavier than it is, unless the handle is turned along; task: position holds it as by a"
         " ball joint"
     )
+
+
+def hand_beyond_device(scene: SceneDocument) -> str:
+    """Return a warning about a hand that pushes harder than the device can; empty if it does not.
+
+    Joint constraints and contacts do not hold it then: the device is pushed through.
+    """
+    pushes = [("force", 0.0), ("torque", 0.0)]
+    if isinstance(scene.hand, ConstantWrenchHand):
+        pushes = [("force", math.hypot(*scene.hand.force))]
+        pushes += [("torque", math.hypot(*scene.hand.torque))]
+    elif scene.hand.kind == "scripted":
+        rows = read_script(scene.hand.file)
+        sizes = np.linalg.norm(rows[:, 1:].reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0)
+        pushes = [("force", float(sizes[0])), ("torque", float(sizes[1]))]
+    for what, size in pushes:
+        limit = float(getattr(scene.device, f"{what}_limit"))
+        if size > limit:
+            unit = "N" if what == "force" else "N m"
+            return (
+                f"the hand pushes with {size:.4g} {unit} and device.{what}_limit is {limit:.4g}"
+                f" {unit}: where the mechanism does not give way, the device is pushed away from it"
+            )
+    return ""
 
 
 def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]:

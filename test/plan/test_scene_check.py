@@ -52,6 +52,23 @@ def test_a_start_that_was_not_closed_is_told():
     assert "was not closed" in warning
 
 
+@pytest.mark.parametrize("scripted", [False, True])
+def test_a_hand_that_is_stronger_than_the_device_is_told(tmp_path, scripted):
+    hand = {"kind": "constant_wrench", "force": [0.0, 30.0, 0.0]}
+    if scripted:
+        file = tmp_path / "push.csv"
+        file.write_text("time,fx,fy,fz,tx,ty,tz\n0,0,0,0,0,0,0\n1,0,-30,0,0,0,0\n")
+        hand = {"kind": "scripted", "file": str(file)}
+    said = [one for one in check_scene(changed(hand=hand)).warnings if "force_limit" in one]
+    assert len(said) == 1
+    assert "the hand pushes with 30 N and device.force_limit is 20 N" in said[0]
+    turning = {"kind": "constant_wrench", "torque": [0.0, 0.0, 1.5]}
+    said = [one for one in check_scene(changed(hand=turning)).warnings if "torque_limit" in one]
+    assert len(said) == 1
+    weak = {"kind": "constant_wrench", "force": [0.0, 19.9, 0.0]}
+    assert not any("limit is" in one for one in check_scene(changed(hand=weak)).warnings)
+
+
 def test_a_joint_beyond_its_stops_is_told():
     stops = {"lower": -1.0, "upper": 1.0, "stiffness": 1.0}
     (warning,) = check_scene(changed(links=with_joint("joint1", limits=stops))).warnings
