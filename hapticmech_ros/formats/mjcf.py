@@ -349,6 +349,6 @@ class _Reader:
             limited = "true" if (lower, upper) != (0.0, 0.0) else "false"
         if limited != "true":
             return None
-        if lower >= upper:
-            raise self.source.error(node, (lower, upper), "lower must be below upper")
+        if lower > upper:
+            raise self.source.error(node, (lower, upper), "lower must not be above upper")
         return scale(lower), scale(upper)

@@ -104,8 +104,9 @@ class _Builder:
             document["couplings"] = [self._coupling(one) for one in self._model.couplings]
         if self._model.gravity is not None:
             document["gravity"] = list(self._model.gravity)
-        if self._model.start:
-            start = {self._joints[name]: at for name, at in self._model.start.items()}
+        start = {self._joints[name]: at for name, at in self._model.start.items()}
+        start |= {self._joints[hinge.name]: _stops(hinge)[0] for hinge in self._locked()}
+        if start:
             document["initial_state"] = {"q": start}
         for point in self._model.points:
             if point.body not in self._places:
@@ -252,6 +253,14 @@ class _Builder:
             "offset": coupling.offset,
         }
 
+    def _locked(self) -> list[Joint]:
+        """Return the joints whose stops leave no travel, and which close no loop."""
+        return [
+            hinge
+            for hinge in self._model.hinges
+            if hinge.name in self._joints and hinge.limits is not None and _is_locked(hinge)
+        ]
+
     def _tips(self) -> list[str]:
         """Return the links that carry no other, the one most joints from the world first."""
         parents = {link["parent"] for link in self._links}
@@ -260,7 +269,11 @@ class _Builder:
         return sorted(tips, key=lambda name: -depth[name])
 
     def _notes(self) -> list[Note]:
-        notes = list(self._model.notes)
+        notes = [
+            Note(f"joint {hinge.name}: lower = upper", 1, f"locked at {_stops(hinge)[0]:g}")
+            for hinge in self._locked()
+        ]
+        notes += self._model.notes
         acting = [
             hinge
             for hinge in self._closing
@@ -290,11 +303,24 @@ def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
         "rest": hinge.rest,
     }
     found |= {key: float(value) for key, value in values.items() if value}
-    if hinge.limits is not None:
-        lower, upper = max(hinge.limits[0], -NO_LIMIT), min(hinge.limits[1], NO_LIMIT)
-        if lower > -NO_LIMIT or upper < NO_LIMIT:
-            found["limits"] = {"lower": lower, "upper": upper}
+    lower, upper = _stops(hinge)
+    if _is_locked(hinge):
+        found["locked"] = True
+    elif lower > -NO_LIMIT or upper < NO_LIMIT:
+        found["limits"] = {"lower": lower, "upper": upper}
     return found
+
+
+def _stops(hinge: Joint) -> tuple[float, float]:
+    """Return where a joint's stops are, as far as numbers go where there are none."""
+    lower, upper = hinge.limits or (-NO_LIMIT, NO_LIMIT)
+    return max(float(lower), -NO_LIMIT), min(float(upper), NO_LIMIT)
+
+
+def _is_locked(hinge: Joint) -> bool:
+    """Return whether a joint's stops leave no travel: exporters mean that it is locked there."""
+    lower, upper = _stops(hinge)
+    return lower == upper
 
 
 def _loop_joint_of(hinge: Joint, source: str, where: str) -> LoopJoint:

@@ -52,7 +52,6 @@ WHY = {
     "limit effort": DRIVEN,
     "limit velocity": DRIVEN,
     "limit left out": "no stops, as of a continuous joint",
-    "limit of no width": "lower = upper, as where they are left out: no stops",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     **mimics.WHY,
@@ -218,12 +217,12 @@ def _limits(
     if limit is None:
         notes["limit left out"] += 1
         return None
+    if not {"lower", "upper"} & set(limit.attributes):
+        notes["limit left out"] += 1
+        return None
     lower, upper = (source.value(limit, key, 0.0, ANY) for key in ("lower", "upper"))
     if lower > upper:
         raise source.error(limit, (lower, upper), "lower must not be above upper")
-    if lower == upper:
-        notes["limit of no width"] += 1
-        return None
     return lower, upper
 
 

@@ -558,7 +558,10 @@ BROKEN = {
         "<worldbody><body><joint/><body><freejoint/></body></body></worldbody>",
         "a free joint",
     ),
-    "range": ('<worldbody><body><joint range="2 1"/></body></worldbody>', "lower must be below"),
+    "range": (
+        '<worldbody><body><joint range="2 1"/></body></worldbody>',
+        "lower must not be above",
+    ),
     "autolimits": (
         '<compiler autolimits="false"/><worldbody><body><joint range="1 2"/></body></worldbody>',
         "a range needs limited",
