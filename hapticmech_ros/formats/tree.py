@@ -79,6 +79,7 @@ class _Builder:
         self._names = Names()
         self._joints: dict[str, str] = {}
         self._closing: list[Joint] = []
+        self._floating: list[str] = []
         self._depth = {WORLD: 0}
         self._raised = self._dropped = 0
         self._lines: dict[str, str] = {}
@@ -147,11 +148,26 @@ class _Builder:
             raise _refused(
                 self._source, self._where("link", lost[0]), lost, "joints go in a circle"
             )
-        kind = "free" if self._free else "fixed"
+        held = self._joined_to_world()
         for name in bases:
             if name != WORLD:
+                free = self._free or name in held
+                self._floating += [name] if free and not self._free else []
                 place = self._model.bases.get(name, pin.SE3.Identity())
-                yield Joint(f"{name}_base", kind, WORLD, name, place)
+                yield Joint(f"{name}_base", "free" if free else "fixed", WORLD, name, place)
+
+    def _joined_to_world(self) -> set[str]:
+        """Return the bodies that joints join to the world, whichever is the parent in each."""
+        joined: dict[str, set[str]] = {}
+        for hinge in self._model.hinges:
+            joined.setdefault(hinge.parent, set()).add(hinge.child)
+            joined.setdefault(hinge.child, set()).add(hinge.parent)
+        found, waiting = {WORLD}, [WORLD]
+        while waiting:
+            new = joined.get(waiting.pop(), set()) - found
+            found |= new
+            waiting += new
+        return found
 
     def _grow(self) -> None:
         """Carry body after body, from the world outwards, in the file's order."""
@@ -272,6 +288,10 @@ class _Builder:
         notes = [
             Note(f"joint {hinge.name}: lower = upper", 1, f"locked at {_stops(hinge)[0]:g}")
             for hinge in self._locked()
+        ]
+        notes += [
+            Note(f"body {name}: no joint carries it", 1, "it is free: others hold it to the world")
+            for name in self._floating
         ]
         notes += self._model.notes
         acting = [
