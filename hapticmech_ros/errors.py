@@ -63,7 +63,6 @@ class InstallationError(HapticMechError):
 # Of others' errors that do not say what mends them.
 _REMEDIES = {
     "Failed to get logging directory": "; set ROS_LOG_DIR to a folder that this user can write",
-    "Failed to create directory": "; set ROS_LOG_DIR to a folder that this user can write",
 }
 
 

@@ -274,7 +274,7 @@ class _Builder:
         return [
             hinge
             for hinge in self._model.hinges
-            if hinge.name in self._joints and hinge.limits is not None and _is_locked(hinge)
+            if hinge.name in self._joints and _is_locked(hinge)
         ]
 
     def _tips(self) -> list[str]:
