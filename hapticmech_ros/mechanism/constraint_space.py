@@ -130,7 +130,7 @@ class ConstraintSpace:
 
     @property
     def sigma(self) -> Array:
-        """(r,) singular values kept, or R's diagonal, 1/(√kg m), of rows divided by their units."""
+        """(r,) singular values kept, or R's diagonal, of rows divided by their units."""
         return self.closing.dense.parts.sigma[: self.rank]
 
     @property

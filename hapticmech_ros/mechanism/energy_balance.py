@@ -28,6 +28,7 @@ class Balance(NamedTuple):
             what the step's forces would give to a free mechanism at rest.
         rounding: of the potential energies, and what nobody feels.
         kinetic: at the end.
+        lost: to dampers, friction and stops, and to a rule that damps what is too fast for it.
     """
 
     off: float
@@ -36,6 +37,7 @@ class Balance(NamedTuple):
     exchanged: float
     rounding: float
     kinetic: float
+    lost: float
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether the step is off by no more than a share of what was exchanged."""
@@ -43,7 +45,7 @@ class Balance(NamedTuple):
 
 
 # Of no step.
-NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0)
+NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 def judged(
@@ -52,7 +54,6 @@ def judged(
     stepped: Stepped,
     balance: Balance,
     tolerance: float,
-    damps: bool,
     most: float,
 ) -> Stepped:
     """Return a step with its account; without what was made from nothing, if that is too much.
@@ -65,7 +66,6 @@ def judged(
         stepped: what it did.
         balance: its account.
         tolerance: share of what it exchanged by which it may be off.
-        damps: whether the rule does, see ``energy_kernels.put_balance``.
         most: share of what was exchanged that all steps may make from nothing.
 
     Raises:
@@ -77,33 +77,32 @@ def judged(
             raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
         made = min(balance.made, balance.kinetic)
     surplus, kinetic = balance.off - made, balance.kinetic - made
-    drifted = min(drift(start.owed, stepped, surplus, balance, damps, most), kinetic)
+    drifts = drift(start.owed, stepped, surplus, balance, most)
+    drifted = min(max(drifts, 0.0), kinetic)
     taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
     return stepped._replace(
         v=share * stepped.v if taken > 0.0 else stepped.v,
+        energy_lost=balance.lost,
         surplus=surplus - drifted,
         refined=1,
-        inaccurate=int(not within or drifted > 0.0),
+        inaccurate=int(not within or drifts != 0.0),
         moved=kinetic - drifted,
     )
 
 
-def drift(
-    owed: Owed, stepped: Stepped, surplus: float, balance: Balance, damps: bool, most: float
-) -> float:
-    """Return what steps made from nothing since the start, J, if it is too much; 0 if not.
+def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, most: float) -> float:
+    """Return what steps made from nothing since the start, J, or lost, if it is too much; 0 if not.
 
     Args:
         owed: by the account before the step.
         stepped: what it did.
         surplus: that is left of the step, J.
         balance: its account.
-        damps: whether the rule does: what is made is energy beyond the work done then, whatever it
-            says was lost.
         most: share of what was exchanged that is not too much.
     """
-    work, lost = owed.work_in + stepped.work_in, owed.lost + stepped.energy_lost
-    total = owed.surplus + surplus - (lost if damps else 0.0)
+    work, lost = owed.work_in + stepped.work_in, owed.lost + balance.lost
+    total = owed.surplus + surplus
     exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
-    return total if total > most * exchanged + ROUNDED_STEPS * balance.rounding else 0.0
+    within = abs(total) <= most * exchanged + ROUNDED_STEPS * balance.rounding
+    return 0.0 if within else total

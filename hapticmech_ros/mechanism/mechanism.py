@@ -209,6 +209,7 @@ class Mechanism(MultibodyModel):
                 damping=np.array(self.tree.damping, dtype=float),
                 lengths=np.concatenate(lengths),
                 units=self.row_units(indices),
+                rounding=np.array([self.rounding(indices)]),
                 placements=self._all_placements[frames],
                 effort=self.elements.effort,
                 element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),

@@ -64,12 +64,21 @@ class TreeModel:
         return joint, placement * se3(origin)
 
     def extent(self) -> float:
-        """Return the largest distance (m) between a joint and anything placed in its link."""
+        """Return the largest distance (m) between a joint and anything placed in its link.
+
+        In the world it is the largest between any two: how far away all of it stands counts not.
+        """
         model = self.pinocchio
-        placements = [frame.placement.translation for frame in model.frames]
-        placements += [placement.translation for placement in model.jointPlacements]
-        placements += [inertia.lever for inertia in model.inertias]
-        length = max(float(np.linalg.norm(placement)) for placement in placements)
+        placed = [(frame.parentJoint, frame.placement.translation) for frame in model.frames[1:]]
+        placed += [
+            (parent, placement.translation)
+            for parent, placement in zip(model.parents[1:], model.jointPlacements[1:], strict=True)
+        ]
+        placed += [(joint, inertia.lever) for joint, inertia in enumerate(model.inertias) if joint]
+        length = max((float(np.linalg.norm(at)) for joint, at in placed if joint), default=0.0)
+        fixed = np.array([at for joint, at in placed if joint == 0]).reshape(-1, 3)
+        for at in fixed:
+            length = max(length, float(np.linalg.norm(fixed - at, axis=1).max()))
         return length if length > 0.0 else 1.0
 
 

@@ -28,8 +28,12 @@ from hapticmech_ros.mechanism.elements import Elements, bind_spring
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
 from hapticmech_ros.mechanism.stiffness import chosen_integrator
+from hapticmech_ros.mechanism.tolerances import NEAR, RESOLVED
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
+
+# Rounding of a closure's row, of what its ends do: some units of the last place.
+_ROUNDING = 16.0 * np.finfo(float).eps
 
 
 class MultibodyModel:
@@ -81,27 +85,37 @@ class MultibodyModel:
     def row_units(self, indices: Sequence[int]) -> Array:
         """Return (m,) what rows of closures are divided by before they are factored.
 
-        Their length ℓ in m or 1 in rad, times a power of 2 per closure, so that closures between
-        heavy links and between light ones, long ones and short ones, have singular values of the
-        same order: one that is small then means a singular position.
+        Their length ℓ in m or 1 in rad, times a power of 2 per closure, in 1/(√kg m), so that closures
+        between heavy links and between light ones, long ones and short ones, have singular values
+        next to 1: one that is small then means a singular position.
 
         Args:
             indices: of the closures.
         """
         units = [
-            self.closures[index].row_lengths(self.length) * self._closure_scales[index]
+            self.closures[index].row_lengths(self.length) * self._closure_sizes[0][index]
             for index in indices
         ]
         return np.concatenate([np.zeros(0), *units])
 
+    def rounding(self, indices: Sequence[int]) -> float:
+        """Return the σ below which all is rounding, of rows over their units, however large others.
+
+        Args:
+            indices: of the closures.
+        """
+        return float(self._closure_sizes[1][list(indices)].max(initial=RESOLVED))
+
     @cached_property
-    def _closure_scales(self) -> Array:
-        """Return per closure the power of 2 next to its rows' size, over that of the largest.
+    def _closure_sizes(self) -> tuple[Array, Array]:
+        """Return per closure the power of 2 next to its rows' size, and their rounding beside 1.
 
         Their size in the mass metric, |L⁻¹ (J_a − J_b)ᵀ| of points over the length, of axes, or of
-        both, as the scene starts: 1 where D is singular there.
+        both, as the scene starts: 1 where D is singular there. Where next to nothing is left of
+        what both ends do, it is rounding, or may be anything elsewhere: the size is then that of
+        the largest other closure, or of what one end does.
         """
-        scales = np.ones(len(self.closures))
+        scales, rounding = np.ones(len(self.closures)), np.zeros(len(self.closures))
         q, _ = authored_state(self.scene, self.tree)
         # Not the scratch data: this may be asked for in the middle of an evaluation.
         model, data = self.model, self.model.createData()
@@ -109,23 +123,28 @@ class MultibodyModel:
         try:
             factor = np.linalg.cholesky(upper + np.triu(upper, 1).T)
         except np.linalg.LinAlgError:
-            return scales
+            return scales, rounding
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
+        of_ends, lengths = np.zeros(len(self.closures)), np.repeat((self.length, 1.0), 3)[:, None]
         for index, loop in enumerate(self.closures):
-            ends = [
+            frames = (loop.frame_a, loop.frame_b)
+            a, b = (
                 pin.getFrameJacobian(model, data, frame, WORLD_AXES).reshape(6, self.nv)
-                for frame in (loop.frame_a, loop.frame_b)
-            ]
-            relative = ends[0] - ends[1]
-            used = [relative[:3] / self.length] if loop.point_rows else []
-            used += [relative[3:]] if loop.rows > loop.point_rows else []
-            scales[index] = np.linalg.norm(np.linalg.solve(factor, np.vstack(used).T))
-        largest = scales.max(initial=0.0)
-        if not largest > 0.0:
-            return np.ones(len(self.closures))
-        scales[~(scales > 0.0)] = largest
-        return np.asarray(np.exp2(np.round(np.log2(scales / largest))))
+                for frame in frames
+            )
+            used = np.repeat((loop.point_rows > 0, loop.rows > loop.point_rows), 3)
+            scales[index], *ends = (
+                np.linalg.norm(np.linalg.solve(factor, rows.T))
+                for rows in (((a - b) / lengths)[used], a / lengths, b / lengths)
+            )
+            of_ends[index] = max(ends)
+            away = max(float(np.abs(data.oMf[frame].translation).max()) for frame in frames)
+            rounding[index] = _ROUNDING * of_ends[index] * (1.0 + away / self.length)
+        own = scales > NEAR * of_ends
+        scales[~own] = scales[own].max(initial=0.0) or of_ends.max(initial=0.0) or 1.0
+        scales = np.exp2(np.round(np.log2(scales)))
+        return scales, rounding / scales
 
     def span(self, change: Array) -> float:
         """Return the largest component of a change, rad; translations over the length.

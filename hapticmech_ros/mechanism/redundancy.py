@@ -122,7 +122,7 @@ def independent(rows: Array) -> list[bool]:
     """Return for each row whether it is independent of those before it.
 
     Args:
-        rows: (m, r) of rank r, 1/(√kg m): r of them are independent. With a threshold of 1/(2√m)
+        rows: (m, r) of rank r: r of them are independent. With a threshold of 1/(2√m)
             of the smallest singular value that a kept row may have, those left out are together too
             small to hide a direction.
     """

@@ -41,7 +41,7 @@ class Scheme(NamedTuple):
         tolerance: of a step's energy account, see :mod:`~hapticmech_ros.mechanism.energy_balance`,
             if the scene names none; infinite for a rule of order 1, whose own error in a step from
             rest is of the size of what is exchanged: it is counted, and steps are left as they are.
-        drift: share of what was exchanged that all steps together may make from nothing. More for
+        drift: share of what was exchanged that all steps together may make or lose. More for
             the rule of order 1, whose energy swings by the order of the step, and comes back: to
             take its crests out of the motion would leave it slower by as much.
     """

@@ -42,6 +42,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     IMPLICIT,
     LATE,
     LOCAL_RATES,
+    LOSSY,
     MOVED,
     OWED,
     RUN_PLAN,
@@ -218,9 +219,7 @@ class Stepper:
             lambda now, stepped: self._balance(now, stepped, external, damps),
         )
         stepped, balance = refined(start, self._tolerance, self._plan.max_substeps, ways)
-        return judged(
-            self._mechanism.tree, start, stepped, balance, self._tolerance, damps, self._drift
-        )
+        return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, self._drift)
 
     def _divided(
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
@@ -411,6 +410,7 @@ class Stepper:
             *(account[ENERGY_LOST], account[SURPLUS]),
             contact_work=by_contacts,
             moved=account[MOVED],
+            inaccurate=int(account[LOSSY]),
         )
         return Took(code, done, stepped)
 

@@ -25,7 +25,7 @@ SINGULAR, DETERMINED = 1e-3, 3e-4
 ENERGY_ROUNDING, UNFELT = 1e-14, 4e-18
 # What steps make from nothing is taken out of the motion where it adds up to more than this share
 # of what was exchanged since the start and moved at most, and than the rounding of so many steps;
-# see also ``schemes``.
+# see also ``schemes``. What they lose without a cause cannot be given back: it is counted.
 DRIFT, ROUNDED_STEPS = 1e-3, 1e6
 # Off the closures by a residual δ (relative to the mechanism's length), as the inner stages of a
 # step are, rows that depend on each other on the closures differ by the order of δ: 0.2 δ was

@@ -50,6 +50,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     ENERGY_LOST,
     ERROR,
     IMPLICIT,
+    LOSSY,
     MOVED,
     OWED_LOSS,
     OWED_SURPLUS,
@@ -310,6 +311,7 @@ def move_mechanism(
     totals[TOTAL_WORK] += account[WORK_IN] - account[CONTACT_WORK]
     totals[TOTAL_LOSS] += account[ENERGY_LOST]
     totals[TOTAL_SURPLUS] += account[SURPLUS]
+    totals[INACCURATE_STEPS] += account[LOSSY]
     totals[MOST_MOVED] = account[MOVED]
     totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail[ERROR]
     if touches:

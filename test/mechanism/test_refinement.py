@@ -60,7 +60,7 @@ def _of_times(monkeypatch):
 
 
 def balance(off):
-    return Balance(off, abs(off), max(off, 0.0), 1.0, 0.0, 1.0)
+    return Balance(off, abs(off), max(off, 0.0), 1.0, 0.0, 1.0, 0.0)
 
 
 BEGUN = SimpleNamespace(time=0.0)

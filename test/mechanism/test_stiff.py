@@ -155,7 +155,11 @@ def test_a_step_is_that_of_the_definition(document):
 
 @pytest.mark.parametrize("document", STIFF)
 def test_steps_by_kernels_are_the_same(document):
-    sims = [simulated(document, kind=kind) for kind in (ReadableSimulator, Simulator)]
+    # Not watched: what the rule damps is lost then as its stages say, not as the energies do.
+    sims = [
+        simulated(document, kind=kind, accuracy={"tolerance": 0})
+        for kind in (ReadableSimulator, Simulator)
+    ]
     wrenches = np.random.default_rng(1).normal(size=(len(sims[0].mechanism.point_names), 6))
     state = sims[0].initial_state()
     for _ in range(5):

@@ -36,7 +36,8 @@ def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
     users = summary.get("users", {"": summary}).values()
     graphs = [user["graph"] for user in users]
     if any(graph["interruptions"] for graph in graphs):
-        assert {graph["nominal_rate_hz"] for graph in graphs} == {pytest.approx(min(RATES))}
+        for graph in graphs:
+            assert graph["nominal_rate_hz"] == pytest.approx(min(RATES))
         pytest.skip(f"the machine interrupted the graph also at {min(RATES):g} Hz")
     return summary
 

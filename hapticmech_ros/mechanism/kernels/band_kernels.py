@@ -46,7 +46,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         data: with joint axes, inertias and wrenches filled, and ``pivots``.
         tolerance: share of the largest row below which what is left of a row says nothing.
     """
-    places, band, column = data.row_places, data.band, model.turned
+    places, band, column, rounding = data.row_places, data.band, model.turned, model.rounding[0]
     sequence, pairs, units, width = model.sequence, data.pairs, model.units, model.width
     edge, free, hit, rank, longest, largest = model.nv - model.border, 0, 0, 0, 0.0, 0.0
     for j in range(model.m):
@@ -87,12 +87,13 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         places[j, BEGIN], places[j, FIRST] = begin, hit
         for place in range(begin, last + 1):
             band[j, place - begin] = column[place]
-        if left <= max(RESOLVED, tolerance) * largest and model.border == 0:
-            if tolerance <= SOLVER_RANK_TOLERANCE and left > RESOLVED * largest:
+        resolved = max(RESOLVED * largest, rounding)
+        if left <= max(resolved, tolerance * largest) and model.border == 0:
+            if tolerance <= SOLVER_RANK_TOLERANCE and left > resolved:
                 return NOT_DECIDED
             places[j, PIVOT], places[j, LAST], places[j, INVERSE] = -1.0, -1.0, 0.0
             continue
-        if left <= WELL_DETERMINED * largest:
+        if left <= max(WELL_DETERMINED * largest, rounding):
             return NOT_DECIDED
         head = column[free]
         goal = -left if head > 0.0 else left

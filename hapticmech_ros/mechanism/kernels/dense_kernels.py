@@ -82,7 +82,7 @@ def _resolve_by_rotations(model: Model, tolerance: float, data: Data) -> int:
     if not orthogonalise(scaled, turn):
         return NO_SVD
     basis, rows = data.basis, data.rows
-    rank = _kept(scaled, tolerance, data)
+    rank = _kept(scaled, tolerance, model.rounding[0], data)
     for i in range(rank):
         for c in range(nv):
             basis[i, c] = scaled[i, c] / data.sigma[i]
@@ -114,7 +114,7 @@ def _resolve_some(model: Model, tolerance: float, data: Data) -> int:
             upper[i, j] = columns[i, j] if j >= i else 0.0
     if not orthogonalise(upper, turn):
         return NO_SVD
-    rank = _kept(upper, tolerance, data)
+    rank = _kept(upper, tolerance, model.rounding[0], data)
     for i in range(rank):
         for c in range(nv):
             total = 0.0
@@ -153,6 +153,8 @@ def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
         return NO_SVD
     order, reflectors = local_whole(m), model.reflectors
     resolved = triangularise(scaled, data.sigma.size, RESOLVED, order, reflectors, sums)
+    while resolved > 0 and not abs(scaled[resolved - 1, resolved - 1]) > model.rounding[0]:
+        resolved -= 1
     if resolved == 0:
         return 0
     first, kept = abs(scaled[0, 0]), resolved
@@ -182,7 +184,7 @@ def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
 
 
 @inner
-def _kept(orthogonal: Array, tolerance: float, data: Data) -> int:
+def _kept(orthogonal: Array, tolerance: float, rounding: float, data: Data) -> int:
     """Fill σ, the lengths of orthogonal rows, of the directions that carry force; return how many.
 
     Rows are in the order of their lengths.
@@ -191,7 +193,7 @@ def _kept(orthogonal: Array, tolerance: float, data: Data) -> int:
     rank, sigma, tail = 0, data.sigma, data.tail
     for i in range(min(sigma.size, orthogonal.shape[0])):
         length = np.sqrt(dot_rows(orthogonal, i, i))
-        if not length > RESOLVED * longest:
+        if not length > max(RESOLVED * longest, rounding):
             break
         tail[LEAST], tail[RESOLVED_RANK] = length / longest, i + 1
         if length > tolerance * longest:

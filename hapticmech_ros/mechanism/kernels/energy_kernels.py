@@ -19,22 +19,24 @@ from hapticmech_ros.mechanism.kernels.element_kernels import (
     STIFFNESS,
     STOP,
     UPPER,
+    element_forces,
+    element_resistance,
 )
 from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import DENSE, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
     move_joints,
 )
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.small_matrices import dot, remove
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, STEP
+from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, RANK, STEP
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 
 # Of an account of a step.
-OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, BALANCE = range(7)
+OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, LOST, BALANCE = range(8)
 
 
 @inner
@@ -82,26 +84,52 @@ def put_balance(
     lost: float,
     out: Array,
 ) -> None:
-    """Fill ``out`` (6,) with the account of the step from ``parts.q0`` to ``parts.q``, J.
+    """Fill ``out`` (7,) with the account of the step from ``parts.q0`` to ``parts.q``, J.
 
-    By how much it is off: energy at the end less that at the start and the work done, plus losses.
-    What of that is held against a tolerance, and what was made from nothing: both are energy beyond
-    the work done for a rule that ``damps`` what is faster than its step, and integrates no losses
-    of that; else ``off`` either way, and if positive. What was exchanged: kinetic energy at both
-    ends, change of the potential one, work and losses. Rounding of the potential energies, and what
-    nobody feels. The kinetic energy at the end.
+    By how much it is off: energy at the end less that at the start and the work done, plus losses;
+    the size of that, which is held against a tolerance; and what was made from nothing. What was
+    exchanged: kinetic energy at both ends, change of the potential one, work and losses. Rounding
+    of the potential energies, and what nobody feels. The kinetic energy at the end. What was lost:
+    ``lost``, but for a rule that ``damps`` what is faster than its step, and does not integrate
+    losses of that: what is missing, as far as dampers and :func:`_damped_most` explain it.
     """
     moved, stood = kinetic_energy(model, first, parts.v0), potential_energy(model, first, parts.q0)
     moves, stands = kinetic_energy(model, last, parts.v), potential_energy(model, last, parts.q)
     gained = (moves - moved) + (stands - stood) - work_in
-    out[OFF] = gained + lost
-    out[MADE] = max(gained if damps else gained + lost, 0.0)
-    out[JUDGED] = out[MADE] if damps else abs(gained + lost)
-    if not np.isfinite(gained + lost):
+    if damps:
+        most = lost + _damped_most(model, first, parts, parts.q0, parts.v0)
+        most += _damped_most(model, last, parts, parts.q, parts.v)
+        lost = min(max(-gained, 0.0), max(most, 0.0))
+    out[OFF], out[LOST] = gained + lost, lost
+    out[MADE], out[JUDGED] = max(out[OFF], 0.0), abs(out[OFF])
+    if not np.isfinite(out[OFF]):
         out[JUDGED] = np.inf
     out[EXCHANGED] = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
     out[ROUNDING] = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
     out[KINETIC] = moves
+
+
+@inner
+def _damped_most(model: Model, data: Data, parts: Work, q: Array, v: Array) -> float:
+    """Return the energy, J, that an implicit rule may take from what is too fast for its step.
+
+    |L⁻¹ (h² K + h C) v|² + |L⁻¹ h f|² of what loops leave free, f the forces of springs, stops,
+    dampers and friction, K and C their slopes: of a mode that ω is faster than 1/h more than it
+    has, of a slow one its (ω h)⁴th part.
+    """
+    step, total, force = parts.settings[STEP], 0.0, model.forces[0]
+    for part in range(2):
+        if part == 0:
+            element_resistance(model, data, q, v, v, step * step, step, force)
+        else:
+            element_forces(model, data, q, v, force, model.forces[1])
+            for c in range(force.size):
+                force[c] *= step
+        to_metric(model, data, force)
+        if model.path == DENSE:
+            remove(data.basis, int(data.tail[RANK]), force, model.along)
+        total += dot(force, force)
+    return total
 
 
 @inner
@@ -157,7 +185,7 @@ def judge(
     lost: float,
     out: Array,
 ) -> None:
-    """Fill ``out`` (6,) with the account of a step that was done elsewhere, see ``put_balance``.
+    """Fill ``out`` (7,) with the account of a step that was done elsewhere, see ``put_balance``.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
@@ -169,7 +197,7 @@ def judge(
         damps: see ``put_balance``.
         work_in: J, done in the step.
         lost: J, in damping, friction and stops.
-        out: (6,) to fill; what was exchanged with ``pushed_energy``.
+        out: (7,) to fill; what was exchanged with ``pushed_energy``.
     """
     model, parts = Model(numbers, values), Work(numbers, work)
     first = unpack(start, model)

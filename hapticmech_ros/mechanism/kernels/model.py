@@ -56,6 +56,7 @@ class Constants(NamedTuple):
         lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
         units: (m,) what each row of W is divided by before it is factored; see
             :meth:`~hapticmech_ros.mechanism.multibody.MultibodyModel.row_units`.
+        rounding: (1,) σ of rows over their units below which all is rounding.
         placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
             a the first axis is as long as the rod.
         effort: (nv,) constant forces of the joints, N m or N.
@@ -84,6 +85,7 @@ class Constants(NamedTuple):
     damping: Array
     lengths: Array
     units: Array
+    rounding: Array
     placements: Array
     effort: Array
     element_values: Array
@@ -115,7 +117,7 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 64
+_PARTS = 65
 # Rows of ``Model.small``.
 _SMALL = 4
 
@@ -131,11 +133,11 @@ def pack(constants: Constants) -> tuple[Array, Array]:
     rooms, workspace = _stacked(_workspace_shapes(constants), sum(part.size for part in real))
     places += rooms
     constant = np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)])
-    places += [constant.size, constants.m, 1]
+    places += [constant.size, constants.m, 1, constant.size + constants.m, 1, 1]
     sizes = (*constants[:7], size)
     return (
         np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
-        np.concatenate((constant, constants.units)),
+        np.concatenate((constant, constants.units, constants.rounding)),
     )
 
 
@@ -266,3 +268,4 @@ class Model(Structure):
     inverting = Part(61, 2)
     sums = Part(62, 2)
     units = Part(63, 1)
+    rounding = Part(64, 1)

@@ -14,6 +14,7 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     EXCHANGED,
     JUDGED,
     KINETIC,
+    LOST,
     OFF,
     ROUNDING,
     allowed,
@@ -39,6 +40,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     HEEDED,
     IMPLICIT,
     LEAST,
+    LOSSY,
     MOVED,
     OWED_LOSS,
     OWED_SURPLUS,
@@ -236,7 +238,8 @@ def _watched(
 ) -> int:
     """Return SETTLED, or INACCURATE for a step whose energy account is off by too much.
 
-    So it is as well where the steps so far and this one together made too much from nothing.
+    So it is as well where the steps so far and this one together made too much from nothing. What
+    they lost without a cause cannot be given back: steps after which that is too much are counted.
     """
     account, tolerance, found = parts.account, parts.settings[TOLERANCE], local(BALANCE)
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
@@ -246,15 +249,16 @@ def _watched(
         if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
     moved = max(account[MOVED], found[KINETIC])
+    account[ENERGY_LOST] += found[LOST] - lost
     surplus = account[OWED_SURPLUS] + account[SURPLUS] + found[OFF]
     work = account[OWED_WORK] + account[WORK_IN] - account[CONTACT_WORK]
     losses = account[OWED_LOSS] + account[ENERGY_LOST]
     exchanged = abs(work) + losses + moved
-    if implicit:
-        # It does not integrate all losses: what is made is energy beyond the work done.
-        surplus -= losses
-    if surplus > allowed(parts.settings[DRIFT], exchanged, ROUNDED_STEPS * rounding):
+    most = allowed(parts.settings[DRIFT], exchanged, ROUNDED_STEPS * rounding)
+    if surplus > most:
         return INACCURATE
+    if -surplus > most:
+        account[LOSSY] += 1.0
     account[SURPLUS] += found[OFF]
     account[MOVED] = moved
     return SETTLED

@@ -55,7 +55,7 @@ class Work(Structure):
     Attributes:
         settings: (12,) see ``step_layout.STEP_SETTINGS``.
         scheme: (6, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (12,) see ``step_layout.STEP_ACCOUNT``.
+        account: (13,) see ``step_layout.STEP_ACCOUNT``.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.

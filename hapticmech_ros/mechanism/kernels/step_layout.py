@@ -55,7 +55,8 @@ STEP_SETTINGS = Layout(
 # Of a run: work done and energy lost since it began, J; |φ| of the round before; in the mass metric
 # how far the step went, if it may have been a jump, and the projection; steps done; by how much the
 # energy accounts of all steps are off, J; and the part of the work that contacts did, J. Then what
-# the run began with, see ``motion.Owed``; the last of it is the largest so far.
+# the run began with, see ``motion.Owed``; the last of it is the largest so far; and the number of
+# steps after which too much had been lost without a cause.
 STEP_ACCOUNT = Layout(
     dict.fromkeys(
         (
@@ -71,6 +72,7 @@ STEP_ACCOUNT = Layout(
             "owed_work",
             "owed_loss",
             "moved",
+            "lossy",
         ),
         _ONE,
     )
@@ -88,6 +90,7 @@ STEP_ACCOUNT = Layout(
     OWED_WORK,
     OWED_LOSS,
     MOVED,
+    LOSSY,
 ) = STEP_ACCOUNT.starts(*STEP_ACCOUNT)
 # What the run began with.
 OWED = STEP_ACCOUNT.slice("owed_surplus", "moved")

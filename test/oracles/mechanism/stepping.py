@@ -130,7 +130,7 @@ class ReadableStepper(Stepper):
         off = (moves - moved) + (stands - stood) - work_in + lost
         exchanged = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
         rounding = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
-        return Balance(off, abs(off), max(off, 0.0), exchanged, rounding, moves)
+        return Balance(off, abs(off), max(off, 0.0), exchanged, rounding, moves, lost)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a step of the integrator, and bring it onto the closures."""
