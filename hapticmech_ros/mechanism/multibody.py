@@ -85,7 +85,7 @@ class MultibodyModel:
     def row_units(self, indices: Sequence[int]) -> Array:
         """Return (m,) what rows of closures are divided by before they are factored.
 
-        Their length ℓ in m or 1 in rad, times a power of 2 per closure, in 1/(√kg m), so that closures
+        Their length ℓ in m or 1 in rad, times a power of 2 per closure, 1/(√kg m), so that closures
         between heavy links and between light ones, long ones and short ones, have singular values
         next to 1: one that is small then means a singular position.
 

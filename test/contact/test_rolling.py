@@ -38,7 +38,8 @@ def test_a_sphere_rolls_on(speed, stiffness, duration):
     assert energies.max() <= energies[0] + 1e-6 * moving
     turn = speed / RADIUS * sim.period
     assert energies[-1] > energies[0] - (1e-3 + 2e-2 * turn**4) * moving
-    assert account.inaccurate == 0
+    # What is lost beyond a thousandth, where a step turns it by a radian, is counted.
+    assert (account.inaccurate > 0) == (-account.surplus > 1e-3 * moving)
     travelled = states[-1].q[0] - states[0].q[0]
     assert travelled == pytest.approx(speed * duration, rel=1e-3 + 5e-3 * turn**2)
     # It neither hops nor sinks in.
