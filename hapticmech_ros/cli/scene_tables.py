@@ -98,15 +98,18 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
     console.print(table)
     for name, text in _accuracy(check.accuracy):
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
-    for note in left.notes:
+    changing = [note for note in left.notes if note.rank < 2]
+    for note in changing:
+        console.print(f"model file: {note}", highlight=False, markup=False, soft_wrap=True)
+    for warning in check.warnings:
+        console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
+    for note in left.notes[len(changing) :]:
         console.print(f"not used: {note}", highlight=False, markup=False, soft_wrap=True)
     if left.shapes:
         more = len(left.shapes) - SHAPES_SHOWN
         rest = f" and {more} more, which --json lists" if more > 0 else ""
         text = f"shapes of the model: {', '.join(left.shapes[:SHAPES_SHOWN])}{rest}"
         console.print(text, highlight=False, markup=False, soft_wrap=True)
-    for warning in check.warnings:
-        console.print(f"[yellow]warning:[/] {escape(warning)}", highlight=False, soft_wrap=True)
 
 
 def show_assemblies(scene: Scene, found: AssemblySearch) -> None:

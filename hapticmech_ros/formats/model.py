@@ -23,9 +23,15 @@ DRAWN = "pictures are drawn from the joints"
 ROTOR, GEAR = "drake:rotor_inertia", "drake:gear_ratio"
 ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
 WHY_ELSEWHERE = "say armature of the joints that it moves"
+# A loop of the file that the scene has not closed; its notes come first.
+LEFT_OPEN = "loop left open"
 SENSED = "nothing is sensed but poses and wrenches"
-# Elements that only pictures and sensors have to do with.
+# Elements that only pictures and sensors have to do with; and motors, controllers, contacts.
 _UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")
+_IDLE = (
+    *("actuator", "transmission", "ros2_control", "safety_controller", "calibration", "flag"),
+    *("limit effort", "limit velocity", "plugin", "gazebo", "include of a world", "collision"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +52,16 @@ class Note:
     def felt(self) -> bool:
         """Whether it may change what is felt."""
         return self.what not in _UNFELT
+
+    @property
+    def rank(self) -> int:
+        """Where it is listed: loops left open (0), what else may change the mechanism (1), ...
+
+        Then what drives it or touches it (2), and what is drawn or sensed (3).
+        """
+        if self.what.startswith(LEFT_OPEN):
+            return 0
+        return 3 if not self.felt else 2 if self.what.partition(":")[0] in _IDLE else 1
 
     def __str__(self) -> str:
         return f"{self.what} ({self.count} x): {self.why}"
@@ -104,13 +120,17 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class LoopJoint:
-    """A closure: kind of a scene, its frames in two bodies, and whether it holds from the start."""
+    """A closure: kind of a scene, its frames in two bodies, and whether it holds from the start.
+
+    A rod has a length, m.
+    """
 
     name: str
     kind: str
     a: tuple[str, pin.SE3]
     b: tuple[str, pin.SE3]
     active: bool = True
+    length: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

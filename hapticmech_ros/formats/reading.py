@@ -105,9 +105,9 @@ def left_out(path: Path) -> LeftOut:
     part = _model_part(document["model"], path)
     imported = read_model(path.parent / part.file, part.base == "free", part.name)
     there = used(document, imported)
-    notes = (*imported.notes, *notes_of_shapes(imported, there))
+    notes = sorted((*imported.notes, *notes_of_shapes(imported, there)), key=lambda one: one.rank)
     nameable = (name for name, solid in imported.shapes.items() if solid.kind in KINDS)
-    return LeftOut(notes, tuple(name for name in nameable if name not in there))
+    return LeftOut(tuple(notes), tuple(name for name in nameable if name not in there))
 
 
 def drawn_shapes(path: Path) -> tuple[Shape, ...]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
     DRAWN,
     GEAR,
@@ -32,7 +33,7 @@ from hapticmech_ros.formats.model import (
 from hapticmech_ros.formats.sdf_frames import Frames
 from hapticmech_ros.formats.sdf_gears import INEXACT, WHY_INEXACT, gearbox, mimic
 from hapticmech_ros.formats.sdf_include import OF_MODEL
-from hapticmech_ros.formats.sdf_nested import HERE, opened
+from hapticmech_ros.formats.sdf_nested import HERE, Scope, opened
 from hapticmech_ros.formats.sdf_shapes import solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST
@@ -44,7 +45,11 @@ JOINT_TYPES = {
     "ball": "spherical",
     "fixed": "fixed",
     "screw": "revolute",
+    "universal": "revolute",
+    "revolute2": "revolute",
 }
+# Those of two hinges.
+UNIVERSAL = ("universal", "revolute2")
 ELSEWHERE = "include of a world"
 WHY = {
     "visual": DRAWN,
@@ -98,6 +103,34 @@ def read_sdf(source: Source, name: str = "") -> Model:
     return reader.read(vector)
 
 
+def read_joints(
+    source: Source,
+    joints: Iterable[Node],
+    poses: Mapping[str, pin.SE3],
+    bodies: dict[str, Body],
+    notes: Counter[str],
+) -> tuple[list[Joint], list[Coupling]]:
+    """Return joints of SDFormat in a file of another kind, and couplings of these.
+
+    Args:
+        source: the file.
+        joints: their elements.
+        poses: of its links, by name, in the model's frame.
+        bodies: its links; those without mass that joints need are added.
+        notes: kinds of what is not read, to add to.
+
+    Raises:
+        SceneError: it breaks a rule; names line, element, value and rule.
+    """
+    reader = _Reader(source, source.root, notes)
+    reader.frames = Frames(source, {name: (HERE, pose) for name, pose in poses.items()})
+    reader.frames.poses = {HERE: pin.SE3.Identity(), WORLD: pin.SE3.Identity()}
+    for joint in joints:
+        reader.frames.place(joint, Scope("", ""))
+    hinges = [hinge for joint in joints for hinge in reader.hinges(joint, bodies)]
+    return hinges, reader.couplings
+
+
 def _is_static(model: Node) -> bool:
     static = model.first("static")
     return static is not None and static.text.strip() in ("true", "1")
@@ -115,6 +148,7 @@ class _Reader:
     solids: list[Solid] = field(default_factory=list)
     visuals: list[Solid] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
+    others: list[Node] = field(default_factory=list)
 
     def read(self, gravity: tuple[float, float, float] | None) -> Model:
         source, model = self.source, self.model
@@ -132,20 +166,23 @@ class _Reader:
         hinges: list[Joint] = []
         for joint in joints:
             if not _is_gearbox(joint):
-                hinge = self._hinge(joint, bodies)
-                is_screw = self.source.text(joint, "type") == "screw"
-                hinges += self._screw(joint, hinge, bodies) if is_screw else [hinge]
+                hinges += self.hinges(joint, bodies)
         for joint in filter(_is_gearbox, joints):
             self._gear(joint, hinges, bodies)
         hinges, couplings = mimics.settled(hinges, self.couplings, self.notes)
         points = [self._point(name, frame, bodies) for name, frame in self.frames.frames.items()]
+        balls = [node for node in self.others if node.tag == BALL]
+        rest = [node for node in self.others if node.tag != BALL]
+        lost, rest = left_open(rest, {*bodies, *self.frames.frames})
+        self.notes.update(node.tag for node in rest)
         found = self.notes.items()
         return Model(
             model.attributes.get("name") or source.path.stem,
             bodies,
             hinges,
-            couplings=couplings,
-            points=points,
+            [ball_constraint(source, node, bodies) for node in balls],
+            couplings,
+            points,
             solids=self.solids,
             visuals=self.visuals,
             gravity=gravity,
@@ -155,7 +192,10 @@ class _Reader:
             where={
                 (node.tag, name): source.where(node) for name, node in self.frames.nodes.items()
             },
-            notes=[Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count],
+            notes=[
+                *lost,
+                *(Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count),
+            ],
         )
 
     def _parts(self) -> tuple[list[Node], list[Node]]:
@@ -169,7 +209,7 @@ class _Reader:
                 if node.text.strip() in ("true", "1"):
                     raise self.source.error(node, node.text, "a static model does not move")
             elif node.tag not in ("pose", "self_collide"):
-                self.notes[node.tag] += 1
+                self.others.append(node)
         return found["link"], found["joint"]
 
     def _body(self, link: Node) -> Body:
@@ -211,12 +251,20 @@ class _Reader:
             return default
         return self.source.numbers(found, found.text, 1, tag, largest)[0]
 
+    def hinges(self, joint: Node, bodies: dict[str, Body]) -> list[Joint]:
+        """Return what an element is: a joint, or several with bodies without mass between."""
+        hinge, kind = self._hinge(joint, bodies), self.source.text(joint, "type")
+        if kind in UNIVERSAL:
+            return self._universal(joint, hinge, bodies)
+        return self._screw(joint, hinge, bodies) if kind == "screw" else [hinge]
+
     def _hinge(self, joint: Node, bodies: Mapping[str, Body]) -> Joint:
         name, kind = self.source.text(joint, "name"), self.source.text(joint, "type")
         if kind not in JOINT_TYPES:
             rule = f"type must be one of {sorted(JOINT_TYPES)}"
             raise self.source.error(joint, kind, rule)
-        known = JOINT_KNOWN | {PITCH, OLD_PITCH} if kind == "screw" else JOINT_KNOWN
+        more = {"screw": {PITCH, OLD_PITCH}, **{key: {"axis2"} for key in UNIVERSAL}}
+        known = JOINT_KNOWN | more.get(kind, set())
         self.notes.update(part.tag for part in joint.children if part.tag not in known)
         parent, child = (
             self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
@@ -225,31 +273,56 @@ class _Reader:
         place = self.frames.pose(name, joint)
         before, behind = (self.frames.pose(body, joint) for body in (parent, child))
         moves = kind not in ("ball", "fixed")
-        axis = joint.first("axis")
-        if moves and axis is None:
-            raise self.source.error(joint, name, "needs an <axis>")
-        dynamics = axis.first("dynamics") if axis is not None else None
-        if moves and axis is not None:
-            self._mimic(joint, axis)
         armature = self._armature(joint)
         self.notes[ROTOR_ELSEWHERE] += armature != 0.0 and not moves
-        return Joint(
-            name,
-            JOINT_TYPES[kind],
-            parent,
-            child,
-            before.actInv(place),
-            place.actInv(behind),
-            self._axis(axis, place, joint)
-            if moves and axis is not None
-            else np.array((0.0, 0.0, 1.0)),
+        ends = before.actInv(place), place.actInv(behind)
+        found = Joint(name, JOINT_TYPES[kind], parent, child, *ends)
+        axis = joint.first("axis")
+        if not moves:
+            dynamics = axis.first("dynamics") if axis is not None else None
+            return replace(found, damping=self._number(dynamics, "damping", 0.0))
+        if axis is None:
+            raise self.source.error(joint, name, "needs an <axis>")
+        self._mimic(joint, axis)
+        return replace(self._about(axis, found, place, joint), armature=armature)
+
+    def _about(self, axis: Node, hinge: Joint, place: pin.SE3, joint: Node) -> Joint:
+        """Return a joint with an axis, and what acts and stops about it."""
+        dynamics = axis.first("dynamics")
+        endless = self.source.text(joint, "type") == "continuous"
+        return replace(
+            hinge,
+            axis=self._axis(axis, place, joint),
             damping=self._number(dynamics, "damping", 0.0),
-            friction=self._number(dynamics, "friction", 0.0) if moves else 0.0,
-            stiffness=self._number(dynamics, "spring_stiffness", 0.0) if moves else 0.0,
-            rest=self._number(dynamics, "spring_reference", 0.0) if moves else 0.0,
-            armature=armature if moves else 0.0,
-            limits=self._limits(axis) if moves and kind != "continuous" else None,
+            friction=self._number(dynamics, "friction", 0.0),
+            stiffness=self._number(dynamics, "spring_stiffness", 0.0),
+            rest=self._number(dynamics, "spring_reference", 0.0),
+            limits=None if endless else self._limits(axis),
         )
+
+    def _universal(self, joint: Node, hinge: Joint, bodies: dict[str, Body]) -> list[Joint]:
+        """Return the hinges of a universal joint, the second one about ``axis2``."""
+        axis = joint.first("axis2")
+        if axis is None:
+            raise self.source.error(joint, hinge.name, "needs an <axis2>")
+        self.notes["mimic of a second axis"] += axis.first("mimic") is not None
+        cross, second = f"{hinge.name}_cross", f"{hinge.name}_axis2"
+        self._take(joint, hinge.name, (cross, second))
+        bodies[cross] = Body(cross)
+        at, place = pin.SE3.Identity(), self.frames.pose(hinge.name, joint)
+        other = Joint(second, "revolute", cross, hinge.child, at, hinge.of_child)
+        return [
+            replace(hinge, child=cross, of_child=pin.SE3.Identity()),
+            self._about(axis, other, place, joint),
+        ]
+
+    def _take(self, joint: Node, name: str, others: Iterable[str]) -> None:
+        """Refuse names of the file that a joint takes for its parts."""
+        for other in others:
+            if other in self.frames.placed:
+                kind = self.source.text(joint, "type")
+                rule = f"a {kind} takes this name for itself: rename {other}"
+                raise self.source.error(joint, name, rule)
 
     def _screw(self, joint: Node, hinge: Joint, bodies: dict[str, Body]) -> list[Joint]:
         """Return the hinge of a screw, and the slide along its axis that is coupled to it."""
@@ -262,10 +335,7 @@ class _Reader:
         if pitch == 0.0:
             raise self.source.error(joint, pitch, f"{PITCH} must not be zero")
         nut, slide = f"{hinge.name}_nut", f"{hinge.name}_slide"
-        for name in (nut, slide):
-            if name in self.frames.placed:
-                rule = f"a screw takes this name for itself: rename {name}"
-                raise self.source.error(joint, hinge.name, rule)
+        self._take(joint, hinge.name, (nut, slide))
         bodies[nut] = Body(nut)
         ratio = float(pitch / (2.0 * np.pi))
         self.couplings.append(Coupling(f"{hinge.name}_thread", slide, hinge.name, ratio, 0.0))
@@ -301,7 +371,8 @@ class _Reader:
     def _axes_of(self, axis: Node, joint: Node) -> str:
         """Return the frame of an axis that names none; empty if it is its joint's."""
         own = axis.first("use_parent_model_frame")
-        before = self.source.root.attributes.get("version", "").strip() in OF_MODEL
+        root = self.source.root
+        before = root.tag == "sdf" and root.attributes.get("version", "").strip() in OF_MODEL
         of_model = before if own is None else own.text.strip() in ("true", "1")
         return self.frames.scopes[self.source.text(joint, "name")].here if of_model else ""
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from hapticmech_ros.formats.loops import BALL
 from hapticmech_ros.formats.model import WORLD
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -14,6 +15,7 @@ HERE = "__model__"
 # Attributes and elements that name links, joints and frames of their model.
 NAMING = {"relative_to", "attached_to", "expressed_in"}
 NAMING_ELEMENTS = {"parent", "child", "gearbox_reference_body"}
+NAMING_ELEMENTS |= {f"{BALL}_body_A", f"{BALL}_body_B"}
 NAMED = {"link", "joint", "frame"}
 # Characters of the names of models that are in each other; every name in them begins so.
 PREFIX_LIMIT = 200

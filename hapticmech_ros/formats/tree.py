@@ -5,12 +5,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import SceneError, SceneProblem, nearest
+from hapticmech_ros.formats.cuts import (
+    CARRIED,
+    LOOP_JOINTS,
+    loop_joint_of,
+    other_cut,
+    universal_of,
+)
 from hapticmech_ros.formats.inertias import balanced
 from hapticmech_ros.formats.model import (
     WORLD,
@@ -34,8 +42,10 @@ LINK_LIMIT = 1000
 RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
-# What closes a loop where a body is carried a second time.
-LOOP_JOINTS = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
+NO_CUT = (
+    f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}; nor is any other joint of its "
+    "loop one: make a link of it of two parts, and join these by a fixed joint"
+)
 NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
 RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
 Place = tuple[str, pin.SE3]
@@ -72,8 +82,11 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
 
 
 class _Builder:
-    def __init__(self, model: Model, source: str, free_base: bool) -> None:
-        self._model, self._source, self._free = model, source, free_base
+    def __init__(
+        self, model: Model, source: str, free_base: bool, cut: Sequence[Joint] = ()
+    ) -> None:
+        self._model, self._source, self._free, self._cut = model, source, free_base, cut
+        self._carriers: dict[str, Joint] = {}
         self._links: list[Document] = []
         self._places: dict[str, Place] = {WORLD: (WORLD, pin.SE3.Identity())}
         self._names = Names()
@@ -90,13 +103,15 @@ class _Builder:
         for base in self._bases():
             self._carry(base)
         self._grow()
+        slide = next((hinge for hinge in self._closing if hinge.type not in LOOP_JOINTS), None)
+        if slide is not None:
+            return self._cut_elsewhere(slide).build()
+        self._closing += self._cut
         if not any(link["joint"]["type"] != "fixed" for link in self._links):
             rule = f"no joint moves: {self._model.floating}"
             raise _refused(self._source, "joints", len(self._model.hinges), rule)
-        closures = [
-            self._loop_joint(_loop_joint_of(hinge, self._source, self._where("joint", hinge.name)))
-            for hinge in self._closing
-        ]
+        closed = [one for hinge in tuple(self._closing) for one in self._closed(hinge)]
+        closures = [self._loop_joint(one) for one in closed]
         closures += [self._loop_joint(loop_joint) for loop_joint in self._model.loop_joints]
         document: Document = {"links": self._links}
         if closures:
@@ -196,10 +211,59 @@ class _Builder:
             rule = "joints of these go in a circle"
             raise _refused(self._source, self._where("link", lost[0]), lost[:5], rule)
 
+    def _cut_elsewhere(self, slide: Joint) -> _Builder:
+        """Return a builder that cuts another joint of a loop than the one that closes it.
+
+        Raises:
+            SceneError: there is none.
+        """
+        found = None
+        if slide.type in CARRIED:
+            found = other_cut(slide, self._carriers, self._cost_of_cut)
+        if found is None:
+            raise _refused(self._source, self._where("joint", slide.name), slide.type, NO_CUT)
+        cut, changed = found
+        by_name = {hinge.name: hinge for hinge in changed}
+        hinges = [
+            by_name.get(hinge.name, hinge) for hinge in self._model.hinges if hinge is not cut
+        ]
+        model = replace(self._model, hinges=hinges)
+        return _Builder(model, self._source, self._free, [*self._cut, cut])
+
+    def _cost_of_cut(self, hinge: Joint) -> tuple[object, ...]:
+        """Return what cutting a joint costs: a coupling, a link without mass, what acts in it."""
+        model = self._model
+        known = any(hinge is one for one in model.hinges)
+        coupled = any(hinge.name in (one.joint, one.leader) for one in model.couplings)
+        named = coupled or hinge.name in model.start
+        ends = [model.bodies[end] for end in (hinge.parent, hinge.child) if end != WORLD]
+        bare = any(end.mass == 0.0 for end in ends)
+        return np.inf if not known or named else 0.0, bare, _acts(hinge), hinge.type == "fixed"
+
+    def _closed(self, hinge: Joint) -> Sequence[LoopJoint]:
+        """Return the closures that a joint is; with the one before it, that of a universal joint.
+
+        A body without mass that only these two hold is then left out.
+        """
+        cross, before = hinge.parent, self._carriers.get(hinge.parent)
+        held = [one for one in self._model.hinges if cross in (one.parent, one.child)]
+        body = self._model.bodies.get(cross)
+        if body is None or before is None or body.mass > 0.0 or len(held) != 2:
+            return [loop_joint_of(hinge)]
+        found = universal_of(before, hinge)
+        if found is None:
+            return [loop_joint_of(hinge)]
+        link, _ = self._places.pop(cross)
+        self._links = [one for one in self._links if one["name"] != link]
+        del self._depth[cross], self._joints[before.name]
+        self._closing.append(before)
+        return found
+
     def _carry(self, hinge: Joint) -> None:
         link, place = self._places[hinge.parent]
         origin = place * hinge.in_parent
         body = self._model.bodies[hinge.child]
+        self._carriers[hinge.child] = hinge
         self._depth[hinge.child] = self._depth[hinge.parent] + 1
         if hinge.type == "fixed" and link == WORLD:
             self._places[hinge.child] = (WORLD, origin * hinge.of_child)
@@ -253,6 +317,8 @@ class _Builder:
             "kind": loop_joint.kind,
             **ends,
         }
+        if loop_joint.length is not None:
+            found["length"] = loop_joint.length
         return found if loop_joint.active else {**found, "active": False}
 
     def _coupling(self, coupling: Coupling) -> Document:
@@ -294,11 +360,7 @@ class _Builder:
             for name in self._floating
         ]
         notes += self._model.notes
-        acting = [
-            hinge
-            for hinge in self._closing
-            if hinge.damping or hinge.friction or hinge.stiffness or hinge.armature or hinge.limits
-        ]
+        acting = [hinge for hinge in self._closing if _acts(hinge)]
         if acting:
             notes.append(Note("what acts in joints that close loops", len(acting), NO_SENSE))
         if self._dropped:
@@ -307,8 +369,7 @@ class _Builder:
             )
         if self._raised:
             notes.append(Note("inertia of no body", self._raised, RAISED))
-        # What changes what is felt above what is merely drawn.
-        return sorted(notes, key=lambda note: not note.felt)
+        return sorted(notes, key=lambda note: note.rank)
 
 
 def _joint(hinge: Joint, name: str, origin: pin.SE3) -> Document:
@@ -343,18 +404,10 @@ def _is_locked(hinge: Joint) -> bool:
     return lower == upper
 
 
-def _loop_joint_of(hinge: Joint, source: str, where: str) -> LoopJoint:
-    """Return the closure that a hinge is where it carries a body that others carry already."""
-    if hinge.type not in LOOP_JOINTS:
-        rule = f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}"
-        raise _refused(source, where, hinge.type, rule)
-    level = pin.SE3.Identity()
-    if hinge.type == "revolute":
-        up = np.array((0.0, 0.0, 1.0))
-        level.rotation = pin.Quaternion.FromTwoVectors(up, hinge.axis).matrix()
-    a = (hinge.parent, hinge.in_parent * level)
-    b = (hinge.child, hinge.of_child.inverse() * level)
-    return LoopJoint(hinge.name, LOOP_JOINTS[hinge.type], a, b)
+def _acts(hinge: Joint) -> bool:
+    """Return whether anything acts in a joint."""
+    acting = hinge.damping or hinge.friction or hinge.stiffness or hinge.armature or hinge.limits
+    return bool(acting)
 
 
 def _floats(values: Sequence[float] | np.ndarray) -> list[float]:

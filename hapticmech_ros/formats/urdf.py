@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import nearest
 from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
     DRAWN,
     GEAR,
@@ -27,8 +28,10 @@ from hapticmech_ros.formats.model import (
     Joint,
     Model,
     Note,
+    Point,
     Solid,
 )
+from hapticmech_ros.formats.urdf_gazebo import TAG, GazeboTags
 from hapticmech_ros.formats.urdf_shapes import placement_in, solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -77,6 +80,8 @@ def read_urdf(source: Source) -> Model:
     joints: dict[str, Node] = {}
     solids: list[Solid] = []
     visuals: list[Solid] = []
+    tags: list[Node] = []
+    others: list[Node] = []
     for node in source.root.children:
         if node.tag == "link":
             body = _body(source, node, notes)
@@ -95,30 +100,52 @@ def read_urdf(source: Source) -> Model:
             joints[hinge.name] = node
             couplings += _mimic(source, node, hinge.type)
         else:
-            notes[node.tag] += 1
+            (tags if node.tag == TAG else others).append(node)
     for hinge in hinges:
         for name in (hinge.parent, hinge.child):
             # The world need not be written down.
             if name not in bodies and name != WORLD:
                 rule = f"joint {hinge.name!r} needs this link{nearest(name, bodies)}"
                 raise source.error(joints[hinge.name], name, rule)
-    hinges = _with_rotors(source, hinges, notes)
-    hinges, couplings = mimics.settled(hinges, couplings, notes)
+    points = _frames(source, others, bodies)
+    loop_joints = [ball_constraint(source, node, bodies) for node in others if node.tag == BALL]
+    gazebo = GazeboTags(_with_rotors(source, hinges, notes), bodies)
+    gazebo.read(source, tags, joints, notes)
+    read = {point.name for point in points}
+    others = [node for node in others if node.tag != BALL and _name(node) not in read]
+    lost, others = left_open(others, {*bodies, *read})
+    notes.update(node.tag for node in others)
+    hinges, couplings = mimics.settled(gazebo.hinges, [*couplings, *gazebo.couplings], notes)
     found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
     return Model(
         source.root.attributes.get("name") or source.path.stem,
         bodies,
         hinges,
-        couplings=couplings,
-        solids=solids,
-        notes=found,
+        loop_joints,
+        couplings,
+        points,
+        solids,
+        notes=[*gazebo.lost, *lost, *found],
         where={
             (kind, name): source.where(node)
-            for kind, nodes in (("link", links), ("joint", joints))
+            for kind, nodes in (("link", links), ("joint", {**joints, **gazebo.nodes}))
             for name, node in nodes.items()
         },
         visuals=visuals,
     )
+
+
+def _frames(source: Source, nodes: Sequence[Node], bodies: Mapping[str, Body]) -> list[Point]:
+    """Return Drake's frames, fixed in links."""
+    return [
+        Point(_name(node), node.attributes["link"], placement_in(source, node))
+        for node in nodes
+        if node.tag == "frame" and _name(node) and node.attributes.get("link") in bodies
+    ]
+
+
+def _name(node: Node) -> str:
+    return node.attributes.get("name", "").strip() if node.tag == "frame" else ""
 
 
 def _with_rotors(source: Source, hinges: Sequence[Joint], notes: Counter[str]) -> list[Joint]:

@@ -126,7 +126,7 @@ BROKEN = {
             "sdf",
             sdf(
                 SDF_JOINT.format("j", "revolute", "world", "a", ""),
-                SDF_JOINT.format("k", "revolute", "a", "b", ""),
+                SDF_JOINT.format("k", "prismatic", "a", "b", ""),
                 SDF_JOINT.format("l", "prismatic", "a", "b", ""),
             ),
         ),

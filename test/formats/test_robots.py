@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,7 +12,6 @@ from formats.imports import Read, random_state
 from formats.robots import robot, robot_files
 from formats.test_urdf import in_order_of
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.formats import read_model
 from hapticmech_ros.mechanism import Mechanism
 
 # Of the largest entry: rounding along a chain of thirty joints, and of roll, pitch and yaw.
@@ -86,14 +83,13 @@ def test_cassies_loops_are_closed_as_she_is_drawn(name, rates):
     assert mechanism.closing_terms(neutral, mechanism.initially_active).error < SAME
 
 
-def test_cassies_gearboxes_are_couplings(tmp_path):
-    """But her springs are slides that close loops, which no scene has."""
-    file = robot(".sdf", "cassie_description/robots/cassie.sdf")
-    with pytest.raises(SceneError, match="closes a loop, which only these can"):
-        read_model(file)
-    text = re.sub(r"<joint name=.[a-z-]+-spring-joint. type=.prismatic.>.*?</joint>", "",
-                  file.read_text(), flags=re.DOTALL)  # fmt: skip
-    path = tmp_path / "cassie.sdf"
-    path.write_text(text)
-    couplings = read_model(path).document["couplings"]
+def test_cassies_springs_are_slides_in_loops_and_her_gearboxes_couplings():
+    """Other joints of these loops are cut; as she is drawn they are closed."""
+    ours = Read(robot(".sdf", "cassie_description/robots/cassie.sdf"), free_base=True)
+    assert ours.written("left-shin-spring-joint").type == "prismatic"
+    kinds = [one.kind for one in ours.scene.closures]
+    assert sorted(kinds) == ["revolute"] * 4 + ["spherical"] * 2
+    mechanism, neutral = Mechanism(ours.scene), pin.neutral(ours.model)
+    assert mechanism.closing_terms(neutral, mechanism.initially_active).error < SAME
+    couplings = ours.imported.document["couplings"]
     assert len(couplings) == 10

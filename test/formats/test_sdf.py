@@ -269,7 +269,7 @@ BROKEN = {
         "in a circle",
     ),
     "link of a joint": ([link("a"), joint("i", "world", "b")], "no such link"),
-    "type": ([link("a"), joint("i", "world", "a", kind="universal")], "type must be one of"),
+    "type": ([link("a"), joint("i", "world", "a", kind="gear")], "type must be one of"),
     "axis": ([link("a"), joint("i", "world", "a", "0 0 0")], "must not be zero"),
     "names": ([link("a"), joint("a", "world", "a")], "must be unique"),
     "quaternion": (
@@ -283,7 +283,10 @@ BROKEN = {
     "automatic": (['<link name="a"><inertial auto="true"/></link>', HINGE], "write it"),
     "elsewhere": ([pose(pin.SE3.Identity(), "a"), link("a"), HINGE], "placed by its own"),
     "loop": (
-        [link("a"), HINGE, joint("k", "world", "a", kind="prismatic")],
+        [
+            *(link("a"), joint("i", "world", "a", kind="prismatic")),
+            joint("k", "world", "a", kind="prismatic"),
+        ],
         "which only these can",
     ),
 }
