@@ -20,6 +20,7 @@ Element = list[Any]
 # A declaration at the start, before which files may have blank lines; what it is, and its encoding.
 _DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
 _ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
+_BLANK = re.compile(r"(?:\xef\xbb\xbf)?\s*<\?\s+xml\s")
 _SHOWN = re.compile(r"[^\r\n]")
 # What is no markup, and where it ends.
 _APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
@@ -77,8 +78,12 @@ def elements(item: list[Any]) -> Element:
     try:
         parser.Parse(text.encode("latin-1"), True)
     except expat.ExpatError as error:
-        said = expat.errors.messages[error.code]
-        raise FileError(file, said, "not valid XML", f"line {error.lineno}") from None
+        said, rule = expat.errors.messages[error.code], "not valid XML"
+        if _BLANK.match(text):
+            rule = (
+                "not valid XML: its declaration must begin with <?xml, without a blank before xml"
+            )
+        raise FileError(file, said, rule, f"line {error.lineno}") from None
     except (ValueError, LookupError) as error:  # an encoding that nobody knows
         raise FileError(file, str(error), "not valid XML") from None
     outermost: Element = above[0][4][0]

@@ -233,6 +233,7 @@ class Imported:
         keyframes: by name, with the scene's names of joints.
         where: link or joint of the scene -> line and element of the file.
         visuals: shapes that are drawn.
+        absent: joints of the file that the scene has not, by name, and why.
     """
 
     document: Document
@@ -244,6 +245,7 @@ class Imported:
     keyframes: Mapping[str, Keyframe]
     where: Mapping[str, str]
     visuals: Sequence[Solid]
+    absent: Mapping[str, str]
 
 
 def origin_of(place: pin.SE3) -> Document:

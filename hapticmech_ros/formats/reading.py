@@ -29,7 +29,7 @@ from hapticmech_ros.formats.shapes import (
     with_shapes,
 )
 from hapticmech_ros.formats.stops import with_metrics, with_start, with_stops
-from hapticmech_ros.formats.tree import LINK_LIMIT, to_scene
+from hapticmech_ros.formats.tree import LINK_LIMIT, NO_POSITION, to_scene
 from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
@@ -42,6 +42,7 @@ from hapticmech_ros.scene.validation import problems_of, written_document
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 # A joint of MJCF has elements of that name wherever it is driven or sensed.
 LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "model": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
+WIDER = "model: {{joints: {{{}: {{locked: false, limits: null}}}}}} lets it move"
 # Nobody holds it but who takes it.
 NO_HAND: Document = {"kind": "constant_wrench"}
 
@@ -136,6 +137,14 @@ def drawn_shapes(path: Path) -> tuple[Shape, ...]:
 def _named(error: SceneError, links: list[Document], imported: Imported, file: str) -> SceneError:
     """Return an error that names links by their names, and where the file has them."""
     problems = []
+    joints = [
+        link["joint"]["name"] for link in imported.document["links"] if link["joint"].get("locked")
+    ]
+    locked = {
+        name: f"at {imported.where[name]}: {WIDER.format(name)}"
+        for name in joints
+        if name in imported.where
+    }
     for problem in error.problems:
         found = re.match(r"links\[(\d+)\]", problem.key_path)
         if found is not None:
@@ -151,7 +160,10 @@ def _named(error: SceneError, links: list[Document], imported: Imported, file: s
             path = f"{place}{kind} {name}{rest}"
             problems.append(replace(problem, key_path=path))
         else:
-            problems.append(problem)
+            rule = problem.rule
+            if problem.key_path.startswith("couplings[") and problem.value in locked:
+                rule += f", {locked[str(problem.value)]}"
+            problems.append(replace(problem, rule=rule))
     return SceneError(error.source, problems)
 
 
@@ -188,6 +200,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     found |= own
     found["links"] = [_changed(link, part, imported) for link in found["links"]]
     _refuse_unknown(part, imported, source)
+    _refuse_absent(own, imported, str(source))
     if "operational_points" not in found and imported.tips:
         found["operational_points"] = [{"name": "tip_point", "link": imported.tips[0]}]
     try:
@@ -298,13 +311,37 @@ def _refuse_unknown(part: ModelPart, imported: Imported, source: Path) -> None:
         SceneProblem(
             f"model.joints.{name}",
             name,
-            f"must be one of {sorted(imported.joints)}{nearest(name, imported.joints)}",
+            f"joint {name!r} {imported.absent[name]}"
+            if name in imported.absent
+            else f"must be one of {sorted(imported.joints)}{nearest(name, imported.joints)}",
         )
         for name in part.joints
         if name not in known
     ]
     if problems:
         raise SceneError(str(source), problems)
+
+
+def _refuse_absent(own: Document, imported: Imported, source: str) -> None:
+    """Refuse what the scene says of joints that the file has and the scene has not."""
+    said = []
+    state = own.get("initial_state")
+    if isinstance(state, Mapping):
+        for part in "qv":
+            values = state.get(part)
+            names = values if isinstance(values, Mapping) else ()
+            said += [(f"initial_state.{part}.{name}", name) for name in names]
+    for number, one in enumerate(_list(own.get("couplings", []))):
+        ends = one if isinstance(one, Mapping) else {}
+        said += [(f"couplings[{number}].{key}", ends.get(key)) for key in ("joint", "leader")]
+    known = {*imported.joints, *imported.joints.values()}
+    problems = [
+        SceneProblem(key, name, f"joint {name!r} {imported.absent[name]}: {NO_POSITION}")
+        for key, name in said
+        if isinstance(name, str) and name in imported.absent and name not in known
+    ]
+    if problems:
+        raise SceneError(source, problems)
 
 
 def _transform(origin: object) -> pin.SE3 | None:

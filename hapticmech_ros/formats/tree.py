@@ -47,6 +47,7 @@ NO_CUT = (
     "loop one: make a link of it of two parts, and join these by a fixed joint"
 )
 NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
+NO_POSITION = "it has no position of its own to be coupled or started at"
 RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
 Place = tuple[str, pin.SE3]
 
@@ -139,7 +140,17 @@ class _Builder:
             {name: self._keyframe(found) for name, found in self._model.keyframes.items()},
             self._lines,
             self._model.visuals,
+            self._absent(),
         )
+
+    def _absent(self) -> dict[str, str]:
+        """Return why joints of the file have no position in the scene."""
+        found = {
+            hinge.name: "is fixed to the world"
+            for hinge in self._model.hinges
+            if hinge.name not in self._joints
+        }
+        return found | {hinge.name: "closes a loop" for hinge in self._closing}
 
     def _where(self, kind: str, name: str) -> str:
         """Return where the file has a link or joint, for errors."""
@@ -325,7 +336,9 @@ class _Builder:
         for joint in (coupling.joint, coupling.leader):
             if joint not in self._joints:
                 where = f"{self._where('joint', coupling.joint)}: coupling {coupling.name}"
+                absent = self._absent().get(joint)
                 rule = f"no such joint{nearest(joint, self._joints)}"
+                rule = rule if absent is None else f"joint {joint!r} {absent}: {NO_POSITION}"
                 raise _refused(self._source, where, joint, rule)
         return {
             "name": self._names.new(coupling.name),
@@ -343,6 +356,18 @@ class _Builder:
             if hinge.name in self._joints and _is_locked(hinge)
         ]
 
+    def _travel(self, coupling: Coupling) -> Note | None:
+        """Return the note of a coupling whose joints' stops leave no travel; None otherwise."""
+        hinges = {hinge.name: hinge for hinge in self._model.hinges}
+        joint, leader = hinges[coupling.joint], hinges[coupling.leader]
+        own = _stops(joint)
+        lower, upper = sorted(coupling.ratio * at + coupling.offset for at in _stops(leader))
+        if max(lower, own[0]) < min(upper, own[1]) or _is_locked(joint) or _is_locked(leader):
+            return None
+        why = f"those of {joint.name} are at {own[0]:g} and {own[1]:g}, those of its leader "
+        why += f"{leader.name} have it at {lower:g} and {upper:g}"
+        return Note(f"coupling {coupling.name}: stops leave no travel", 1, why)
+
     def _tips(self) -> list[str]:
         """Return the links that carry no other, the one most joints from the world first."""
         parents = {link["parent"] for link in self._links}
@@ -355,6 +380,7 @@ class _Builder:
             Note(f"joint {hinge.name}: lower = upper", 1, f"locked at {_stops(hinge)[0]:g}")
             for hinge in self._locked()
         ]
+        notes += [one for one in map(self._travel, self._model.couplings) if one is not None]
         notes += [
             Note(f"body {name}: no joint carries it", 1, "it is free: others hold it to the world")
             for name in self._floating

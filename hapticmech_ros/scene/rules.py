@@ -184,7 +184,9 @@ def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
                 rule = f"unknown joint: must be one of {sorted(joints)}{nearest(name, joints)}"
                 yield SceneProblem(f"{key}.{end}", name, rule)
             elif joint.type not in ("revolute", "prismatic") or joint.locked:
-                rule = "only revolute and prismatic joints that are not locked can be coupled"
+                kind = "locked" if joint.locked else joint.type
+                rule = "only revolute and prismatic joints that are not locked can be coupled: "
+                rule += f"joint {name!r} is {kind}"
                 yield SceneProblem(f"{key}.{end}", name, rule)
         if coupling.joint == coupling.leader:
             yield SceneProblem(f"{key}.leader", coupling.leader, "must be another joint")

@@ -17,6 +17,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Mesh, Shape
+from hapticmech_ros.scene.mechanism import Inertia, Inertial
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.contact_shapes import Hulls
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
@@ -38,7 +39,8 @@ def draw_scene(
     """Write a picture of a scene at its start as a PNG file.
 
     The mechanism, its closures, and at each point held the directions that are rigid and free. Of a
-    scene that cannot close, its loops as they are open in the configuration that is written.
+    scene that cannot close, its loops as they are open in the configuration that is written; of one
+    without any mass nothing else either.
 
     Args:
         scene: what is drawn.
@@ -53,6 +55,11 @@ def draw_scene(
         ClosureError: the scene cannot close; the picture is written before.
         SceneError: a mesh that cannot be read.
     """
+    if not any(link.inertial.mass for link in scene.links):
+        drawn = _weighed(scene.model_copy(update={"shapes": (*scene.shapes, *besides)}))
+        q = authored_state(drawn, Mechanism(drawn).tree)[0]
+        draw_configuration(drawn, q, path, side_pixels, "no link has a mass")
+        return
     simulator = Simulator(scene)
     mechanism = simulator.mechanism
     try:
@@ -70,6 +77,13 @@ def draw_scene(
     drawn = scene.model_copy(update={"shapes": (*scene.shapes, *besides)})
     shown = Mechanism(drawn) if besides else mechanism
     _draw(shown, snapshot, np.array(state.q), path, side_pixels, "")
+
+
+def _weighed(scene: Scene) -> Scene:
+    """Return a scene each of whose links weighs something, to be drawn and no more."""
+    some = Inertial(mass=1.0, inertia=Inertia(ixx=1.0, iyy=1.0, izz=1.0))
+    links = tuple(link.model_copy(update={"inertial": some}) for link in scene.links)
+    return scene.model_copy(update={"links": links})
 
 
 def draw_configuration(
