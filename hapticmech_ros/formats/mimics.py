@@ -56,5 +56,5 @@ def _fixed(hinge: Joint, position: float) -> Joint:
     else:
         moved.translation = np.asarray(position * hinge.axis)
     place = hinge.in_parent * moved
-    still = replace(hinge, damping=0.0, friction=0.0, armature=0.0, limits=None)
-    return replace(still, type="fixed", in_parent=place)
+    still = replace(hinge, damping=0.0, friction=0.0, stiffness=0.0, rest=0.0, armature=0.0)
+    return replace(still, type="fixed", in_parent=place, limits=None)

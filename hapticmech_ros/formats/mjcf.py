@@ -49,7 +49,6 @@ WHY = {
     "armature of a free joint": "a body that floats has no rotor",
     "springdamper": "say stiffness and damping",
     "solref or solimp of an equality": "loops are closed exactly",
-    "gravcomp": "gravity acts on all bodies alike",
     "mocap": "the body stays where it is",
     "align": "frames stay where the file has them",
     "fluid": "nothing flows around bodies",
@@ -154,7 +153,8 @@ class _Reader:
             raise self.source.error(self.context.compiler, self._total, rule)
         share = self._total / mass
         for name, body in self.bodies.items():
-            self.bodies[name] = Body(name, share * body.mass, body.com, share * body.inertia)
+            mass, inertia = share * body.mass, share * body.inertia
+            self.bodies[name] = replace(body, mass=mass, inertia=inertia)
 
     def _gravity(self) -> tuple[float, float, float]:
         option = settings(self.source.root, "option")
@@ -219,7 +219,8 @@ class _Reader:
             elif name == WORLD and part.tag in ("joint", "freejoint"):
                 raise self.source.error(part, part.tag, "the world does not move")
         if moving:
-            self.bodies[name] = body_of(self.context, name, inertial, geoms)
+            found = body_of(self.context, name, inertial, geoms)
+            self.bodies[name] = replace(found, gravcomp=self.bodies[name].gravcomp)
         elif self._total > 0.0 and name != WORLD:
             self._standing += body_of(self.context, name, inertial, geoms).mass
 
@@ -242,8 +243,7 @@ class _Reader:
         childclass = node.attributes.get("childclass", childclass)
         place = frame * self.context.place(node)
         self.poses[name] = self.poses[parent] * place
-        self.bodies[name] = Body(name)
-        self.notes["gravcomp"] += self.source.value(node, "gravcomp", 0.0) != 0.0
+        self.bodies[name] = Body(name, gravcomp=self.source.value(node, "gravcomp", 0.0))
         self.notes["mocap"] += self.context.flag(node, "mocap")
         joints = [
             (self.context.full(part, called) if part.tag == "joint" else part, within)

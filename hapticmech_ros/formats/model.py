@@ -76,12 +76,14 @@ class Body:
         mass: kg.
         com: (3,) centre of mass in the body's frame, m.
         inertia: (3, 3) about the centre of mass, axes of the body's frame, kg m².
+        gravcomp: fraction of its weight that is carried; 1 of a body without gravity.
     """
 
     name: str
     mass: float = 0.0
     com: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    gravcomp: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,10 +64,11 @@ WHY = {
     "limit velocity": "nothing drives a joint but the hand and what the scene says",
 }
 UNKNOWN = "not of a mechanism, or not known"
+FLAGS = {"true": True, "1": True, "false": False, "0": False}
 # m per turn, right-handed; and its older form, rad/m, left-handed.
 PITCH, OLD_PITCH = "screw_thread_pitch", "thread_pitch"
 JOINT_KNOWN = {"parent", "child", "pose", "axis", ROTOR, GEAR}
-LINK_KNOWN = {"pose", "inertial", "collision"}
+LINK_KNOWN = {"pose", "inertial", "collision", "gravity"}
 
 
 def read_sdf(source: Source, name: str = "") -> Model:
@@ -221,7 +222,8 @@ class _Reader:
                 kept.append(solid_of(self.source, part, name, place))
         inertial = link.first("inertial")
         if inertial is None:
-            return Body(name, 1.0, np.zeros(3), np.eye(3))  # SDFormat's own default
+            # SDFormat's own default.
+            return Body(name, 1.0, np.zeros(3), np.eye(3), self._carried(link))
         if inertial.attributes.get("auto", "false") in ("true", "1"):
             raise self.source.error(inertial, name, "inertia of shapes is not read: write it")
         mass = self._number(inertial, "mass", 1.0)
@@ -240,7 +242,18 @@ class _Reader:
         relative, place = self.frames.written(inertial)
         if relative not in ("", name):
             raise self.source.error(inertial, relative, "an inertia is relative to its link")
-        return Body(name, mass, place.translation.copy(), place.rotation @ own @ place.rotation.T)
+        turned = place.rotation @ own @ place.rotation.T
+        return Body(name, mass, place.translation.copy(), turned, self._carried(link))
+
+    def _carried(self, link: Node) -> float:
+        """Return which fraction of a link's weight is carried: all, if gravity is off."""
+        gravity = link.first("gravity")
+        if gravity is None:
+            return 0.0
+        said = gravity.text.strip()
+        if said not in FLAGS:
+            raise self.source.error(gravity, said, f"must be one of {sorted(FLAGS)}")
+        return float(not FLAGS[said])
 
     def _number(
         self, node: Node | None, tag: str, default: float, largest: float = LARGEST

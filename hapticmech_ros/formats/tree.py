@@ -300,6 +300,8 @@ class _Builder:
                 "inertial": self._inertial(body, own),
             }
         )
+        if body.gravcomp:
+            self._links[-1]["gravcomp"] = float(body.gravcomp)
 
     def _inertial(self, body: Body, place: pin.SE3) -> Document:
         turned = place.rotation @ body.inertia @ place.rotation.T

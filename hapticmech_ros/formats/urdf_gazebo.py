@@ -1,12 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gazebo's tags in URDF: joints of SDFormat between links, which close loops."""
+"""Gazebo's tags in URDF: joints that close loops, links without gravity, springs of joints."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pinocchio as pin
 
@@ -17,6 +17,11 @@ from hapticmech_ros.formats.sdf import read_joints
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 TAG = "gazebo"
+# Elements of a link, and whether gravity acts where they are true.
+GRAVITY = {"gravity": True, "turnGravityOff": False}
+FLAGS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
+# Elements of a joint.
+SPRING = ("springStiffness", "springReference")
 
 
 @dataclass
@@ -24,9 +29,9 @@ class GazeboTags:
     """What Gazebo's tags say.
 
     Attributes:
-        hinges: joints of theirs, after those of URDF.
+        hinges: those of URDF with their springs, and joints of theirs.
         couplings: of these.
-        bodies: of URDF, and those without mass that their joints need.
+        bodies: of URDF, carried where gravity is off; and those without mass that joints need.
         nodes: elements of their joints by name.
         lost: loops that are left open.
     """
@@ -53,10 +58,14 @@ class GazeboTags:
             notes: kinds of what is not read, to add to.
 
         Raises:
-            SceneError: a joint breaks a rule of SDFormat.
+            SceneError: a joint breaks a rule of SDFormat, or a value is none.
         """
         for tag in tags:
-            rest = [part for part in tag.children if not self._is_joint(source, part, joints)]
+            rest = [
+                part
+                for part in tag.children
+                if not self._is_joint(source, part, joints) and not self._is_of(source, tag, part)
+            ]
             lost, rest = left_open(rest, self.bodies)
             self.lost += lost
             notes[TAG] += bool(rest) or not tag.children
@@ -74,6 +83,28 @@ class GazeboTags:
             )
             self.hinges.append(reversed_joint(hinge) if turned else hinge)
             carried.setdefault(self.hinges[-1].child, self.hinges[-1].parent)
+
+    def _is_of(self, source: Source, tag: Node, part: Node) -> bool:
+        """Return whether an element says something of a link or joint that is read."""
+        name = tag.attributes.get("reference", "").strip()
+        said = (part.attributes.get("value") or part.text).strip()
+        if part.tag in GRAVITY and name in self.bodies:
+            if said.lower() not in FLAGS:
+                raise source.error(part, said, f"must be one of {sorted(FLAGS)}")
+            acts = FLAGS[said.lower()] == GRAVITY[part.tag]
+            self.bodies[name] = replace(self.bodies[name], gravcomp=float(not acts))
+            return True
+        if part.tag not in SPRING:
+            return False
+        for number, hinge in enumerate(self.hinges):
+            if hinge.name == name and hinge.type in ("revolute", "prismatic"):
+                (value,) = source.numbers(part, said, 1, part.tag)
+                stiff = part.tag == SPRING[0]
+                self.hinges[number] = (
+                    replace(hinge, stiffness=value) if stiff else replace(hinge, rest=value)
+                )
+                return True
+        return False
 
     def _is_joint(self, source: Source, part: Node, joints: Mapping[str, Node]) -> bool:
         """Return whether an element is a joint, which is read, or noted as one that is not."""

@@ -384,7 +384,7 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
     found = {note.what: note.count for note in notes_in(imported)}
     assert found == {
         **dict.fromkeys(("sensor", "contact", "custom", "light", "camera", "tendon"), 1),
-        **dict.fromkeys(("mocap", "gravcomp", "springdamper", "align", "fluid"), 1),
+        **dict.fromkeys(("mocap", "springdamper", "align", "fluid"), 1),
         **dict.fromkeys(("armature of a free joint", "armature of a tendon"), 1),
         "armature of an actuator on no hinge or slide": 1,
         "actuator": 2,
