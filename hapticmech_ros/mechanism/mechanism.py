@@ -65,7 +65,8 @@ class Mechanism(MultibodyModel):
             axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
             placement = self.model.jointPlacements[index]
             inertia = self.model.inertias[index]
-            self._joint_rows[index] = joint_row(placement, axis, inertia, joint.armature)
+            row = joint_row(placement, axis, inertia, joint.armature, self.tree.carried[index])
+            self._joint_rows[index] = row
         self._sets: dict[Active, ActiveSet] = {}
         self.needs_matrix: bool = SCHEMES[self.scene.simulation.integrator].implicit
         self._authored, _ = authored_state(scene, self.tree)

@@ -33,6 +33,8 @@ class TreeModel:
         damping: (nv,) viscous damping, N m s/rad or N s/m.
         joints: moving joints, as the scene has them.
         links: the links that they carry.
+        carried: (j, 4) per joint of the model what ``gravcomp`` carries: mass, kg, and mass times
+            centre of mass in the joint's frame, kg m.
     """
 
     pinocchio: pin.Model
@@ -42,6 +44,33 @@ class TreeModel:
     damping: Array
     joints: tuple[Joint, ...]
     links: tuple[str, ...]
+    carried: Array
+
+    def carried_force(self, data: pin.Data) -> Array:
+        """Return by how much gravity's joint forces (nv,), N m or N, are less for what is carried.
+
+        Args:
+            data: of the model, with joint Jacobians.
+        """
+        force, gravity = np.zeros(int(self.pinocchio.nv)), self.pinocchio.gravity.linear
+        for joint in np.flatnonzero(self.carried.any(axis=1)).tolist():
+            mass, lever = self.carried[joint, 0], data.oMi[joint].rotation @ self.carried[joint, 1:]
+            axes = pin.getJointJacobian(self.pinocchio, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            force += axes.T @ np.concatenate((mass * gravity, np.cross(lever, gravity)))
+        return force
+
+    def carried_energy(self, data: pin.Data) -> float:
+        """Return by how much the potential energy of weights is less for what is carried, J.
+
+        Args:
+            data: of the model, with joints placed.
+        """
+        total = 0.0
+        for joint in np.flatnonzero(self.carried.any(axis=1)).tolist():
+            place, (mass, *lever) = data.oMi[joint], self.carried[joint]
+            at = mass * place.translation + place.rotation @ np.array(lever)
+            total -= float(self.pinocchio.gravity.linear @ at)
+        return total
 
     def position_slice(self, joint: int) -> slice:
         """Return where joint number ``joint`` (0 = first moving one) is in q."""
@@ -89,6 +118,7 @@ def build_tree(scene: Scene) -> TreeModel:
     model.gravity.linear = np.array(scene.gravity)
     link_joint: dict[str, tuple[int, pin.SE3]] = {"world": (0, pin.SE3.Identity())}
     moving: list[Link] = []
+    carried: dict[int, Array] = {}
     for link in _depth_first(scene):
         parent_joint, parent_placement = link_joint[link.parent]
         placement = parent_placement * se3(link.joint.origin)
@@ -110,6 +140,9 @@ def build_tree(scene: Scene) -> TreeModel:
             inertia_matrix(link.inertial.inertia),
         )
         model.appendBodyToJoint(joint, body, body_placement)
+        mass = link.gravcomp * body.mass
+        lever = mass * body_placement.act(body.lever)
+        carried[joint] = carried.get(joint, np.zeros(4)) + np.concatenate(([mass], lever))
     joints = tuple(link.joint for link in moving)
     damping = [joint.damping for joint in joints for _ in range(VELOCITY_SIZE[joint.type])]
     return TreeModel(
@@ -120,6 +153,7 @@ def build_tree(scene: Scene) -> TreeModel:
         np.array(damping),
         joints,
         tuple(link.name for link in moving),
+        np.array([carried.get(joint, np.zeros(4)) for joint in range(model.njoints)]),
     )
 
 

@@ -313,6 +313,7 @@ class MultibodyModel:
         upper = np.triu(pin.crba(self.model, self.data, q).reshape(self.nv, self.nv))
         kinetic = v @ upper @ v - 0.5 * v**2 @ upper.diagonal()
         potential = float(pin.computePotentialEnergy(self.model, self.data, q))
+        potential -= self.tree.carried_energy(self.data)
         if self.elements.springs:
             pin.updateFramePlacements(self.model, self.data)
         return float(kinetic), potential + self.elements.energy(self.data, q)

@@ -53,6 +53,7 @@ class DisturbanceObserver:
 
     def __init__(self, mechanism: Mechanism, rate: float, period: float) -> None:
         self._rate, self._period = checked_rate(rate, period), period
+        self._tree = mechanism.tree
         self._model, self._data = mechanism.model, mechanism.model.createData()
 
     def with_rate(self, rate: float) -> DisturbanceObserver:
@@ -97,6 +98,9 @@ class DisturbanceObserver:
         model, data = self._model, self._data
         coriolis = pin.computeCoriolisMatrix(model, data, before.q, before.v)
         weight = pin.computeGeneralizedGravity(model, data, before.q)
+        if self._tree.carried.any():
+            pin.computeJointJacobians(model, data, before.q)
+            weight = weight - self._tree.carried_force(data)
         pushed = before.point.jacobian.T @ contact
         rate = torque + coriolis.T @ before.v - weight + pushed + known.disturbance
         momentum = known.momentum + self._period * rate

@@ -109,6 +109,13 @@ class MujocoTree:
             added.springref = joint.rest
         added.stiffness[0], added.damping[0] = joint.stiffness, joint.damping
         added.armature = joint.armature
+        mass, *lever = self._tree.carried[number]
+        if mass:
+            # MuJoCo carries a share of a body where its mass is.
+            if not np.allclose(lever, mass * inertia.lever, atol=1e-12 * inertia.mass):
+                rule = "must be the same for links that are fixed to each other, for MuJoCo"
+                raise InvalidInputError("gravcomp", joint.name, rule)
+            body.gravcomp = mass / inertia.mass
         return body
 
 

@@ -136,12 +136,15 @@ class Link(Part):
         parent: the link that carries it, or ``world``.
         joint: between the two.
         inertial: mass and inertia.
+        gravcomp: share of its weight that something outside carries: 1 for a link on which gravity
+            does not act, more for one that is drawn upwards.
     """
 
     name: Name
     parent: Name = "world"
     joint: Joint
     inertial: Inertial
+    gravcomp: Real = 0.0
 
 
 class LinkFrame(Part):

@@ -32,7 +32,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
 from hapticmech_ros.mechanism.kernels.small_matrices import dot, remove
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, RANK, STEP
-from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.kernels.tree_kernels import CARRIED, bias_force_of, carried_place
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 
 # Of an account of a step.
@@ -54,10 +54,14 @@ def potential_energy(model: Model, data: Data, q: Array) -> float:
     """Return the energy, J, of weights, springs and stops at q (nq,), and remember it there."""
     if data.tail[POTENTIAL] < math.inf:
         return float(data.tail[POTENTIAL])
-    gravity, bodies, total = model.gravity, data.bodies, 0.0
+    gravity, bodies, total, at = model.gravity, data.bodies, 0.0, model.small[0]
     for joint in range(1, bodies.shape[0]):
         for i in range(3):
             total -= gravity[i] * bodies[joint, 1 + i]
+        if model.joint_values[joint, CARRIED] != 0.0:
+            carried_place(model.joint_values[joint], data.places[joint], at)
+            for i in range(3):
+                total += gravity[i] * at[i]
     for row in range(model.elements.shape[0]):
         values, position = model.element_values[row], q[model.elements[row, 1]]
         stretch = position - values[REST]

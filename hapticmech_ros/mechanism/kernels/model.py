@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import STEP_ACCOUNT, STEP_SETT
 
 # Path of a factorisation: see ``data.Data``.
 DENSE, SPARSE = 0, 1
-JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 53, 5, 12
+JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 57, 5, 12
 # Stages of a step, at most.
 MOST_STAGES = 6
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
@@ -63,7 +63,7 @@ class Constants(NamedTuple):
         element_values: (e, 9) stiffness, rest, friction and its speed, lower and upper stop, their
             stiffness, damping and depth.
         spring_values: (s, 4) stiffness, damping, rest length, and length without direction.
-        joint_values: (j, 53) see ``tree_kernels.joint_row``.
+        joint_values: (j, 57) see ``tree_kernels.joint_row``.
         gravity: (3,) m/s².
     """
 

@@ -30,21 +30,25 @@ JOINT_KINDS = {
     "free": FREE,
 }
 # Columns of ``Model.joint_values``.
-_ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS, ARMATURE = 9, 12, 15, 16, 19, 25, 52
+_ORIGIN, _AXIS, _MASS, _LEVER, _INERTIA, _TURNS, ARMATURE, CARRIED = 9, 12, 15, 16, 19, 25, 52, 53
 
 
-def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia, armature: float) -> Array:
-    """Return a joint's row (53,) of ``Model.joint_values``.
+def joint_row(
+    placement: pin.SE3, axis: Array, inertia: pin.Inertia, armature: float, carried: Array
+) -> Array:
+    """Return a joint's row (57,) of ``Model.joint_values``.
 
     Its placement in its parent, axes first, then its axis, its link's mass, centre of mass and
     rotational inertia about it (xx, xy, xz, yy, yz, zz), three matrices column by column (a
-    revolute joint's axes in its parent's are A + cos θ B + sin θ C), and its rotor's inertia.
+    revolute joint's axes in its parent's are A + cos θ B + sin θ C), its rotor's inertia, and what
+    is carried of its link.
 
     Args:
         placement: in its parent, m.
         axis: (3,) unit vector in the joint's frame.
         inertia: of its link in the joint's frame, kg, m and kg m².
         armature: of each of its rates, kg m² or kg.
+        carried: (4,) mass on which gravity does not act, kg, and mass times place, kg m.
     """
     row = np.zeros(JOINT_COLUMNS)
     rotation = placement.rotation
@@ -55,7 +59,7 @@ def joint_row(placement: pin.SE3, axis: Array, inertia: pin.Inertia, armature: f
     row[_INERTIA:_TURNS] = inertia.inertia[np.triu_indices(3)]
     turns = (along, np.eye(3) - along, across)
     row[_TURNS:ARMATURE] = np.concatenate([(rotation @ turn).T.ravel() for turn in turns])
-    row[ARMATURE] = armature
+    row[ARMATURE], row[CARRIED:] = armature, carried
     return row
 
 
@@ -250,6 +254,17 @@ def inertia_of(model: Model, data: Data, inertia: Array) -> None:
                 above = joints[above, 0]
 
 
+@leaf
+def carried_place(values: Array, place: Array, at: Array) -> float:
+    """Fill ``at`` (3,) with mass times place of what is carried of a link; return its mass, kg."""
+    mass = values[CARRIED]
+    for i in range(3):
+        total = mass * place[9 + i] + place[i] * values[CARRIED + 1]
+        total += place[3 + i] * values[CARRIED + 2] + place[6 + i] * values[CARRIED + 3]
+        at[i] = total
+    return float(mass)
+
+
 @inner
 def bias_force_of(model: Model, data: Data, motions: Array, force: Array) -> None:
     """Fill ``force`` (nv,) with h, given the joints' motions (see ``motion_kernels``)."""
@@ -272,6 +287,13 @@ def bias_force_of(model: Model, data: Data, motions: Array, force: Array) -> Non
         wrench[3] += (b * carried[5] - c * carried[4]) + (y * pz - z * py)
         wrench[4] += (c * carried[3] - a * carried[5]) + (z * px - x * pz)
         wrench[5] += (a * carried[4] - b * carried[3]) + (x * py - y * px)
+        if model.joint_values[joint, CARRIED] != 0.0:
+            mass = carried_place(model.joint_values[joint], data.places[joint], carried)
+            for k in range(3):
+                wrench[k] += mass * gravity[k]
+            cross(carried, gravity, lifted)
+            for k in range(3):
+                wrench[3 + k] += lifted[k]
     for joint in range(joints.shape[0] - 1, 0, -1):
         parent, first = joints[joint, 0], joints[joint, 1]
         for row in range(first, first + joints[joint, 2]):

@@ -245,7 +245,7 @@ class ReadableMechanism(MultibodyModel):
         pin.updateFramePlacements(model, data)
         passive, dissipative = self.elements.forces(model, data, q, v)
         return ReadableEvaluation(
-            bias_force=data.nle.copy(),
+            bias_force=data.nle + self._carried(data),
             passive_force=passive,
             dissipative_force=dissipative,
             effort=self.elements.effort,
@@ -298,6 +298,17 @@ class ReadableMechanism(MultibodyModel):
         distance = float(np.sqrt(residual @ residual))
         rate = residual @ (self.closures[index].jacobian(self.model, self.data) @ v)
         return distance, float(rate) / distance if distance > 0.0 else 0.0
+
+    def _carried(self, data: pin.Data) -> Array:
+        """Return by how much h is less for what carries links: a force at each centre of mass."""
+        lift = np.zeros(self.nv)
+        for link in self.scene.links:
+            joint, place = self.tree.link_joint[link.name]
+            at = data.oMi[joint].act(place.act(np.array(link.inertial.com)))
+            axes = pin.getJointJacobian(self.model, data, joint, pin.WORLD)
+            weight = link.gravcomp * link.inertial.mass * np.array(self.scene.gravity)
+            lift += axes.T @ np.concatenate((weight, np.cross(at, weight)))
+        return lift
 
     def _point(self, frame: int, v: Array) -> PointKinematics:
         model, data = self.model, self.data
