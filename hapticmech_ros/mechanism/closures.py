@@ -14,7 +14,8 @@ Each residual is built from two blocks that are exact on the whole configuration
 Rates follow from ȧ = ω_a × a, so that no logarithm has to be differentiated. Kernels
 compute all this (``closure_kernels``); here closures are bound to the frames they act between.
 
-A ``coupling`` is one row between two joints, ``θ - ratio θ_leader - offset``.
+A ``coupling`` is one row between two joints, ``θ - p(θ_leader)`` with a polynomial p of degree 4 at
+most: W has 1 and -p', Ẇv is -p'' θ̇_leader².
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class LoopClosure:
         frame_a, frame_b: frames in it; of a coupling any frames that its two joints carry.
         latch_distance: |φ|, m or rad, within which it may latch; None if it does not.
         rod_length: m, of a rod.
-        gear: ratio and offset of a coupling, as in the scene.
+        gear: coefficients of a coupling's p, the constant first.
         linear: whether a coupling's joint slides.
     """
 
@@ -68,7 +69,7 @@ class LoopClosure:
     frame_b: int
     latch_distance: float | None
     rod_length: float = 0.0
-    gear: tuple[float, float] = (0.0, 0.0)
+    gear: tuple[float, ...] = ()
     linear: bool = False
 
     @property
@@ -117,5 +118,5 @@ def bind_coupling(coupling: Coupling, tree: TreeModel) -> LoopClosure:
         for side, index in zip("ab", at, strict=True)
     )
     linear = tree.joint_types[at[0]] == "prismatic"
-    gear = (coupling.ratio, coupling.offset)
+    gear = coupling.polycoef or (coupling.offset, coupling.ratio, 0.0, 0.0, 0.0)
     return LoopClosure(coupling.name, "coupling", a, b, None, gear=gear, linear=linear)

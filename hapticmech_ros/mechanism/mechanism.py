@@ -240,7 +240,7 @@ class Mechanism(MultibodyModel):
             if loop.kind == "rod":
                 placements[loop.frame_a, :3] *= loop.rod_length
             elif loop.kind == "coupling":
-                placements[loop.frame_a, :2] = loop.gear
+                placements[loop.frame_a, :5] = loop.gear
         return placements
 
 

@@ -83,7 +83,7 @@ def observe_point(
     bias_force, passive, dissipative = forces[0], forces[1], forces[2]
     move_joints(model, data, v, motions)
     bias_force_of(model, data, motions, bias_force)
-    closure_bias(model, data, motions, bias)
+    closure_bias(model, data, v, motions, bias)
     element_forces(model, data, q, v, passive, dissipative)
     for c in range(nv):
         passive[c] += model.effort[c]

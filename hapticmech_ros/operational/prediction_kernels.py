@@ -86,7 +86,7 @@ def predict(
     motions, bias_force, passive = model.motions, model.forces[0], model.forces[1]
     move_joints(model, later, v, motions)
     bias_force_of(model, later, motions, bias_force)
-    closure_bias(model, later, motions, model.bias)
+    closure_bias(model, later, v, motions, model.bias)
     element_forces(model, later, place, v, passive, model.forces[2])
     for c in range(nv):
         passive[c] += model.effort[c]

@@ -77,7 +77,7 @@ class SceneDocument(Part):
         gravity: m/s², world axes.
         links: rigid bodies with their joints, in any order.
         closures: that close loops.
-        couplings: gears between joints.
+        couplings: gears and cams between joints.
         springs: between points.
         shapes: that may touch.
         contacts: pairs of shapes that do.

@@ -30,6 +30,7 @@ OTHERS: dict[tuple[str, str], str] = {
     ("Coupling", "leader"): "crank",
     ("Coupling", "ratio"): "-2.5",
     ("Coupling", "offset"): "90 deg",
+    ("Coupling", "polycoef"): "[0, 0.02, -0.01, 0.002, 0]",
     ("Spring", "name"): "return",
     ("Spring", "stiffness"): "150.0",
     ("Spring", "damping"): "0.5",

@@ -186,7 +186,9 @@ class Closure(Part):
 
 
 class Coupling(Part):
-    """A gear between two joints: position of ``joint`` = ratio · position of ``leader`` + offset.
+    """A gear or cam: position of ``joint`` = ratio · position of ``leader`` + offset.
+
+    Or, with x the position of ``leader``, a0 + a1 x + a2 x² + a3 x³ + a4 x⁴ of ``polycoef``.
 
     Attributes:
         name: of the coupling, unique in the scene.
@@ -194,6 +196,7 @@ class Coupling(Part):
         leader: that it follows.
         ratio: of rad or m to rad or m, not zero.
         offset: rad or m.
+        polycoef: a0 to a4, powers of rad or m to rad or m, in place of ``ratio`` and ``offset``.
     """
 
     name: Name
@@ -201,6 +204,7 @@ class Coupling(Part):
     leader: Name
     ratio: Real = 1.0
     offset: Real = 0.0
+    polycoef: tuple[Real, Real, Real, Real, Real] | None = None
 
 
 class Spring(Part):

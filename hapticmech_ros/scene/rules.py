@@ -190,6 +190,11 @@ def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
                 yield SceneProblem(f"{key}.{end}", name, rule)
         if coupling.joint == coupling.leader:
             yield SceneProblem(f"{key}.leader", coupling.leader, "must be another joint")
+        if coupling.polycoef is not None:
+            for old, place in (("offset", 0), ("ratio", 1)):
+                if old in coupling.model_fields_set:
+                    rule = f"leave it out beside polycoef, and say it as polycoef[{place}]"
+                    yield SceneProblem(f"{key}.{old}", getattr(coupling, old), rule)
         if coupling.name in closures:
             yield SceneProblem(f"{key}.name", coupling.name, "must differ from closures' names")
 

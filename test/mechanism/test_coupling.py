@@ -1,21 +1,24 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Couplings: joints that keep a ratio, as gears and mimic joints do."""
+"""Couplings: joints that keep a ratio, as gears and mimic joints do, or a curve, as cams do."""
 
 import numpy as np
 import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.redundancy import redundancy
+from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.implementations import apart, condition
 from oracles.mechanism.stepping import ReadableSimulator
+from oracles.operational import ReadableAnalyser
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 from oracles.running import run, unaccounted
 
 BOTH = pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 RATIO, OFFSET = -2.5, 0.3
+CURVE = [0.02, 0.1, -0.06, 0.04, 0.015]
 
 
 def geared(links=2, gravity_y=-9.81, sliding=False, **changes):
@@ -26,6 +29,15 @@ def geared(links=2, gravity_y=-9.81, sliding=False, **changes):
     names = [link["joint"]["name"] for link in document["links"]]
     coupling = {"name": "gear", "joint": names[1], "leader": names[0]}
     document["couplings"] = [coupling | {"ratio": RATIO, "offset": OFFSET} | changes]
+    return document
+
+
+def cam(links=2, sliding=True, **changes):
+    """Return the chain with the second joint on a curve of degree 4."""
+    document = geared(links, sliding=sliding)
+    (gear,) = document["couplings"]
+    kept = {key: value for key, value in gear.items() if key not in ("ratio", "offset")}
+    document["couplings"] = [kept | {"polycoef": CURVE} | changes]
     return document
 
 
@@ -76,6 +88,62 @@ def test_terms_are_those_of_the_readable_ones():
         assert apart(*accelerations) < 1e-12 * condition(other.space)
 
 
+@pytest.mark.parametrize("sliding", [False, True])
+def test_a_curve_has_the_terms_of_its_derivatives(sliding):
+    """W, Ẇv by hand and by the readable twin; v̇ as one joint with the inertia along the curve."""
+    document = cam(sliding=sliding)
+    ours, plain = simulator(document), simulator(document, ReadableSimulator)
+    p, generator = np.polynomial.Polynomial(CURVE), np.random.default_rng(8)
+    active = ours.initial_state().active
+    for _ in range(20):
+        lead, rate = generator.normal(size=2)
+        along = np.array((1.0, p.deriv()(lead)))
+        q, v = np.array((lead, p(lead))), along * rate
+        one, other = (s.mechanism.evaluate(q, v, active) for s in (ours, plain))
+        turned = np.array((0.0, p.deriv(2)(lead) * rate**2))
+        for terms in (one, other):
+            assert np.abs(terms.closure_residual).max() < 1e-15
+            assert np.abs(terms.closure_jacobian - (-along[1], 1.0)).max() < 1e-14
+            assert terms.closure_bias == pytest.approx([-turned[1]], rel=1e-13)
+        left = -one.bias_force - one.inertia @ turned
+        expected = along * (along @ left / (along @ one.inertia @ along)) + turned
+        found, _ = one.acceleration(np.zeros(2))
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+        assert apart(found, other.acceleration(np.zeros(2))[0]) < 1e-12 * condition(other.space)
+
+
+def test_on_a_curve_energy_stays_for_seconds():
+    document = cam()
+    document["simulation"] = {"integrator": "rk4", "substeps": 8}
+    sim = simulator(document)
+    states = run(sim, 4.0)
+    p = np.polynomial.Polynomial(CURVE)
+    assert max(abs(s.q[1] - p(s.q[0])) for s in states) < 1e-12
+    assert max(abs(s.v[1] - p.deriv()(s.q[0]) * s.v[0]) for s in states) < 1e-11
+    fastest = max(sim.mechanism.energy(s.q, s.v)[0] for s in states)
+    assert np.abs(unaccounted(sim, states)).max() < 1e-9 * fastest
+    assert np.ptp([p.deriv()(s.q[0]) for s in states]) > 0.05
+
+
+def test_a_straight_curve_is_a_gear():
+    q = np.array((0.4, 0.7, -0.2, 0.1))
+    straight = [OFFSET, RATIO, 0.0, 0.0, 0.0]
+    documents = geared(links=4), cam(4, sliding=False, polycoef=straight)
+    gear, curve = (simulator(one).mechanism for one in documents)
+    one, other = (m.evaluate(q, np.ones(4), (True,)) for m in (gear, curve))
+    assert np.array_equal(one.closure_jacobian, other.closure_jacobian)
+    assert np.array_equal(one.closure_residual, other.closure_residual)
+
+
+def test_baumgarte_pulls_it_onto_the_curve():
+    document = cam()
+    document["simulation"] = {"stabilisation": "baumgarte", "baumgarte_rate": 50.0}
+    found = [run(simulator(document, kind), 0.3)[-1] for kind in (Simulator, ReadableSimulator)]
+    assert np.abs(found[0].q - found[1].q).max() < 1e-10
+    p = np.polynomial.Polynomial(CURVE)
+    assert abs(found[0].q[1] - p(found[0].q[0])) < 1e-6
+
+
 def test_a_gear_beside_a_closed_loop_counts_as_any_other_row():
     sim = simulator(geared(links=4))
     state = sim.initial_state()
@@ -110,6 +178,8 @@ def test_a_switched_off_gear_lets_go():
         ({"leader": "nobody"}, "unknown joint"),
         ({"ratio": float("nan")}, "finite"),
         ({"sign": 1.0}, "unknown key"),
+        ({"polycoef": CURVE}, r"ratio.*say it as polycoef\[1\]"),
+        ({"polycoef": CURVE[:4]}, r"polycoef\[4\]"),
     ],
 )
 def test_what_cannot_be_coupled_is_refused(changes, rule):
@@ -126,3 +196,14 @@ def test_a_joint_is_not_coupled_with_itself_or_where_it_cannot_move():
     document["links"][1]["joint"]["locked"] = True
     with pytest.raises(SceneError, match="not locked can be coupled"):
         scene_from_document(document)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.002])
+def test_what_is_felt_on_a_curve_is_what_the_readable_analysis_finds(delay):
+    ours, plain = simulator(cam(4)), simulator(cam(4), ReadableSimulator)
+    p, v = np.polynomial.Polynomial(CURVE), np.array((0.9, 0.0, -0.7, 0.4))
+    q = np.array((0.5, p(0.5), 0.3, -0.6))
+    v[1] = p.deriv()(0.5) * v[0]
+    one = Analyser(ours.mechanism, compensated_delay=delay).observe(q, v, (True,))
+    other = ReadableAnalyser(plain.mechanism, compensated_delay=delay).observe(q, v, (True,))
+    assert apart(one.model, other.model, np.abs(other.model).max()) < 1e-11

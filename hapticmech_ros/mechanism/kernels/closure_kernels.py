@@ -3,8 +3,8 @@
 """Residual φ, Jacobian W and bias Ẇv of each kind of closure, as :mod:`closures` defines them.
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
-rod's length is that of the first axis of its frame a. A coupling has ratio and offset in the place
-of that frame, and no wrenches: see ``coupling_kernels``.
+rod's length is that of the first axis of its frame a. A coupling has a polynomial in the
+place of that frame, and no wrenches: see ``coupling_kernels``.
 """
 
 from __future__ import annotations

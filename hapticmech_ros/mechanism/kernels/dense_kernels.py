@@ -54,7 +54,7 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
                 jacobian[row, c] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
         if kind == COUPLING:
-            add_gear(model, a, b, jacobian[first])
+            add_gear(model, data.poses, a, b, jacobian[first])
     rank = NOT_DECIDED
     if m >= SOME_ROWS:
         rank = _resolve_by_reflections(model, tolerance, data)

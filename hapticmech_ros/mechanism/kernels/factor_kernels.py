@@ -56,7 +56,7 @@ def locate(model: Model, q: Array, data: Data) -> None:
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
-            residual[first] = gear_error(model, a, b, q)
+            residual[first] = gear_error(model, poses, a, b, q)
             pairs[first, :] = 0.0
             continue
         residual_of(kind, poses, a, b, first, residual)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, bias_of
+from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_bias
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.model import Model
@@ -69,15 +70,15 @@ def _move_frame(model: Model, data: Data, motions: Array, frame: int, motion: Ar
 
 
 @inner
-def closure_bias(model: Model, data: Data, motions: Array, bias: Array) -> None:
-    """Fill ``bias`` (m,) with Ẇv, given the joints' motions."""
+def closure_bias(model: Model, data: Data, v: Array, motions: Array, bias: Array) -> None:
+    """Fill ``bias`` (m,) with Ẇv, given rates (nv,) and the joints' motions at them."""
     small, closures, poses = model.small, model.closures, data.poses
     motion_a, motion_b = small[0], small[1]
     for index in range(closures.shape[0]):
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         if kind == COUPLING:
-            bias[first] = 0.0
+            bias[first] = gear_bias(model, poses, a, b, v)
             continue
         _move_frame(model, data, motions, a, motion_a)
         _move_frame(model, data, motions, b, motion_b)
@@ -190,7 +191,7 @@ def move_frames(
     motions = model.motions
     move_joints(model, data, v, motions)
     bias_force_of(model, data, motions, terms[:nv])
-    closure_bias(model, data, motions, terms[3 * nv : 3 * nv + m])
+    closure_bias(model, data, v, motions, terms[3 * nv : 3 * nv + m])
     at = 3 * nv + m
     for index in range(model.points.size):
         jacobian = shaped(terms[at : at + 6 * nv], (6, nv))

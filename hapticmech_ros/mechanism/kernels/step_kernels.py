@@ -129,7 +129,7 @@ def find_rates(
     passive, dissipative, bias_force = forces[0], forces[1], forces[2]
     bias_force_of(model, data, motions, bias_force)
     if m > 0:
-        closure_bias(model, data, motions, bias)
+        closure_bias(model, data, parts.v, motions, bias)
         if parts.settings[BAUMGARTE_RATE] > 0.0:
             _pull(model, data, parts, bias)
     v, held, effort, settings = parts.v, parts.held, model.effort, parts.settings
@@ -168,7 +168,7 @@ def _pull(model: Model, data: Data, parts: Work, bias: Array) -> None:
         for i in range(first, end_of_rows(closures, index, model.m)):
             speed = pair_power(joints, axes, carriers[a], carriers[b], pairs[i], v)
             if kind == COUPLING:
-                speed = gear_speed(model, a, b, v)
+                speed = gear_speed(model, data.poses, a, b, v)
             bias[i] += 2.0 * pull * speed + pull * pull * residual[i]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import _POINT_ROWS, WORLD_AXES, LoopClosure
@@ -21,7 +22,7 @@ class ReadableClosure(LoopClosure):
         """Return (m,) φ from placements already in ``data``: m, then rad to first order."""
         if self.kind == "coupling":
             joint, leader = (data.joints[k].joint_q.item() for k in self._joints(model))
-            return np.array([joint - self.gear[0] * leader - self.gear[1]])
+            return np.array([joint - Polynomial(self.gear)(leader)])
         a, b = data.oMf[self.frame_a], data.oMf[self.frame_b]
         if self.kind == "rod":
             gap, length = a.translation - b.translation, self.rod_length
@@ -36,7 +37,7 @@ class ReadableClosure(LoopClosure):
     def jacobian(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m, nv) W = ∂φ/∂q, from ``computeJointJacobians`` and placements in ``data``."""
         if self.kind == "coupling":
-            return self._gear_row(model)
+            return self._gear_row(model, data)
         # Pinocchio gives a vector instead of a matrix where there is one degree of freedom.
         shape = (6, model.nv)
         jacobian_a = pin.getFrameJacobian(model, data, self.frame_a, WORLD_AXES).reshape(shape)
@@ -58,7 +59,7 @@ class ReadableClosure(LoopClosure):
     def bias(self, model: pin.Model, data: pin.Data) -> Array:
         """Return (m,) γ = Ẇv, from ``forwardKinematics(q, v, 0)`` in ``data``; m/s², 1/s²."""
         if self.kind == "coupling":
-            return np.zeros(1)
+            return self._gear_bias(model, data)
         motion = pin.getFrameClassicalAcceleration
         accel_a = motion(model, data, self.frame_a, WORLD_AXES)
         accel_b = motion(model, data, self.frame_b, WORLD_AXES)
@@ -89,12 +90,20 @@ class ReadableClosure(LoopClosure):
         a, b = model.frames[self.frame_a], model.frames[self.frame_b]
         return int(a.parentJoint), int(b.parentJoint)
 
-    def _gear_row(self, model: pin.Model) -> Array:
+    def _gear_row(self, model: pin.Model, data: pin.Data) -> Array:
         row = np.zeros((1, model.nv))
         joint, leader = self._joints(model)
         row[0, model.idx_vs[joint]] = 1.0
-        row[0, model.idx_vs[leader]] -= self.gear[0]
+        at = data.joints[leader].joint_q.item()
+        row[0, model.idx_vs[leader]] -= Polynomial(self.gear).deriv()(at)
         return row
+
+    def _gear_bias(self, model: pin.Model, data: pin.Data) -> Array:
+        """Return (1,) Ẇv = -p'' θ̇² of the leader."""
+        _, leader = self._joints(model)
+        at, twist = data.joints[leader].joint_q.item(), data.joints[leader].v.vector
+        # The joint's axis is of length 1.
+        return np.array([-Polynomial(self.gear).deriv(2)(at) * (twist @ twist)])
 
     def _rod_bias(self, model: pin.Model, data: pin.Data, acceleration: Array) -> Array:
         """Return (1,) Ẇv = (|ḋ|² + d·d̈) / L with d = p_a - p_b and d̈ at v̇ = 0."""
