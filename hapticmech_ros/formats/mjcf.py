@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.mjcf_classes import Context, settings
-from hapticmech_ros.formats.mjcf_equalities import Equalities
+from hapticmech_ros.formats.mjcf_equalities import INACTIVE, WHY_INACTIVE, Equalities
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
 from hapticmech_ros.formats.mjcf_keyframes import read_keyframes
 from hapticmech_ros.formats.mjcf_replicate import WHY as WHY_REPLICAS
@@ -56,6 +56,7 @@ WHY = {
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
+    INACTIVE: WHY_INACTIVE,
     **WHY_REPLICAS,
     **WHY_ROTORS,
 }
@@ -124,8 +125,9 @@ class _Reader:
         hinges = with_rotors(self.context, self.hinges, self.notes)
         start: dict[str, State] = {name: ref for name, ref in self.refs.items() if ref}
         start |= self.free
-        equalities = Equalities(self.context, self.poses, self.sites, self.refs)
+        equalities = Equalities(self.context, self.poses, self.sites, self.refs, hinges, self.notes)
         equalities.read()
+        hinges = equalities.locked()
         return Model(
             source.root.attributes.get("model") or source.path.stem,
             self.bodies,
@@ -141,6 +143,7 @@ class _Reader:
             floating="a <freejoint/> makes a body float",
             keyframes=read_keyframes(source, hinges, start),
             where={key: source.where(node) for key, node in self.nodes.items()},
+            locks=equalities.reasons,
         )
 
     def _weigh(self) -> None:

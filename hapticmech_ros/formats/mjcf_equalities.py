@@ -1,21 +1,35 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Equalities of MJCF: connect and weld are closures, joints and tendons of two are couplings."""
+"""Equalities of MJCF: connect and weld are closures, those of two joints or a tendon couplings.
+
+One of a single joint locks it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from hapticmech_ros.errors import nearest
 from hapticmech_ros.formats.mjcf_classes import Context, settings
-from hapticmech_ros.formats.model import WORLD, Coupling, LoopJoint
+from hapticmech_ros.formats.model import WORLD, Coupling, Joint, LoopJoint
 from hapticmech_ros.formats.xml_nodes import Node
 
 Place = tuple[str, pin.SE3]
+# rad or m, between two places that are one.
+SAME = 1e-9
+INACTIVE = "inactive equality of a joint or tendon"
+WHY_INACTIVE = "say locked joints and couplings in a scene file"
+LOCK, FOLLOWS = "an equality without joint2", "follows a joint that is locked"
+NOT_BACK = (
+    "joint1 is locked, joint2 not: leave the equality out, and lock joint2 where it holds it by a"
+    " joint equality without joint2"
+)
 
 
 @dataclass
@@ -27,14 +41,21 @@ class Equalities:
         poses: bodies in the world where the file draws them, which is at the joints' ``ref``.
         sites: sites in their bodies.
         refs: positions of joints where the file draws them; joints that have one coordinate.
+        hinges: joints.
+        notes: to count in what is not read.
     """
 
     context: Context
     poses: Mapping[str, pin.SE3]
     sites: Mapping[str, Place]
     refs: Mapping[str, float]
+    hinges: Iterable[Joint]
+    notes: Counter[str]
     loop_joints: list[LoopJoint] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
+    locks: dict[str, float] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
+    _nodes: dict[str, Node] = field(default_factory=dict)
 
     def read(self) -> None:
         """Read them all.
@@ -53,15 +74,31 @@ class Equalities:
                 )
             elif node.tag == "weld":
                 self.loop_joints.append(LoopJoint(name, "weld", *self._welded(full), active))
-            elif node.tag == "joint":
-                if active:
-                    self.couplings.append(self._coupled(full, name))
-            elif node.tag == "tendon":
-                if active:
-                    self.couplings.append(self._held_tendon(full, name))
-            else:
+            elif node.tag not in ("joint", "tendon"):
                 rule = "an equality must be connect, weld, joint or tendon"
                 raise self.context.source.error(node, node.tag, rule)
+            elif not active:
+                self.notes[INACTIVE] += 1
+            elif node.tag == "tendon":
+                self._nodes[name] = node
+                self.couplings.append(self._held_tendon(full, name))
+            elif full.attributes.get("joint2", "").strip():
+                self._nodes[name] = node
+                self.couplings.append(self._coupled(full, name))
+            else:
+                joint = self.context.source.text(full, "joint1")
+                at = self._ref(full, joint) + self._polycoef(full)[0]
+                self._lock(full, joint, at, LOCK)
+        self._settle()
+
+    def locked(self) -> list[Joint]:
+        """Return the joints, those that equalities lock with stops that leave no travel."""
+        return [
+            replace(hinge, limits=(self.locks[hinge.name],) * 2)
+            if hinge.name in self.locks
+            else hinge
+            for hinge in self.hinges
+        ]
 
     def _full(self, node: Node) -> Node:
         """Return an equality with the defaults of all equalities, which are under that name."""
@@ -114,19 +151,60 @@ class Equalities:
             relative = pin.SE3(turn.matrix(), np.array(given[:3]) - turn.matrix() @ anchor)
         return (one, relative), (other, pin.SE3.Identity())
 
+    def _lock(self, node: Node, joint: str, at: float, reason: str) -> None:
+        before = self._held().get(joint, at)
+        if abs(before - at) > SAME:
+            rule = f"{joint} is locked at {before:g} already: leave one of the two out"
+            raise self.context.source.error(node, at, rule)
+        self.locks.setdefault(joint, at)
+        self.reasons.setdefault(joint, reason)
+
+    def _held(self) -> dict[str, float]:
+        """Return where joints are locked, by their stops or by equalities."""
+        stops = {hinge.name: hinge.limits for hinge in self.hinges if hinge.limits is not None}
+        still = {name: lower for name, (lower, upper) in stops.items() if lower == upper}
+        return {**still, **self.locks}
+
+    def _settle(self) -> None:
+        """Lock what follows joints that are locked: nothing is left to couple there."""
+        before = -1
+        while before != len(self.couplings):
+            before, held = len(self.couplings), self._held()
+            for one in [one for one in self.couplings if one.leader in held]:
+                self.couplings.remove(one)
+                p = Polynomial(one.polycoef or (one.offset, one.ratio))
+                at = float(p(held[one.leader]))
+                self._lock(self._nodes[one.name], one.joint, at, FOLLOWS)
+        for one in self.couplings:
+            if one.joint in held:
+                raise self.context.source.error(self._nodes[one.name], one.joint, NOT_BACK)
+
     def _coupled(self, node: Node, name: str) -> Coupling:
+        """Return q1 - ref1 = p(q2 - ref2) as q1 = a polynomial of q2."""
         joint = self.context.source.text(node, "joint1")
-        leader = node.attributes.get("joint2", "").strip()
-        offset, ratio, *bent = self.context.padded(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))
-        if not leader or any(bent):
-            rule = "a joint equality needs joint2 and a straight line: polycoef='a b 0 0 0'"
-            raise self.context.source.error(node, node.attributes.get("polycoef"), rule)
-        offset += self._ref(node, joint) - ratio * self._ref(node, leader)
-        return Coupling(name, joint, leader, ratio, offset)
+        leader = self.context.source.text(node, "joint2")
+        offset, ratio, *bent = self._polycoef(node)
+        here, there = self._ref(node, joint), self._ref(node, leader)
+        if not any(bent):
+            return Coupling(name, joint, leader, ratio, offset + here - ratio * there)
+        moved = Polynomial((offset + here, ratio, *bent))(Polynomial((-there, 1.0)))
+        coefficients = np.zeros(5)
+        coefficients[: moved.coef.size] = moved.coef
+        return Coupling(name, joint, leader, 0.0, 0.0, tuple(coefficients.tolist()))
+
+    def _polycoef(self, node: Node) -> tuple[float, ...]:
+        return self.context.padded(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))
 
     def _ref(self, node: Node, joint: str) -> float:
         if joint not in self.refs:
             rule = f"must be a hinge or slide joint of the file{nearest(joint, self.refs)}"
+            kinds = {hinge.name: hinge.type for hinge in self.hinges}
+            if kinds.get(joint) in ("spherical", "free"):
+                kind = "ball" if kinds[joint] == "spherical" else "free"
+                rule = (
+                    f"is a {kind} joint, and only hinge and slide joints can be coupled or locked:"
+                    " write it as such joints, or hold its body by <weld>"
+                )
             raise self.context.source.error(node, joint, rule)
         return self.refs[joint]
 
@@ -143,7 +221,7 @@ class Equalities:
         shares = [source.value(one, "coef") for one in ends[0]]
         if not shares[0]:
             raise source.error(ends[0][0], 0.0, "coef must not be zero")
-        longer = self.context.padded(node, "polycoef", (0.0, 1.0, 0.0, 0.0, 0.0))[0]
+        longer = self._polycoef(node)[0]
         drawn = [self._ref(one, joint) for one, joint in zip(ends[0], joints, strict=True)]
         ratio = -shares[1] / shares[0]
         offset = drawn[0] - ratio * drawn[1] + longer / shares[0]

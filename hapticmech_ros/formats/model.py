@@ -137,13 +137,14 @@ class LoopJoint:
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """θ_joint = ratio θ_leader + offset."""
+    """θ_joint = ratio θ_leader + offset; or a polynomial of θ_leader, the constant first."""
 
     name: str
     joint: str
     leader: str
     ratio: float
     offset: float
+    polycoef: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +203,7 @@ class Model:
         floating: how a body comes to float, for messages.
         keyframes: by name.
         where: "link" or "joint", and name -> line and element.
+        locks: joints whose stops leave no travel, though the file has no such stops -> what it has.
     """
 
     name: str
@@ -219,6 +221,7 @@ class Model:
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
     where: Mapping[tuple[str, str], str] = field(default_factory=dict)
     visuals: Sequence[Solid] = ()
+    locks: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -158,10 +158,10 @@ class _Builder:
         return f"{kind} {name}" if line is None else f"{line}: {kind} {name}"
 
     def _keyframe(self, found: Keyframe) -> Keyframe:
-        """Return a keyframe with the scene's names; joints that close loops have none."""
+        """Return a keyframe with the scene's names; joints that close loops or are locked: none."""
+        known = self._joints.keys() - {hinge.name for hinge in self._locked()}
         q, v = (
-            {self._joints[name]: at for name, at in part.items() if name in self._joints}
-            for part in found
+            {self._joints[name]: at for name, at in part.items() if name in known} for part in found
         )
         return Keyframe(q, v)
 
@@ -342,13 +342,14 @@ class _Builder:
                 rule = f"no such joint{nearest(joint, self._joints)}"
                 rule = rule if absent is None else f"joint {joint!r} {absent}: {NO_POSITION}"
                 raise _refused(self._source, where, joint, rule)
-        return {
+        found: Document = {
             "name": self._names.new(coupling.name),
             "joint": self._joints[coupling.joint],
             "leader": self._joints[coupling.leader],
-            "ratio": coupling.ratio,
-            "offset": coupling.offset,
         }
+        if coupling.polycoef:
+            return {**found, "polycoef": list(coupling.polycoef)}
+        return {**found, "ratio": coupling.ratio, "offset": coupling.offset}
 
     def _locked(self) -> list[Joint]:
         """Return the joints whose stops leave no travel, and which close no loop."""
@@ -379,7 +380,11 @@ class _Builder:
 
     def _notes(self) -> list[Note]:
         notes = [
-            Note(f"joint {hinge.name}: lower = upper", 1, f"locked at {_stops(hinge)[0]:g}")
+            Note(
+                f"joint {hinge.name}: {self._model.locks.get(hinge.name, 'lower = upper')}",
+                1,
+                f"locked at {_stops(hinge)[0]:g}",
+            )
             for hinge in self._locked()
         ]
         notes += [one for one in map(self._travel, self._model.couplings) if one is not None]

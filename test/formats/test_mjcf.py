@@ -568,8 +568,8 @@ BROKEN = {
     ),
     "polycoef": (
         '<worldbody><body><joint name="j"/></body></worldbody><equality>'
-        '<joint joint1="j" joint2="j" polycoef="0 1 2"/></equality>',
-        "a straight line",
+        '<joint joint1="j" joint2="j" polycoef="0 1 2 3 4 5"/></equality>',
+        "polycoef",
     ),
     "equality": ("<worldbody/><equality><flex/></equality>", "connect, weld, joint or tendon"),
     "long tendon": (
