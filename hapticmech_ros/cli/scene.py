@@ -62,6 +62,9 @@ def check(
     json_only: Annotated[
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
     ] = False,
+    seconds: Annotated[
+        float, typer.Option(min=0.0, help="leave out what is not known of its steps after so long")
+    ] = 10.0,
     changes: ChangesOption = None,
 ) -> None:
     """Print what SCENE is, which parts of its model file are not used, and possible problems."""
@@ -70,7 +73,12 @@ def check(
     from hapticmech_ros.loading import find_scene, load_scene
     from hapticmech_ros.plan.scene_check import check_scene
 
-    found = check_scene(load_scene(scene, changes=changes or ()))
+    loaded = load_scene(scene, changes=changes or ())
+    if json_only:
+        found = check_scene(loaded, seconds)
+    else:
+        with console.status("scene") as status:
+            found = check_scene(loaded, seconds, status.update)
     left = left_out(find_scene(scene))
     if json_only:
         import json

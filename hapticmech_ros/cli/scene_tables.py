@@ -148,6 +148,9 @@ def _open_by(loop: LoopResidual) -> str:
 def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:
     if found.failed:
         return
+    if found.left_out:
+        yield "left out", f"{found.left_out} (--seconds gives it more)"
+        return
     yield (
         "accuracy of steps",
         f"over {found.duration_s:g} s, with steps of a tenth the operational point differs by"

@@ -41,7 +41,7 @@ _CLOSED, _FOLLOWS = 1e-12, 0.1 * SOLVER_RANK_TOLERANCE
 # m over the length.
 _SAMPLES, _STRETCH, _APART = 48, 8, 0.15
 # Of Gauss-Newton in the joints.
-_STEPS, _STEP_LIMIT, _SMALL_STEP = 300, 0.1, 1e-13
+_STEPS, _STEP_LIMIT, _SMALL_STEP = 60, 0.1, 1e-13
 # Of that in the frames; singular values below this share of the largest are the rounding of files.
 _ROUNDS, _DETERMINED = 8, 1e-5
 

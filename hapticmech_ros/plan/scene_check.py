@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,18 +90,26 @@ class SceneCheck:
     warnings: tuple[str, ...]
 
 
-def check_scene(scene: Scene) -> SceneCheck:
+def check_scene(
+    scene: Scene, seconds: float = math.inf, show: Callable[[str], None] | None = None
+) -> SceneCheck:
     """Return the properties of a scene at its start.
+
+    Args:
+        scene: what to look at.
+        seconds: after which the accuracy of steps is left out, as far as it is not known.
+        show: called with what is done now.
 
     Raises:
         SingularInertiaError: a joint moves no mass.
         ClosureError: its loops cannot be closed.
     """
+    ends = time.monotonic() + seconds
     simulator = Simulator(scene)
     mechanism, state = simulator.mechanism, simulator.initial_state()
     rows = redundancy(mechanism, state.q, state.active)
     followed = {one.name: len(one.redundant) for one in rows.closures}
-    points, accuracy = tuple(_points(simulator, state)), step_accuracy(scene)
+    points, accuracy = tuple(_points(simulator, state)), step_accuracy(scene, ends, show)
     return SceneCheck(
         scene=scene.name,
         links=len(scene.links),

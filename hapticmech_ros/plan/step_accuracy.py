@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +18,8 @@ from hapticmech_ros.simulation.state import EnergyAccount
 
 # Steps that are compared are shorter by this.
 FINER = 10
+# Ticks from one look at the clock to the next.
+_STRETCH = 25
 # Of an experiment, one for each user.
 Runs = tuple[Run, ...]
 
@@ -33,6 +38,7 @@ class StepAccuracy:
         refined: steps that were done again in smaller ones, or with care.
         inaccurate: of these, how many were off by more than the tolerance all the same.
         failed: why one of the two ended early; empty if neither did.
+        left_out: what there was no time for; empty if there was.
     """
 
     duration_s: float
@@ -44,28 +50,71 @@ class StepAccuracy:
     refined: int = 0
     inaccurate: int = 0
     failed: str = ""
+    left_out: str = ""
 
 
-def step_accuracy(scene: Scene) -> StepAccuracy:
+class _OutOfTime(Exception):
+    """There is no time for the rest of an experiment."""
+
+
+def step_accuracy(
+    scene: Scene, ends: float = math.inf, show: Callable[[str], None] | None = None
+) -> StepAccuracy:
     """Run the scene's experiment at its own step and at a tenth of it, and return the difference.
 
     Device, hand and controllers keep their periods: only the mechanism's steps differ.
+
+    Args:
+        scene: whose experiment.
+        ends: time of ``time.monotonic()`` at which what is not yet done is left out, s.
+        show: called with what is done now.
     """
     finer = scene.stepped(substeps=scene.simulation.substeps * FINER)
-    duration = scene.experiment.duration
+    duration, what, share = scene.experiment.duration, "", 0.0
+
+    def watch(done: float) -> None:
+        nonlocal share
+        share = done
+        if show is not None:
+            show(f"{what}: {done:.0%}")
+        if time.monotonic() > ends:
+            raise _OutOfTime
+
+    account = None
     try:
-        coarse, account = experiment_run(scene)
-        fine, _ = experiment_run(finer)
+        what = "steps of the experiment"
+        coarse, account = experiment_run(scene, watch)
+        what = "the same with steps of a tenth"
+        fine, _ = experiment_run(finer, watch)
     except HapticMechError as error:
         return StepAccuracy(duration, failed=str(error))
+    except _OutOfTime:
+        left_out = f"{what}: {share:.0%} done when the time was up"
+        if account is None:
+            return StepAccuracy(duration, left_out=left_out)
+        return _accounted(duration, account, left_out=left_out)
+    return _accounted(duration, account, *away(coarse, fine))
+
+
+def _accounted(
+    duration: float,
+    account: EnergyAccount,
+    position: float = 0.0,
+    rotation: float = 0.0,
+    force: float = 0.0,
+    left_out: str = "",
+) -> StepAccuracy:
     lost = account.damping_loss + account.latch_loss + abs(account.contact_loss)
     return StepAccuracy(
         duration,
-        *away(coarse, fine),
+        position,
+        rotation,
+        force,
         account.surplus,
         abs(account.work_in) + lost,
         account.refined,
         account.inaccurate,
+        left_out=left_out,
     )
 
 
@@ -97,16 +146,29 @@ def _apart(one: Run, other: Run) -> tuple[float, float, float]:
     )
 
 
-def experiment_run(scene: Scene) -> tuple[Runs, EnergyAccount]:
+def experiment_run(
+    scene: Scene, watch: Callable[[float], None] | None = None
+) -> tuple[Runs, EnergyAccount]:
     """Return a scene's experiment from its start, and the mechanism's energy account at its end.
 
     Args:
         scene: whose experiment; all its users take part.
+        watch: called with the share that is done, now and then; what it raises ends the experiment.
     """
     start = min(scene.held_at(point).hand.start_delay for point in scene.held_points)
     ticks = max(1, round((start + scene.experiment.duration) / scene.simulation.period))
-    if len(scene.held_points) > 1:
-        shared = SharedSession(scene)
-        return tuple(shared.run(ticks).values()), shared.mechanism.account
-    session = Session(scene)
-    return (session.run(ticks),), session.mechanism.account
+    session = SharedSession(scene) if len(scene.held_points) > 1 else Session(scene)
+    stretches: list[Runs] = []
+    done, most = 0, ticks if watch is None else _STRETCH
+    while done < ticks:
+        count = min(most, ticks - done)
+        found = session.run(count)
+        stretches.append((found,) if isinstance(found, Run) else tuple(found.values()))
+        done += count
+        if watch is not None:
+            watch(done / ticks)
+    runs = (
+        Run(np.concatenate([part.rows for part in parts]), parts[0].layout)
+        for parts in zip(*stretches, strict=True)
+    )
+    return tuple(runs), session.mechanism.account
