@@ -68,17 +68,24 @@ def check(
     changes: ChangesOption = None,
 ) -> None:
     """Print what SCENE is, which parts of its model file are not used, and possible problems."""
+    import time
+
     from hapticmech_ros.cli.scene_tables import show_check
     from hapticmech_ros.formats import left_out
     from hapticmech_ros.loading import find_scene, load_scene
     from hapticmech_ros.plan.scene_check import check_scene
 
+    ends = time.monotonic() + seconds
     loaded = load_scene(scene, changes=changes or ())
+
+    def is_over() -> bool:
+        return time.monotonic() > ends
+
     if json_only:
-        found = check_scene(loaded, seconds)
+        found = check_scene(loaded, is_over)
     else:
         with console.status("scene") as status:
-            found = check_scene(loaded, seconds, status.update)
+            found = check_scene(loaded, is_over, status.update)
     left = left_out(find_scene(scene))
     if json_only:
         import json

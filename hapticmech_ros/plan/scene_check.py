@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -91,25 +89,27 @@ class SceneCheck:
 
 
 def check_scene(
-    scene: Scene, seconds: float = math.inf, show: Callable[[str], None] | None = None
+    scene: Scene,
+    is_over: Callable[[], bool] | None = None,
+    show: Callable[[str], None] | None = None,
 ) -> SceneCheck:
     """Return the properties of a scene at its start.
 
     Args:
         scene: what to look at.
-        seconds: after which the accuracy of steps is left out, as far as it is not known.
+        is_over: whether the time is up, so that what is not known yet of the steps' accuracy is
+            left out; never if None.
         show: called with what is done now.
 
     Raises:
         SingularInertiaError: a joint moves no mass.
         ClosureError: its loops cannot be closed.
     """
-    ends = time.monotonic() + seconds
     simulator = Simulator(scene)
     mechanism, state = simulator.mechanism, simulator.initial_state()
     rows = redundancy(mechanism, state.q, state.active)
     followed = {one.name: len(one.redundant) for one in rows.closures}
-    points, accuracy = tuple(_points(simulator, state)), step_accuracy(scene, ends, show)
+    points, accuracy = tuple(_points(simulator, state)), step_accuracy(scene, is_over, show)
     return SceneCheck(
         scene=scene.name,
         links=len(scene.links),

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -58,7 +56,9 @@ class _OutOfTime(Exception):
 
 
 def step_accuracy(
-    scene: Scene, ends: float = math.inf, show: Callable[[str], None] | None = None
+    scene: Scene,
+    is_over: Callable[[], bool] | None = None,
+    show: Callable[[str], None] | None = None,
 ) -> StepAccuracy:
     """Run the scene's experiment at its own step and at a tenth of it, and return the difference.
 
@@ -66,7 +66,7 @@ def step_accuracy(
 
     Args:
         scene: whose experiment.
-        ends: time of ``time.monotonic()`` at which what is not yet done is left out, s.
+        is_over: whether the time is up, so that what is not yet done is left out; never if None.
         show: called with what is done now.
     """
     finer = scene.stepped(substeps=scene.simulation.substeps * FINER)
@@ -77,7 +77,7 @@ def step_accuracy(
         share = done
         if show is not None:
             show(f"{what}: {done:.0%}")
-        if time.monotonic() > ends:
+        if is_over is not None and is_over():
             raise _OutOfTime
 
     account = None
