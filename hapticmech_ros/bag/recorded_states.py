@@ -6,19 +6,17 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bag.recorded_joints import recorded_joints
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.state import StateColumns, StateLayout
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
@@ -35,6 +33,8 @@ class RecordedStates:
         active: (n, closures) whether each closure is closed.
         grasps: (n, points, 7) where each operational point is.
         topic: of the messages.
+        notes: what is to be said of joint states: rates and joints that were in no message, parts
+            of several publishers, jumps.
     """
 
     stamps_ns: npt.NDArray[np.int64]
@@ -43,6 +43,7 @@ class RecordedStates:
     active: npt.NDArray[np.bool_]
     grasps: Array
     topic: str
+    notes: tuple[str, ...] = ()
 
 
 def states_from_bag(
@@ -55,7 +56,8 @@ def states_from_bag(
         mechanism: that was recorded.
         topic: of joint states of any graph. If empty, ``mechanism/state`` is read, which has every
             sample and the closed loops, or else ``mechanism/measured_js``. Joint states have no
-            information about loops: those closed at the scene's start are assumed.
+            information about loops: those closed at the scene's start are assumed. See
+            :func:`hapticmech_ros.bag.recorded_joints.recorded_joints`.
         namespace: of the graph.
 
     Raises:
@@ -95,35 +97,17 @@ def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStat
 
 
 def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
-    names = coordinate_names(mechanism)
-    stamps, configurations, rates = [], [], []
-    for item in bag.messages(name):
-        stamp = item.message.header.stamp
-        stamps.append(int(stamp.sec) * NANOSECONDS + int(stamp.nanosec))
-        positions = _by_name(item.message, "position", names)
-        configurations.append(mechanism.configuration(positions))
-        given = len(item.message.velocity) > 0
-        rates.append(_by_name(item.message, "velocity", names) if given else np.zeros(len(names)))
-    closed = np.tile(np.array(mechanism.initially_active, dtype=bool), (len(stamps), 1))
-    times = np.array(stamps, dtype=np.int64)
-    held = np.tile(flat_grasps(mechanism.scene), (len(stamps), 1, 1))
-    found = StateColumns(times, closed, np.array(configurations), np.array(rates), held)
-    return _ordered(found, name)
-
-
-def _by_name(message: Any, what: str, names: tuple[str, ...]) -> Array:
-    values = getattr(message, what)
-    if len(values) != len(message.name):
-        rule = f"must be as many as names ({len(message.name)})"
-        raise InvalidInputError(f"number of {what}s", len(values), rule)
-    known = dict(zip(message.name, values, strict=True))
-    missing = [name for name in names if name not in known]
-    if missing:
-        raise InvalidInputError("joints", list(message.name), f"must name {', '.join(missing)}")
-    found = np.array([known[name] for name in names], dtype=float)
-    if not np.isfinite(found).all():
-        raise InvalidInputError(what, found.tolist(), "must be finite")
-    return found
+    found = recorded_joints((item.message for item in bag.messages(name)), mechanism)
+    number = len(found.stamps_ns)
+    return RecordedStates(
+        found.stamps_ns,
+        np.array([mechanism.configuration(row) for row in found.positions]),
+        found.rates,
+        np.tile(np.array(mechanism.initially_active, dtype=bool), (number, 1)),
+        np.tile(flat_grasps(mechanism.scene), (number, 1, 1)),
+        name,
+        found.notes,
+    )
 
 
 def _ordered(found: StateColumns, topic: str) -> RecordedStates:

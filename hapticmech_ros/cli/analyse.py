@@ -65,6 +65,8 @@ def analyse(
         f" analysed in {taken:.2f} s; joint constraints felt: {counts}",
         highlight=False,
     )
+    for note in states.notes:
+        console.print(note, style="yellow", highlight=False, markup=False, soft_wrap=True)
     console.print(f"{table}\n{picture}", highlight=False)
 
 
