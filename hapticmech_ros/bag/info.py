@@ -37,7 +37,10 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True)
 class FileInfo:
-    """One storage file: size on disk, and its messages if the metadata tell them (else None)."""
+    """One storage file: size on disk, and what the metadata tell of its messages.
+
+    None where they tell nothing, or a duration that is none: negative, or longer than the bag's.
+    """
 
     name: str
     bytes: int
@@ -117,15 +120,16 @@ def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
             first,
             duration,
             sum(topic.count for topic in bag.topics.values()),
-            _files(folder, information),
+            _files(folder, information, last - first),
             tuple(_topic(name, topic, duration) for name, topic in bag.topics.items()),
             losses_of(information),
         )
 
 
 def _from_metadata(folder: Path, information: dict[str, Any]) -> BagInfo:
-    duration = information["duration"]["nanoseconds"] / NANOSECONDS
     count = int(information["message_count"])
+    span = max(0, information["duration"]["nanoseconds"]) if count else 0
+    duration = span / NANOSECONDS
     topics = []
     for entry in information["topics_with_message_count"]:
         data = entry["topic_metadata"]
@@ -144,7 +148,7 @@ def _from_metadata(folder: Path, information: dict[str, Any]) -> BagInfo:
         information["starting_time"]["nanoseconds_since_epoch"] if count else 0,
         duration,
         count,
-        _files(folder, information),
+        _files(folder, information, span),
         tuple(sorted(topics, key=lambda topic: topic.name)),
     )
 
@@ -164,7 +168,7 @@ def _topic(name: str, topic: BagTopic, duration: float) -> TopicInfo:
     )
 
 
-def _files(folder: Path, information: dict[str, Any]) -> tuple[FileInfo, ...]:
+def _files(folder: Path, information: dict[str, Any], span_ns: int) -> tuple[FileInfo, ...]:
     if not information:
         return (FileInfo(folder.name, folder.stat().st_size, None, None),)
     told = {entry.get("path"): entry for entry in information.get("files") or []}
@@ -172,12 +176,13 @@ def _files(folder: Path, information: dict[str, Any]) -> tuple[FileInfo, ...]:
     for name in information.get("relative_file_paths") or []:
         file = folder / Path(name).name
         entry = told.get(name, {})
+        lasted = entry["duration"]["nanoseconds"] if "duration" in entry else -1
         found.append(
             FileInfo(
                 file.name,
                 file.stat().st_size if file.exists() else 0,
                 entry.get("message_count"),
-                entry["duration"]["nanoseconds"] / NANOSECONDS if "duration" in entry else None,
+                lasted / NANOSECONDS if 0 <= lasted <= span_ns else None,
             )
         )
     return tuple(found)

@@ -51,7 +51,7 @@ def in_folder(name: str) -> str:
 
 
 _Count = Annotated[int, Field(strict=True, ge=0, le=NEVER_NS)]
-_Number = Annotated[int, Field(strict=True, ge=-NEVER_NS, le=NEVER_NS)]
+_Number = Annotated[int, Field(strict=True, ge=-NEVER_NS - 1, le=NEVER_NS + 1)]
 _Text = Annotated[str, Field(strict=True)]
 _FileName = Annotated[_Text, AfterValidator(in_folder)]
 
@@ -130,6 +130,9 @@ def bag_information(
     finished: bool,
 ) -> dict[str, Any]:
     """Return the fields below ``rosbag2_bagfile_information``.
+
+    As rosbag2 does, a bag or file without messages starts at 2⁶³ - 1 ns, the largest time that it
+    has, and lasts 0 ns.
 
     Args:
         storage: ``mcap`` or ``sqlite3``.

@@ -84,10 +84,11 @@ class BagReader:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """Times of the first and the last message, ns; zeros for an empty bag."""
-        if self._reader.message_count == 0:
+        """Times of the first and the last message in the files, ns; zeros for an empty bag."""
+        first, end = self._reader.start_time, self._reader.end_time
+        if self._reader.message_count == 0 or end <= first:
             return 0, 0
-        return self._reader.start_time, self._reader.end_time - 1
+        return first, end - 1
 
     def messages(self, *names: str) -> Iterator[BagMessage]:
         """Yield the messages of topics in order of reception, in one pass; of all if none given.

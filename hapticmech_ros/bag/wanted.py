@@ -71,7 +71,6 @@ class _Folder(DirectoryReader):
         } - {"cdr"}
         if strange:
             raise ReaderError(f"serialization {sorted(strange)} is not supported")
-        self.metadata = _times(said, mode)
         if mode == "file":
             paths = _plain(paths, Path(stack.enter_context(TemporaryDirectory())))
         self.storages = []
@@ -80,6 +79,7 @@ class _Folder(DirectoryReader):
             storage.open()
             stack.callback(storage.close)
             self.storages.append(storage)
+        self.metadata = _times(said, mode, self.storages)
         definitions = {
             one.msgtype: one.msgdef
             for storage in reversed(self.storages)
@@ -168,15 +168,26 @@ def _connection(number: int, entry: dict[str, Any], owner: DirectoryReader) -> C
     )
 
 
-def _times(said: dict[str, Any], mode: str) -> ReaderMetadata:
-    """Return what the library says of a bag; messages are unpacked here, not there."""
-    count, span = said["message_count"], said["duration"]["nanoseconds"]
-    start = said["starting_time"]["nanoseconds_since_epoch"]
+def _times(said: dict[str, Any], mode: str, storages: Collection[Any]) -> ReaderMetadata:
+    """Return what the library says of a bag; messages are unpacked here, not there.
+
+    Times are those of the files: metadata of bags without messages, or that were cut short, have
+    2⁶³ - 1 ns or nothing where a time should be. A file of SQLite is not counted, and without
+    messages has no times.
+    """
+    found = [
+        one.metadata
+        for one in storages
+        if one.metadata.start_time < one.metadata.end_time
+        and (one.metadata.message_count or isinstance(one, WantedSqlite))
+    ]
+    start = min((one.start_time for one in found), default=_NEVER)
+    end = max((one.end_time for one in found), default=0)
     return ReaderMetadata(
-        duration=span + 1 if count else 0,
-        start_time=start if count else _NEVER,
-        end_time=start + span + 1 if count else 0,
-        message_count=count,
+        duration=max(0, end - start),
+        start_time=start,
+        end_time=end,
+        message_count=said["message_count"],
         compression_format=said.get("compression_format") or None,
         compression_mode=mode if mode == "file" else None,
         ros_distro=said.get("ros_distro"),

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,16 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
+from hapticmech_ros import load_scene
 from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag.check import check
+from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.metadata import as_yaml, read_metadata
 from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.bag.schedule import cut_of
 from hapticmech_ros.errors import BagError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.offline import states_from_bag
 
 STRING = "std_msgs/msg/String"
 # As `ros2 topic info -v` of ROS 2 shows it.
@@ -134,3 +142,53 @@ def test_metadata_is_there_from_the_beginning_and_says_so(storage: str, tmp_path
     with BagReader(tmp_path / "bag") as reader:
         assert reader.topics["/s"].count == 1
     assert not list((tmp_path / "bag").glob("*.tmp"))
+
+
+NEVER = 2**63 - 1
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("start", [NEVER, -1, -NEVER - 1])
+@pytest.mark.parametrize("lasting", [NEVER, NEVER + 1, 0, -1])
+def test_times_are_those_of_the_files_whatever_metadata_say(
+    tmp_path: Path,
+    wrench_bytes: Callable[[int, float], bytes],
+    storage: str,
+    start: int,
+    lasting: int,
+) -> None:
+    """Of bags without messages they say 2^63 - 1 ns where there is no time."""
+    for number in (0, 3):
+        path = tmp_path / f"bag{number}"
+        with BagWriter(path, storage) as writer:
+            writer.add_topic("/f", "geometry_msgs/msg/WrenchStamped")
+            for i in range(number):
+                writer.write("/f", 1000 + 10 * i, wrench_bytes(i, 1.0))
+        file = path / "metadata.yaml"
+        written = YAML(typ="safe").load(file.read_text(encoding="utf-8"))
+        (said,) = written.values()
+        for part in (said, *said["files"]):
+            part["starting_time"] = {"nanoseconds_since_epoch": start}
+            part["duration"] = {"nanoseconds": lasting}
+        file.write_text(as_yaml(written), encoding="utf-8")
+        info = inspect_bag(path)
+        assert (info.messages, info.start_ns) == ((3, 1000) if number else (0, 0))
+        assert info.duration_s == pytest.approx(20e-9 if number else 0.0)
+        assert info.files[0].duration_s == (0.0 if lasting == 0 else None)
+        assert check(path).is_sound == (number > 0)
+        with BagReader(path) as bag:
+            assert len(list(bag.messages())) == number
+            if number:
+                cut = cut_of(bag, ())
+                assert (cut.start_ns, cut.stop_ns) == (1000, 1021)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_bag_without_messages_is_written_as_rosbag2_does(tmp_path: Path, storage: str) -> None:
+    BagWriter(tmp_path / "bag", storage).close()
+    said = read_metadata(tmp_path / "bag")
+    for part in (said, *said["files"]):
+        assert part["starting_time"] == {"nanoseconds_since_epoch": NEVER}
+        assert part["duration"] == {"nanoseconds": 0}
+    with pytest.raises(BagError, match="no messages on /mechanism/measured_js"):
+        states_from_bag(tmp_path / "bag", Mechanism(load_scene("two_link")))
