@@ -16,7 +16,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, Nodetype, Qos
 
 from hapticmech_ros.bag.metadata import is_recording
 from hapticmech_ros.bag.stamps import stamp_reader
-from hapticmech_ros.bag.storage import SUFFIXES
+from hapticmech_ros.bag.storage import COMPRESSED, SUFFIXES
 from hapticmech_ros.bag.wanted import any_reader, number_of_files
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
@@ -145,7 +145,7 @@ class BagReader:
         return stamp_reader(msgtype, str(detail) if kind == Nodetype.NAME else "")
 
     def _check_folder(self) -> None:
-        stored = any(file.suffix in SUFFIXES for file in self.path.iterdir())
+        stored = any(file.suffix in (*SUFFIXES, COMPRESSED) for file in self.path.iterdir())
         hint = f"; `hapticmech bag repair {self.path}` recovers what is there" if stored else ""
         if not (self.path / "metadata.yaml").is_file():
             rule = "not a bag, or its recording was cut short"

@@ -23,14 +23,15 @@ from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
 from hapticmech_ros.bag.scan import FoundTopic, Scan
 from hapticmech_ros.bag.scan_mcap import McapScan
 from hapticmech_ros.bag.scan_sqlite import SqliteScan
-from hapticmech_ros.bag.storage import SUFFIXES
+from hapticmech_ros.bag.storage import COMPRESSED, SUFFIXES
 from hapticmech_ros.bag.unpack import FILE_RATIO, UNPACKED_LIMIT, unpack_file, unpacked
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.cage import CageError, Limits, caged
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import check_file, exists, is_file
 
-COMPRESSED = ".zstd"
+# With what a compressed message begins; a serialized one with 0.
+_ZSTD = b"\x28\xb5\x2f\xfd"
 # What the child may take: bytes of memory; s for any bag, and bytes that it reads in a second.
 MEMORY = 4 * UNPACKED_LIMIT
 SECONDS, BYTES_PER_SECOND = 4, 250_000
@@ -120,7 +121,9 @@ def repair_in_child(item: Mapping[str, str]) -> dict[str, Any]:
     given, target, scratch = Path(item["source"]), Path(item["target"]), Path(item["scratch"])
     information = read_metadata(given) if given.is_dir() else {}
     stated = None if is_unfinished(information) else information.get("message_count")
-    packed = str(information.get("compression_mode") or "").lower() == "message"
+    mode = str(information.get("compression_mode") or "").lower()
+    # Where nobody says so, a message's first bytes do.
+    packed = mode == "message" if information else None
     refused: dict[str, str] = {}
     try:
         files = _storage_files(given)
@@ -170,7 +173,7 @@ def _copy(
     storage: str,
     writer: BagWriter,
     refused: dict[str, str],
-    packed: bool,
+    packed: bool | None,
     scratch: Path,
 ) -> FileRepair:
     """Write what can be read of a file; its messages may be compressed one by one."""
@@ -187,8 +190,9 @@ def _copy(
                 _announce(writer, topic, refused)
                 if data is None or topic.name in refused:
                     continue
+                is_packed = data.startswith(_ZSTD) if packed is None else packed
                 try:
-                    plain_data = unpacked(data, "zstd") if packed else data
+                    plain_data = unpacked(data, "zstd") if is_packed else data
                 except ReaderError as error:
                     trouble, lost = (
                         f"holds a message that cannot be read ({error})",

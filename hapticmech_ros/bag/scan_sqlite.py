@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import sqlite3
 from collections.abc import Iterator
@@ -15,10 +16,12 @@ from rosbags.rosbag2 import ReaderError
 
 from hapticmech_ros.bag.scan import Found
 from hapticmech_ros.bag.tables import (
+    HEAD,
     ROW,
     STEPS_AT_ONCE,
     Steps,
     checked_message,
+    page_size,
     refuse_strange_tables,
     stored_topics,
 )
@@ -49,6 +52,7 @@ class SqliteScan:
         with TemporaryDirectory(dir=self._scratch) as folder:
             copy = Path(folder) / self.path.name
             shutil.copyfile(self.path, copy)
+            _drop_cut_page(copy)
             for suffix in JOURNALS:
                 journal = self.path.with_name(self.path.name + suffix)
                 if exists(journal):
@@ -66,6 +70,16 @@ class SqliteScan:
             except (sqlite3.Error, ReaderError, UnicodeDecodeError) as error:
                 self.trouble = f"cannot be read to its end ({error})"
                 self.lost_bytes = max(0, size - read)
+
+
+def _drop_cut_page(path: Path) -> None:
+    """Take away a page that was cut: SQLite would read zeros where its messages' bytes are gone."""
+    with path.open("r+b") as file:
+        head = file.read(HEAD)
+        size = file.seek(0, io.SEEK_END)
+        page = page_size(head) if len(head) == HEAD else 0
+        if page and size % page:
+            file.truncate(size - size % page)
 
 
 def _rows(database: sqlite3.Connection) -> Iterator[Found]:

@@ -168,6 +168,8 @@ class SqliteFile(Sqlite3Writer):
 
 STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": SqliteFile}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite3"}
+# Behind that of a file that was compressed as a whole.
+COMPRESSED = ".zstd"
 
 
 def _own_folder(folder: Path, stem: str) -> Path:

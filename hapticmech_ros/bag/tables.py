@@ -8,6 +8,7 @@ end. A damaged tree of pages may lead in circles, so that steps and messages are
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -26,6 +27,21 @@ STEPS, STEPS_PER_BYTE = 20_000_000, 20
 STEPS_AT_ONCE = 100_000
 # Bytes that a row has besides its message, at least.
 ROW = 4
+
+
+# Of the first page: its head; place of the size of a page, of which 1 is 65536.
+HEAD = 100
+_PAGE_SIZE, _PAGE_SIZE_AT, _LARGEST_PAGE = struct.Struct(">H"), 16, 65536
+
+
+def page_size(head: bytes) -> int:
+    """Return the bytes of a page.
+
+    Args:
+        head: the first 100 bytes of the file.
+    """
+    (size,) = _PAGE_SIZE.unpack_from(head, _PAGE_SIZE_AT)
+    return _LARGEST_PAGE if size == 1 else int(size)
 
 
 class Steps:

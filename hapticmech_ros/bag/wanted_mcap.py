@@ -74,6 +74,20 @@ class WantedMcap(McapReader):
         found = self.statistics
         if found is not None and max(found.start_time, found.end_time) > LATEST_NS:
             raise ReaderError(f"its messages are of {found.start_time} to {found.end_time} ns")
+        if not self._is_complete():
+            self.statistics = None
+            self.chunks.clear()
+
+    def _is_complete(self) -> bool:
+        """Whether the index has all topics and counts; writers may leave any part of it out."""
+        known = {connection.id for connection in self.connections}
+        found = self.statistics
+        if not known or not self.schemas:
+            return False
+        if found is None:
+            return all(chunk.channel_count for chunk in self.chunks)
+        chunks = len(self.chunks)
+        return set(found.channel_message_counts) <= known and chunks in (0, found.chunk_count)
 
     def meta_scan(self) -> None:
         """Find topics, and count messages, by reading all.
@@ -85,6 +99,7 @@ class WantedMcap(McapReader):
         counts: dict[int, int] = {}
         numbers: dict[str, int] = {}
         first, last = LATEST_NS, 0
+        self.connections.clear()
         for topic, time_ns, data in scan:
             number = numbers.setdefault(topic.name, len(numbers) + 1)
             if data is None and number not in counts:

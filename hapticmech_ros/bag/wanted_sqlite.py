@@ -19,22 +19,21 @@ from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from hapticmech_ros.bag.tables import (
+    HEAD,
     ROW,
     STEPS_AT_ONCE,
     Execute,
     Steps,
     checked_message,
+    page_size,
     refuse_strange_tables,
     stored_topics,
 )
 from hapticmech_ros.bag.unpack import UNPACKED_LIMIT
 from hapticmech_ros.files import check_file, is_file, open_file
 
-# Of the first page: its head; places of the size of a page (1 is 65536), and number of pages.
-_PAGE_SIZE, _PAGES = struct.Struct(">H"), struct.Struct(">I")
-_PAGE_SIZE_AT, _PAGES_AT = 16, 28
-_LARGEST_PAGE = 65536
-_HEAD = 100
+# Of the first page: number of pages.
+_PAGES, _PAGES_AT = struct.Struct(">I"), 28
 # What SQLite leaves beside a file whose writer did not end well.
 _LOGS = {
     "-wal": "a log of messages that are not in it yet",
@@ -127,13 +126,11 @@ class WantedSqlite(Sqlite3Reader):
     def _refuse_cut(self) -> int:
         """Refuse a file that is shorter than its first page says; return its size, bytes."""
         with open_file(str(self.path)) as file:
-            head = file.read(_HEAD)
+            head = file.read(HEAD)
             size = file.seek(0, io.SEEK_END)
-        if len(head) < _HEAD:
+        if len(head) < HEAD:
             raise ReaderError(f"{self.path} is too short to be a database")
-        page = _PAGE_SIZE.unpack_from(head, _PAGE_SIZE_AT)[0]
-        pages = _PAGES.unpack_from(head, _PAGES_AT)[0]
-        said = pages * (_LARGEST_PAGE if page == 1 else page)
+        said = _PAGES.unpack_from(head, _PAGES_AT)[0] * page_size(head)
         if said > size:
             raise ReaderError(f"{self.path} has {size} bytes of {said}")
         return size
