@@ -24,6 +24,7 @@ from typing import Any
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.installation import refuse_middleware
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
 from hapticmech_ros.wire.topic import PAGE, VIEWER
@@ -338,9 +339,13 @@ def start_process(
     """Return a started process that ends with this one, whatever ends this one.
 
     It is found from this machine alone, unless the environment asks for more.
+
+    Raises:
+        HapticMechError: the environment asks for a middleware that is not installed.
     """
     chosen = dict(environment)
     choose_discovery(chosen)
+    refuse_middleware(chosen)
     return subprocess.Popen(
         list(command),
         env=chosen,

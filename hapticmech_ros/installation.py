@@ -8,14 +8,16 @@ look at the start a node ends with a traceback from the middle of somebody else'
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, distribution, requires
 from importlib.util import find_spec
+from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from hapticmech_ros.errors import InstallationError
+from hapticmech_ros.errors import HapticMechError, InstallationError
 
 PACKAGE = "hapticmech_ros"
 # Modules that packages of other names may bring: ROS has Pinocchio and Coal without pip's metadata.
@@ -46,6 +48,33 @@ def refuse_unmet(
     unmet = dict(_unmet(needed))
     if unmet:
         raise InstallationError(list(unmet.values()), list(unmet), sys.executable)
+
+
+def refuse_middleware(environment: Mapping[str, str]) -> None:
+    """Refuse an environment that asks for a middleware that is not installed.
+
+    rcl would end the process as it is loaded, with neither the variable's name nor a remedy.
+
+    Args:
+        environment: of the process that is to load rclpy.
+
+    Raises:
+        HapticMechError: ``RMW_IMPLEMENTATION`` names one of which no prefix has an index entry.
+    """
+    asked = environment.get("RMW_IMPLEMENTATION", "")
+    prefixes = (*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)
+    index = "share/ament_index/resource_index/rmw_typesupport"
+    found = {
+        entry.name
+        for prefix in filter(None, prefixes)
+        for entry in Path(prefix, index).glob("rmw_*")
+        if entry.name != "rmw_implementation"
+    }
+    if asked and found and asked not in found:
+        raise HapticMechError(
+            f"RMW_IMPLEMENTATION is {asked}, which is not installed (there is"
+            f" {', '.join(sorted(found))}): unset RMW_IMPLEMENTATION, or install {asked}"
+        )
 
 
 def _unmet(requirements: Iterable[Requirement]) -> Iterator[tuple[str, str]]:

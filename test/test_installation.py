@@ -15,8 +15,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from hapticmech_ros.errors import InstallationError
-from hapticmech_ros.installation import OF_COMMANDS, PACKAGE, refuse_unmet
+from hapticmech_ros.errors import HapticMechError, InstallationError
+from hapticmech_ros.installation import OF_COMMANDS, PACKAGE, refuse_middleware, refuse_unmet
 
 ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.prefix) / "bin"
@@ -36,6 +36,30 @@ def lowest(requirement):
 
 def test_this_environment_has_what_is_needed():
     refuse_unmet()
+    refuse_middleware(os.environ)
+
+
+def test_a_middleware_that_is_not_installed_is_named_with_its_variable(tmp_path):
+    for command in (["run", "five_bar", "--duration", "1"], ["bag", "record", "-a"]):
+        ended = subprocess.run(
+            [BIN / "hapticmech", *command],
+            env=os.environ | {"RMW_IMPLEMENTATION": "rmw_foo"},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ended.returncode == 1
+        assert ended.stderr.startswith("error: RMW_IMPLEMENTATION is rmw_foo, which is not")
+        assert len(ended.stderr.splitlines()) == 1
+    # A prefix that was sourced may have others.
+    index = tmp_path / "share/ament_index/resource_index/rmw_typesupport"
+    index.mkdir(parents=True)
+    (index / "rmw_foo").touch()
+    known = {"RMW_IMPLEMENTATION": "rmw_foo", "AMENT_PREFIX_PATH": str(tmp_path)}
+    refuse_middleware(known)
+    with pytest.raises(HapticMechError, match=r"there is rmw_.*rmw_foo"):
+        refuse_middleware(known | {"RMW_IMPLEMENTATION": "rmw_bar"})
 
 
 def test_all_that_is_missing_or_old_is_named_with_the_command_that_installs_it():

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,6 +14,7 @@ import typer
 
 from hapticmech_ros.cli.durations import seconds_of
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.installation import refuse_middleware
 
 if TYPE_CHECKING:
     from hapticmech_ros.haply.emulator import Press
@@ -183,6 +185,8 @@ def check_driver(
     from rich.table import Table
 
     from hapticmech_ros.cli.console import console
+
+    refuse_middleware(os.environ)
     from hapticmech_ros.nodes.conformance import DriverTest
 
     table = Table(box=SIMPLE_HEAD)

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Sequence
 
 from hapticmech_ros.discovery import choose_discovery
-from hapticmech_ros.errors import HapticMechError, InstallationError
-from hapticmech_ros.installation import OF_COMMANDS, refuse_unmet
+from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.installation import OF_COMMANDS, refuse_middleware, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
 from hapticmech_ros.wire.topic import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
 
@@ -66,7 +66,8 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         return 1
     try:
         refuse_unmet(without=OF_COMMANDS)
-    except InstallationError as error:
+        refuse_middleware(os.environ)
+    except HapticMechError as error:
         sys.stderr.write(f"{title}: {error}\n")
         return 1
     # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
