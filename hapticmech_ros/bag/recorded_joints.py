@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial import Polynomial
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
@@ -78,15 +79,16 @@ def recorded_joints(messages: Iterable[Any], mechanism: Mechanism) -> RecordedJo
     newest = newest[kept]
     columns = np.arange(len(names))
     positions, rates = told[newest, 0, columns], told[newest, 1, columns]
-    for follower, leader, ratio, offset in followers:
-        positions[:, follower] = ratio * positions[:, leader] + offset
-        rates[:, follower] = ratio * rates[:, leader]
+    for follower, leader, curve in followers:
+        at = positions[:, leader]
+        positions[:, follower] = curve(at)
+        rates[:, follower] = curve.deriv()(at) * rates[:, leader]
     rateless = ~np.isfinite(rates)
     rates[rateless] = 0.0
     times = stamps[kept]
     notes = [
         f"{names[follower]} is in no message: it follows from {names[leader]}"
-        for follower, leader, _, _ in followers
+        for follower, leader, _ in followers
     ]
     notes += _rates_missing(names, rateless)
     early = int((~known).sum())
@@ -136,15 +138,16 @@ def _followers(
     names: tuple[str, ...],
     measured: npt.NDArray[np.bool_],
     named: npt.NDArray[np.bool_],
-) -> list[tuple[int, int, float, float]]:
-    """Return follower, leader, ratio and offset of joints in no message, leaders first."""
+) -> list[tuple[int, int, Polynomial]]:
+    """Return follower, leader and what couples them of joints in no message, leaders first."""
     known = {name for name, there in zip(names, measured, strict=True) if there}
     found = []
     left = list(mechanism.scene.couplings)
     while ready := [one for one in left if one.leader in known and one.joint not in known]:
         one = ready[0]
         known.add(one.joint)
-        found.append((names.index(one.joint), names.index(one.leader), one.ratio, one.offset))
+        curve = Polynomial(one.curve)
+        found.append((names.index(one.joint), names.index(one.leader), curve))
     missing = [name for name in names if name not in known]
     if missing:
         told = [name for column, name in enumerate(names) if named[:, column].any()]

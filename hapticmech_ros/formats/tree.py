@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial import Polynomial
 
 from hapticmech_ros.errors import SceneError, SceneProblem, nearest
 from hapticmech_ros.formats.cuts import (
@@ -363,8 +364,12 @@ class _Builder:
         """Return the note of a coupling whose joints' stops leave no travel; None otherwise."""
         hinges = {hinge.name: hinge for hinge in self._model.hinges}
         joint, leader = hinges[coupling.joint], hinges[coupling.leader]
-        own = _stops(joint)
-        lower, upper = sorted(coupling.ratio * at + coupling.offset for at in _stops(leader))
+        own, (first, last) = _stops(joint), _stops(leader)
+        curve = Polynomial(coupling.polycoef or (coupling.offset, coupling.ratio))
+        roots = np.asarray(curve.deriv().roots(), dtype=complex)
+        turns = np.clip(roots[roots.imag == 0.0].real, first, last)
+        reached = [float(curve(at)) for at in (first, last, *turns.tolist())]
+        lower, upper = min(reached), max(reached)
         if max(lower, own[0]) < min(upper, own[1]) or _is_locked(joint) or _is_locked(leader):
             return None
         why = f"those of {joint.name} are at {own[0]:g} and {own[1]:g}, those of its leader "

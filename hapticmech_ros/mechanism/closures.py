@@ -118,5 +118,4 @@ def bind_coupling(coupling: Coupling, tree: TreeModel) -> LoopClosure:
         for side, index in zip("ab", at, strict=True)
     )
     linear = tree.joint_types[at[0]] == "prismatic"
-    gear = coupling.polycoef or (coupling.offset, coupling.ratio, 0.0, 0.0, 0.0)
-    return LoopClosure(coupling.name, "coupling", a, b, None, gear=gear, linear=linear)
+    return LoopClosure(coupling.name, "coupling", a, b, None, gear=coupling.curve, linear=linear)

@@ -206,6 +206,11 @@ class Coupling(Part):
     offset: Real = 0.0
     polycoef: tuple[Real, Real, Real, Real, Real] | None = None
 
+    @property
+    def curve(self) -> tuple[float, float, float, float, float]:
+        """a0 to a4, whichever way they are written."""
+        return self.polycoef or (self.offset, self.ratio, 0.0, 0.0, 0.0)
+
 
 class Spring(Part):
     """Spring and damper along the line between the origins of two frames.

@@ -100,6 +100,15 @@ def test_a_keyframe_leaves_a_lock_alone(tmp_path):
     assert found.keyframes["bent"] == ({"s": 1.0}, {"s": 3.0})
 
 
+@pytest.mark.parametrize(("stops", "said"), [("-1 0.05", False), ("0.1 1", True)])
+def test_stops_that_a_curve_never_reaches_are_said(tmp_path, stops, said):
+    """tx is at most at 0.016, where flex is at its stop at 2."""
+    knee = KNEE.replace('name="tx"', f'name="tx" range="{stops}"')
+    knee = knee.replace('name="flex"', 'name="flex" range="0 2"')
+    notes = read_model(written(tmp_path, knee)).notes
+    assert any("roll_x: stops leave no travel" in note.what for note in notes) == said
+
+
 @pytest.mark.parametrize("text", CURVES.values(), ids=CURVES)
 def test_on_the_curve_everything_is_as_mujoco_has_it(tmp_path, text):
     """Residual, Jacobian and inertia; its own solver lets go of the curve, so no motion."""

@@ -124,6 +124,18 @@ def test_a_coupled_joint_that_nobody_measures_follows(read, whole):
     assert found.notes == ("follower is in no message: it follows from leader",)
 
 
+def test_so_does_one_that_follows_a_curve(tmp_path):
+    path, curve = tmp_path / "cam.yaml", "polycoef: [0.1, -2.0, 0.3, 0.0, 0.0]"
+    path.write_text(SCENE.replace("ratio: -2.0, offset: 0.1", curve), encoding="utf-8")
+    mechanism = Mechanism(load_scene(str(path)))
+    sent = ((10 * k, some(k, "elbow", "leader", "shoulder"), rates(k)) for k in range(40))
+    found = states_from_bag(write(tmp_path / "bag", sent), mechanism, TOPIC)
+    at = mechanism.tree.joint_names.index
+    leader, speed = found.q[:, at("leader")], found.v[:, at("leader")]
+    assert found.q[:, at("follower")] == pytest.approx(0.1 - 2.0 * leader + 0.3 * leader**2)
+    assert found.v[:, at("follower")] == pytest.approx((0.6 * leader - 2.0) * speed)
+
+
 def two_publishers(apart_ms):
     for k in range(40):
         yield 10 * k, some(k, "elbow", "shoulder"), rates(k)
