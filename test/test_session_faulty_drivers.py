@@ -53,10 +53,17 @@ class Driver:
 
     @property
     def is_told_from_noise(self) -> bool:
-        """Whether a twist is wrong by more than what may be a filter's lag."""
+        """Whether a twist is wrong by more than what may be a filter's lag.
+
+        A pose that stands still contradicts all of the device's twist.
+        """
         sound, wrong = self.swing.sample(1e-3 * self.first), self.told(self.first)
         speed = np.linalg.norm((wrong[TWIST] - sound[TWIST])[:3])
-        return "twist" not in self.kind or bool(speed > LEAST_SPEED)
+        if self.kind == "pose stands still":
+            speed = np.linalg.norm(sound[TWIST][:3])
+        elif "twist" not in self.kind:
+            return True
+        return bool(speed > LEAST_SPEED)
 
     def at_rest(self, pose, held=False, home=None):
         return self._put(DeviceState.resting(pose), pose, 0)
