@@ -27,13 +27,14 @@ def graphs_are_forked(monkeypatch: pytest.MonkeyPatch) -> None:
 def as_urgent_as_nodes(request: pytest.FixtureRequest) -> Iterator[None]:
     """Who watches nodes: two at nice -20 left a test no processor for minutes, or for a few ms.
 
-    Who drives a device too: a hand that waits 30 ms for an answer is another device.
+    Who drives a device too, or is one: a hand that waits 30 ms for an answer is another device.
 
     Not where a test starts what should be less urgent than nodes, such as a demo's recorder.
     """
     before = os.getpriority(os.PRIO_PROCESS, 0)
     beside_others = "PYTEST_XDIST_WORKER" in os.environ and request.node.get_closest_marker("ros")
-    if beside_others or request.path.stem.startswith(("test_reliability", "test_foreign_drivers")):
+    devices = ("test_reliability", "test_foreign_drivers", "test_haply")
+    if beside_others or request.path.stem.startswith(devices):
         with suppress(PermissionError):
             os.setpriority(os.PRIO_PROCESS, 0, -20)
     yield
