@@ -144,7 +144,7 @@ class Link(Part):
     parent: Name = "world"
     joint: Joint
     inertial: Inertial
-    gravcomp: Real = 0.0
+    gravcomp: NonNegative = 0.0
 
 
 class LinkFrame(Part):

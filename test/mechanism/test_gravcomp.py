@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.model import build_tree
 from hapticmech_ros.robot.mujoco_tree import MujocoTree
 from hapticmech_ros.scene import scene_from_document
@@ -95,3 +96,10 @@ def test_mujoco_carries_as_much(seed):
     pair = pair_of(scene)
     _, found = pair.evaluate(())
     assert found.bias_force == pytest.approx(data.qfrc_bias - data.qfrc_gravcomp, abs=1e-9)
+
+
+def test_a_weight_that_is_more_than_its_own_is_refused():
+    """Shares of opposite signs in links fixed to each other would add up to none with a lever."""
+    document = balance(-1.0)
+    with pytest.raises(SceneError, match=r"links\[1\].gravcomp"):
+        scene_from_document(document)
