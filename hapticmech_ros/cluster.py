@@ -32,9 +32,6 @@ class _OfCluster(Executor):
     Dask has one, ``Client.get_executor``, which ends with a ValueError of its own where a worker
     dies between its answer and the answer's way here, and the task is done again.
 
-    Dask also blames every task that waits at a worker which dies. One that was blamed too often is
-    done once more, after all others, when it does not wait beside the one that kills.
-
     Args:
         client: of Dask.
     """
@@ -45,30 +42,16 @@ class _OfCluster(Executor):
     def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
         """Return the future of a call by a worker; arguments as of ``Executor.submit``."""
         found: Future[Any] = Future()
-
-        def start(again: Callable[[], None] | None, priority: int) -> None:
-            # The same call twice is done twice, by whoever is free.
-            there = self._client.submit(work, *given, pure=False, priority=priority, **named)
-            there.add_done_callback(partial(_hand_over, found, again))
-
-        start(lambda: start(None, -1), 0)
+        # The same call twice is done twice, by whoever is free.
+        there = self._client.submit(work, *given, pure=False, **named)
+        there.add_done_callback(partial(_hand_over, found))
         return found
 
 
-def _hand_over(found: Future[Any], again: Callable[[], None] | None, there: Any) -> None:
-    """Fill a future with what became of a task of Dask; or do it again if its worker died."""
-    from distributed import KilledWorker
-
+def _hand_over(found: Future[Any], there: Any) -> None:
+    """Fill a future with what became of a task of Dask."""
     try:
         result = there.result()
-    except KilledWorker as error:
-        if again is None:
-            found.set_exception(error)
-            return
-        try:
-            again()
-        except Exception as gone:  # noqa: BLE001 - the scheduler may have gone meanwhile
-            found.set_exception(gone)
     except CancelledError:
         found.cancel()
         # Only so does whoever waits for several wake up.

@@ -16,6 +16,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
@@ -189,9 +190,10 @@ class Crew:
         return self._pool
 
     def _drained(self, flying: Collection[Future[Any]]) -> set[Future[Any]]:
-        """Return all that was given to a pool that broke, done, and forget the pool."""
-        if isinstance(self._workers, Executor):
-            return set()
+        """Return all that was given to workers of which one died, done, and forget a pool of ours.
+
+        Dask blames whatever waits at a worker that dies: what is done again is to be there alone.
+        """
         found = wait(flying).done
         if self._pool is not None:
             self._pool.shutdown()
@@ -199,11 +201,11 @@ class Crew:
         return found
 
     def _once_more(self, work: Callable[[Given], Found], case: Given) -> Found | Lost[Given]:
-        if isinstance(self._workers, Executor):
-            return Lost(case)
-        with worker_pool(1) as pool:
+        given = self._workers
+        with nullcontext(given) if isinstance(given, Executor) else worker_pool(1) as pool:
             try:
-                return pool.submit(work, case).result()
+                future = pool.submit(work, case)
+                return Lost(case) if _is_lost(future) else future.result()
             except BrokenExecutor:
                 return Lost(case)
 
