@@ -115,13 +115,17 @@ class Peer:
         self.node.create_subscription(DiagnosticArray, "/diagnostics", keep, RELIABLE)
         return found
 
-    def call(self, kind: Any, name: str, request: Any) -> Any:
-        """Return a service's response."""
+    def client(self, kind: Any, name: str) -> Any:
+        """Return the client of a service, which is there."""
         client = self._clients.get(name)
         if client is None:
             client = self._clients[name] = self.node.create_client(kind, name)
         self.until(client.service_is_ready, f"the service {name}")
-        answer = client.call_async(request)
+        return client
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """Return a service's response."""
+        answer = self.client(kind, name).call_async(request)
         self.until(answer.done, f"an answer of {name}")
         return answer.result()
 

@@ -68,11 +68,7 @@ def numbers(messages: list[Any]) -> list[float]:
 
 
 def call(peer: Peer, verb: str) -> str:
-    client = peer.node.create_client(Trigger, f"/bag_player/{verb}")
-    peer.until(client.service_is_ready, f"service {verb}")
-    future = client.call_async(Trigger.Request())
-    peer.until(future.done, f"an answer of {verb}")
-    answer = future.result()
+    answer = peer.call(Trigger, f"/bag_player/{verb}", Trigger.Request())
     assert answer.success
     return str(answer.message)
 
@@ -117,7 +113,10 @@ def test_plays_at_a_rate_with_the_bags_clock(bag: Path, peer: Peer, domain: int)
 
 def test_pauses_and_resumes(bag: Path, peer: Peer, domain: int) -> None:
     heard = peer.listen("/arm/state", Float64MultiArray)
-    with bag_command(domain, "play", bag, "/arm/state", "--paused", *WAIT) as player:
+    # Half a second of messages, in 2.5 s: a starved peer asks to pause before the end.
+    slowly = ("--rate", "0.2", "--paused")
+    with bag_command(domain, "play", bag, "/arm/state", *slowly, *WAIT) as player:
+        peer.client(Trigger, "/bag_player/toggle_paused")
         assert call(peer, "pause") == "paused"
         peer.run(0.3)
         assert heard == []

@@ -100,6 +100,7 @@ def test_a_start_that_is_not_there_is_an_error(
     assert "grasp: must be one of ['link1', 'link2'" in capfd.readouterr().err
 
 
+@pytest.mark.alone
 def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
