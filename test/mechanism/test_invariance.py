@@ -6,6 +6,7 @@ Rows that are zero but for rounding are no constraints, whatever rounding makes 
 """
 
 import copy
+import json
 
 import numpy as np
 import pytest
@@ -33,6 +34,40 @@ def placed(document, base):
         for end in ("a", "b"):
             if closure[end]["link"] == "world":
                 closure[end] = moved(closure[end])
+    return document
+
+
+def in_units(document, length, mass):
+    """Return a document as written where 1 m is ``length`` units of it, and 1 kg ``mass``."""
+    # By way of text: no two parts of it are the same object.
+    document = json.loads(json.dumps(document))
+    sliding = {"prismatic": mass, "revolute": mass * length**2, "spherical": mass * length**2}
+    # Positions along: of their coordinates these many are lengths, before angles or quaternions.
+    along = {"prismatic": 1, "planar": 2, "free": 3}
+
+    def origin(part):
+        if "origin" in part:
+            part["origin"]["xyz"] = floats(length * np.array(part["origin"]["xyz"]))
+
+    document["gravity"] = floats(length * np.array(document["gravity"]))
+    start = document.get("initial_state", {}).get("q", {})
+    for link in document["links"]:
+        joint, inertial = link["joint"], link["inertial"]
+        origin(joint)
+        if "armature" in joint:
+            joint["armature"] *= sliding[joint["type"]]
+        if (count := along.get(joint["type"])) and joint["name"] in start:
+            q = np.atleast_1d(np.array(start[joint["name"]]))
+            q[:count] *= length
+            start[joint["name"]] = floats(q) if q.size > 1 else float(q[0])
+        inertial["mass"] *= mass
+        inertial["com"] = floats(length * np.array(inertial["com"]))
+        for name in inertial["inertia"]:
+            inertial["inertia"][name] *= mass * length**2
+    for frame in [closure[end] for closure in document["closures"] for end in ("a", "b")]:
+        origin(frame)
+    for point in document["operational_points"]:
+        origin(point)
     return document
 
 
@@ -70,6 +105,11 @@ def assert_invariant(document, planar, seed, bases=3):
         r = np.kron(np.eye(2), base[0])
         # Positions at the reach are rounded to eps of it: that share of lengths of 0.1 m.
         assert np.abs(moved - r @ x @ r.T).max() < 1e-9 * max(1.0, reach) * size
+    for length, mass in 10.0 ** rng.uniform(-1.5, 1.5, (bases, 2)):
+        there, scaled = felt(in_units(document, length, mass))
+        assert there == rank
+        back = np.repeat((1.0, length), 3)
+        assert np.abs(mass * back[:, None] * scaled * back - x).max() < 1e-9 * size
 
 
 CASES = [
@@ -81,7 +121,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("planar", "duplicated", "seed"), CASES)
-def test_rank_and_inverse_inertia_turn_with_the_mechanism(planar, duplicated, seed):
+def test_rank_and_inverse_inertia_turn_with_the_mechanism_and_units(planar, duplicated, seed):
     sample = random_mechanism(seed, planar, duplicated=duplicated)
     document = with_start(sample.document, sample.q, sample.v)
     assert_invariant(document, planar, seed)
