@@ -169,7 +169,11 @@ def _joint_elements(scene: SceneDocument) -> Iterator[SceneProblem]:
             rule = f"must be above lower = {limits.lower}"
             yield SceneProblem(f"{key}.limits.upper", limits.upper, rule)
     if all(link.joint.locked or link.joint.type == "fixed" for link in scene.links):
-        yield SceneProblem("links", len(scene.links), "at least one joint must move")
+        locked = [link.joint.name for link in scene.links if link.joint.locked]
+        rule = "at least one joint must move"
+        if locked:
+            rule += f"; locked, as by stops without travel (lower = upper), are {', '.join(locked)}"
+        yield SceneProblem("links", len(scene.links), rule)
 
 
 def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:

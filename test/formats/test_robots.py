@@ -13,6 +13,7 @@ from formats.robots import robot, robot_files
 from formats.test_urdf import in_order_of
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.simulation import Simulator
 
 # Of the largest entry: rounding along a chain of thirty joints, and of roll, pitch and yaw.
 SAME = 1e-12
@@ -29,12 +30,16 @@ REFUSED = {
         "principal moments must not be negative",
     ),
 }
+# Both joints have their stops at 0.
+LOCKED = tuple(
+    f"double_pendulum_description/urdf/double_pendulum{end}.urdf" for end in ("", "_simple")
+)
 # Notes that say that an inertia is not as written.
 OTHERWISE = {"inertia of no body", "inertia without mass"}
 ROBOTS = sorted(robot_files(".urdf")) or ["any"]
 
 
-@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in REFUSED])
+@pytest.mark.parametrize("name", [name for name in ROBOTS if name not in {*REFUSED, *LOCKED}])
 def test_robots_weigh_the_same_as_in_pinocchio(name):
     path = robot(".urdf", name)
     ours = Read(path, free_base=True)
@@ -58,6 +63,18 @@ def test_robots_weigh_the_same_as_in_pinocchio(name):
     assert error < 0.05
 
 
+@pytest.mark.parametrize("name", LOCKED)
+def test_robots_whose_stops_leave_no_travel_are_one_body(name):
+    path = robot(".urdf", name)
+    with pytest.raises(SceneError, match=r"lower = upper\), are joint1, joint2"):
+        Read(path)
+    theirs = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    expected = pin.crba(theirs, theirs.createData(), pin.neutral(theirs))[:6, :6]
+    ours = Read(path, free_base=True)
+    found = ours.inertia(pin.neutral(ours.model))
+    assert np.abs(found - np.triu(expected) - np.triu(expected, 1).T).max() < SAME
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_robots_that_are_none_are_refused_by_a_rule(name):
     with pytest.raises(SceneError, match=REFUSED[name]):
@@ -74,13 +91,15 @@ def test_robots_that_are_none_are_refused_by_a_rule(name):
     ],
 )
 def test_cassies_loops_are_closed_as_she_is_drawn(name, rates):
-    """Her file has six digits; joints that are drawn at one place are there to rounding."""
+    """Closed to rounding at a start that is the drawn one to the six digits of her file."""
     ours = Read(robot(".sdf", f"cassie_description/robots/{name}"), free_base=True)
     mechanism = Mechanism(ours.scene)
     assert mechanism.nv == rates
     assert len(ours.scene.closures) == 4
-    neutral = pin.neutral(ours.model)
-    assert mechanism.closing_terms(neutral, mechanism.initially_active).error < SAME
+    start = Simulator(ours.scene).initial_state().q
+    assert mechanism.closing_terms(start, mechanism.initially_active).error < SAME
+    drawn = pin.neutral(ours.model)
+    assert np.abs(pin.difference(ours.model, drawn, start)).max() < 1e-6
 
 
 def test_cassies_springs_are_slides_in_loops_and_her_gearboxes_couplings():

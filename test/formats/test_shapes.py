@@ -132,7 +132,6 @@ def test_shapes_of_urdf_are_where_pinocchio_has_them(tmp_path):
         ("panda_description/urdf/panda.urdf", "fixed"),
         ("ur_description/urdf/ur5_robot.urdf", "fixed"),
         ("solo_description/robots/solo12.urdf", "free"),
-        ("double_pendulum_description/urdf/double_pendulum.urdf", "fixed"),
     ],
 )
 def test_robots_have_their_shapes_where_pinocchio_has_them(name, base, tmp_path):

@@ -217,7 +217,10 @@ def test_a_locked_joint_has_a_position_and_no_rate(planar):
 def test_a_scene_in_which_all_joints_are_locked_is_refused(planar):
     for link in planar["links"]:
         link["joint"]["locked"] = True
-    assert "at least one joint must move" in [p.rule for p in problems_of(planar)]
+    names = ", ".join(link["joint"]["name"] for link in planar["links"])
+    (rule,) = [p.rule for p in problems_of(planar) if p.key_path == "links"]
+    assert rule.startswith("at least one joint must move; locked, ")
+    assert rule.endswith(f" are {names}")
 
 
 @pytest.mark.parametrize(("path", "value", "where", "rule"), SPATIAL)
