@@ -20,6 +20,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.users import REACH, inverse_inertia, two_points
+from sampling import sampled
 
 PERIOD = 0.002
 ARM = {"mass": 0.5, "damping": 8.0, "stiffness": 200.0}
@@ -73,12 +74,21 @@ def soon_settled(monkeypatch):
     monkeypatch.setattr(beside_others, "SETTLING_S", 4.0)
 
 
-@pytest.mark.usefixtures("soon_settled")
+@pytest.fixture
+def some_directions(monkeypatch):
+    """Of three translations and three rotations of a round body one each."""
+    every = beside_others.free_directions
+    monkeypatch.setattr(
+        beside_others, "free_directions", lambda analysis: sampled(every(analysis), every=3)
+    )
+
+
+@pytest.mark.usefixtures("soon_settled", "some_directions")
 def test_what_is_felt_beside_an_arm_behind_its_grip():
     """The arm holds on and stays where it is, whatever it does in the scene."""
     scene = scene_from_document(document({**HOLDS, "grip": GRIP}))
     found = felt_beside_others(scene.with_(simulation={"period": 0.001}), "a")
-    assert len(found) == 6
+    assert len(found) == len(sampled(range(6), every=3))
     alone, with_arm = held(GRIP)
     for one in found:
         wanted = np.einsum("i,kij,j->k", one.direction, with_arm, one.direction)
@@ -90,6 +100,7 @@ def test_what_is_felt_beside_an_arm_behind_its_grip():
         assert one.error(10.0) < 0.01
 
 
+@pytest.mark.usefixtures("some_directions")
 def test_a_device_that_nobody_holds_is_nothing_to_feel(monkeypatch):
     """But for half a period of what is lighter than the device, which it does not carry on."""
     # What joins the other's device to its point is all that has to settle.
