@@ -115,9 +115,9 @@ class Rig:
             if self._clock is not None:
                 self.start("clock_source.py", environment=self._clock.environment(self.environment))
             self._stack.callback(self._stop_graph)
-            self._start_graph()
+            begun = self._begun()
             if self._clean:
-                self._run_clean()
+                self._run_clean(begun)
         except BaseException:
             self._stack.close()
             raise
@@ -151,10 +151,15 @@ class Rig:
         clock = self._clock_of(node)
         return self.environment if clock is None else clock.environment(self.environment)
 
-    def renew(self) -> None:
-        """End the graph and start it again, all nodes."""
+    def renew(self) -> int:
+        """End the graph and start it again, all nodes; return the ring's number before."""
         self._stop_graph()
+        return self._begun()
+
+    def _begun(self) -> int:
+        before = self.ring.count
         self._start_graph()
+        return before
 
     def graph_of(self, node: str) -> Graph:
         """Return the part of the graph that a node belongs to, which kills and restarts it."""
@@ -269,16 +274,19 @@ class Rig:
             with self._graphs.pop():
                 pass
 
-    def _run_clean(self) -> None:
-        """Measure a run without a break; a starved machine may need some tries."""
+    def _run_clean(self, begun: int) -> None:
+        """Measure a run without a break; a starved machine may need some tries.
+
+        Args:
+            begun: the ring's number before the graph's start: the hand's first push is the hardest.
+        """
         for _ in range(TRIES):
-            begun = self.ring.count
             with suppress(BenchError):
                 self.settle()
             time.sleep(CLEAN_S)
             found = self.samples(begun)
             if not len(found):
-                self.renew()
+                begun = self.renew()
                 continue
             first = int(np.argmax(pushing(found)))
             self.clean_max = float(found["force"].max())
@@ -288,7 +296,7 @@ class Rig:
             self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
             if len(steady) > 0.5 * CLEAN_S / self.period_s and pushing(steady).all():
                 return
-            self.renew()
+            begun = self.renew()
         raise BenchError(f"no run of {CLEAN_S:g} s without a break in {TRIES}: too busy a machine")
 
 
