@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Annotated
 
 import typer
@@ -24,19 +25,27 @@ def live(
     """Serve a page to this machine's browser on which SCENE moves, until Ctrl-C."""
     from hapticmech_ros.cli.graph import stop_by_signals
     from hapticmech_ros.installation import refuse_unmet
-    from hapticmech_ros.live.commands import Open
+    from hapticmech_ros.live.commands import Backend, Open
     from hapticmech_ros.live.process import LiveProcess
     from hapticmech_ros.live.settings import VISER, changes_of, checked_address
+    from hapticmech_ros.live.still import StillScene
     from hapticmech_ros.loading import load_scene, shipped_scenes
+    from hapticmech_ros.mechanism.inertia import NO_MASS, is_massless
 
     address = checked_address("--host", host)
     refuse_unmet([VISER])
     from hapticmech_ros.live.page import LivePage
 
     given, stop = tuple(changes or ()), stop_by_signals()
-    asked = Open(scene, (*changes_of(load_scene(scene)), *given))
-    with LiveProcess(asked) as process:
-        page = LivePage(process, scene, given, list(shipped_scenes()), host, port)
+    loaded = load_scene(scene)
+    with ExitStack() as ends:
+        if is_massless(loaded):
+            console.print(f"drawn as it is written: {NO_MASS}", highlight=False, soft_wrap=True)
+            shown: Backend = StillScene(Open(scene, given))
+        else:
+            asked = Open(scene, (*changes_of(loaded), *given))
+            shown = ends.enter_context(LiveProcess(asked))
+        page = LivePage(shown, scene, given, list(shipped_scenes()), host, port)
         console.print(f"{page.address}; Ctrl-C ends it", highlight=False, soft_wrap=True)
         if not address.is_loopback:
             console.print("everybody who reaches this address can see and drag the mechanism")

@@ -129,8 +129,8 @@ class LivePicture:
         devices = [scene.held_at(point).device for point in opened.users]
         self._picture = Picture(
             mechanism,
-            FORCE_SHARE * self.unit / max(device.force_limit for device in devices),
-            TORQUE_SHARE * self.unit / max(device.torque_limit for device in devices),
+            FORCE_SHARE * self.unit / max((one.force_limit for one in devices), default=1.0),
+            TORQUE_SHARE * self.unit / max((one.torque_limit for one in devices), default=1.0),
         )
         self.hulls = _hulls_of(opened)
         self._visuals = {-1 - i: one for i, one in enumerate(visual_bodies(opened.asked.scene))}
@@ -160,7 +160,7 @@ class LivePicture:
             contacts={user.point: user.contact for user in state.users},
             point_commands={user.point: user.on_mechanism for user in state.users},
         )
-        lightest = min(float(found[0]) for found in masses.values())
+        lightest = min((float(found[0]) for found in masses.values()), default=np.inf)
         if self._metres_per_kg == 0.0 and np.isfinite(lightest):
             self._metres_per_kg = LIGHTEST_SHARE * self.unit / lightest
         longest = LONGEST_SHARE * self.unit
@@ -209,6 +209,8 @@ class LivePicture:
         for user in state.users:
             there = user.device[:, 3] - eye
             aside[user.point] = float(np.linalg.norm(there - (there @ ray) * ray))
+        if not aside:
+            return None
         nearest = min(aside, key=aside.__getitem__)
         within = aside[nearest] < 0.5 * _BALL * DEVICE_DIAMETER * self.unit
         return nearest if within else None

@@ -72,7 +72,7 @@ def numbers_html(
         cells = "".join(_cell(_swatch(hues[user.point]), user.point) for user in state.users)
         rows.append(f"<tr><td>held at</td>{cells}</tr>")
     of_users = [_of_user(user, frame, state.paused) for user in state.users]
-    for label, name in _OF_USERS:
+    for label, name in _OF_USERS if of_users else ():
         ids = [f"{name}-{user.point}" if hues else name for user in state.users]
         rows.append(_row(label, list(zip(ids, [one[name] for one in of_users], strict=True))))
     dragged = [drag.body for drag in state.drags]

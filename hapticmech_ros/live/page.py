@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from hapticmech_ros.live.commands import Backend, Failed, LiveState, Open, Opened
+from hapticmech_ros.live.commands import Backend, Drag, Failed, LiveState, Open, Opened
 from hapticmech_ros.live.drawing import Drawing, Drawn
 from hapticmech_ros.live.history import History
 from hapticmech_ros.live.live_picture import LivePicture, first_view
@@ -212,6 +212,8 @@ class LivePage:
     def _dragged(self, event: Any, link: str | None) -> None:
         """By mouse: drag a link, the hand that is seen there, or nothing if there is none."""
         client = event.client_id
+        if Drag not in self._backend.takes:
+            return
         if event.phase == "end":
             self._mice.let_go(client)
             return

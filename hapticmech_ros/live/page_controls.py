@@ -103,7 +103,8 @@ class Controls:
             state, new.frame, scene, new.picture.hues, holders, self.said
         )
         shown = [(box, of(state)) for box, of in self._told]
-        shown += zip(self._closures.values(), state.active, strict=True)
+        if self._closures:
+            shown += zip(self._closures.values(), state.active, strict=True)
         for box, wanted in shown:
             if box.value != wanted:
                 box.value = wanted
@@ -140,7 +141,7 @@ class Controls:
             with self._begin_with:
                 self._of_scene += self._make_hands(prefixes.values())
         self._closures = {}
-        if closures:
+        if closures and SwitchClosure in self._backend.takes:
             folder = gui.add_folder("closures", expand_by_default=len(closures) < _FEW)
             self._of_scene.append(folder)
             with folder:
@@ -193,8 +194,9 @@ class Controls:
             self._when(paused, Pause)
             self._pressed(gui.add_button("one tick"), Step)
             self._pressed(gui.add_button("reset"), Reset)
-        spring = gui.add_slider("stiffness of the mouse", SOFTEST, STIFFEST, 0.1, 1.0)
-        self._when(spring, DragStiffness)
+        if DragStiffness in takes:
+            spring = gui.add_slider("stiffness of the mouse", SOFTEST, STIFFEST, 0.1, 1.0)
+            self._when(spring, DragStiffness)
         if Open in takes:
             self._begin_with = gui.add_folder("begin with", expand_by_default=False)
             with self._begin_with:

@@ -11,9 +11,13 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError
 from hapticmech_ros.mechanism.lapack import dpotrf
 from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.scene import Scene
 
 # A joint's inertia below this fraction of what its mass has at the mechanism's length is rounding.
 NO_INERTIA = 1e-15
+
+
+NO_MASS = "no link has a mass: give the links that move one, with an inertia"
 
 
 class SingularInertiaError(HapticMechError):
@@ -90,6 +94,11 @@ def inaccurate(tree: TreeModel, change: Array, off: float, exchanged: float) -> 
 
 def _joint_of(tree: TreeModel, rate: int) -> int:
     return next(i for i in range(len(tree.joints)) if tree.velocity_slice(i).stop > rate)
+
+
+def is_massless(scene: Scene) -> bool:
+    """Return whether no link of a scene has a mass, so that it can be drawn and no more."""
+    return not any(link.inertial.mass for link in scene.links)
 
 
 def refuse_massless(tree: TreeModel, length: float) -> None:

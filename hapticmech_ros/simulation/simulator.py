@@ -16,7 +16,7 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.evaluation import Evaluation
-from hapticmech_ros.mechanism.inertia import SingularInertiaError
+from hapticmech_ros.mechanism.inertia import NO_MASS, SingularInertiaError, is_massless
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     NOTHING,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import ContactMemory
     from hapticmech_ros.contact.stepping import ContactStepper, Touched
 
-NO_MASS = "no link has a mass: give the links that move one, with an inertia"
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
 
@@ -57,7 +56,7 @@ class Simulator:
         try:
             self.mechanism = Mechanism(scene)
         except SingularInertiaError as error:
-            if any(link.inertial.mass for link in scene.links):
+            if not is_massless(scene):
                 raise
             raise SingularInertiaError(NO_MASS, error.rate) from None
         self.scene = scene = self.mechanism.scene

@@ -12,6 +12,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError, SceneError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.inertia import is_massless
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.counter import rigid_count
@@ -55,8 +56,8 @@ def draw_scene(
         ClosureError: the scene cannot close; the picture is written before.
         SceneError: a mesh that cannot be read.
     """
-    if not any(link.inertial.mass for link in scene.links):
-        drawn = _weighed(scene.model_copy(update={"shapes": (*scene.shapes, *besides)}))
+    if is_massless(scene):
+        drawn = weighed(scene.model_copy(update={"shapes": (*scene.shapes, *besides)}))
         q = authored_state(drawn, Mechanism(drawn).tree)[0]
         draw_configuration(drawn, q, path, side_pixels, "no link has a mass")
         return
@@ -79,7 +80,7 @@ def draw_scene(
     _draw(shown, snapshot, np.array(state.q), path, side_pixels, "")
 
 
-def _weighed(scene: Scene) -> Scene:
+def weighed(scene: Scene) -> Scene:
     """Return a scene each of whose links weighs something, to be drawn and no more."""
     some = Inertial(mass=1.0, inertia=Inertia(ixx=1.0, iyy=1.0, izz=1.0))
     links = tuple(link.model_copy(update={"inertial": some}) for link in scene.links)
