@@ -73,6 +73,7 @@ test: lint
 lint: .venv/test-requirements .venv/package
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
 
 # In .venv alone: what the tests need is not needed here.

@@ -139,6 +139,7 @@ setup(
         # Nothing here may bring `lark`: it overwrites `lark-parser`, which the wheels need.
         "test": [
             "colcon-common-extensions",
+            "import-linter>=2.6",
             "mcap",
             "mcap-ros2-support",
             # The documents are built as a site.
