@@ -34,8 +34,14 @@ from hapticmech_ros.session import Session
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
-from hapticmech_ros.wire.energies import energy_of
-from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
+from hapticmech_ros.wire.energies import (
+    CONTROLLER_ENERGY_FIELDS,
+    DEVICE_ENERGY_FIELDS,
+    DeviceEnergy,
+    energy_of,
+    pack_controller_energy,
+    pack_device_energy,
+)
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
@@ -48,16 +54,10 @@ from hapticmech_ros.wire.layouts import (
     pack_energy,
     pack_operational_model,
 )
-from hapticmech_ros.wire.port_energies import (
-    CONTROLLER_ENERGY_FIELDS,
-    DEVICE_ENERGY_FIELDS,
-    DeviceEnergy,
-    pack_controller_energy,
-    pack_device_energy,
-)
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
+from hapticmech_ros.wire.topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
 from hapticmech_ros.wire.wrench import encode_wrench
 
 # What is published at a time, ns: a message, or one already serialized.

@@ -7,11 +7,11 @@ from __future__ import annotations
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.former_topics import refuse_former_topics
 from hapticmech_ros.errors import BagError
-from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
+    ENERGY,
     JOINT_STATES,
     POINT_COMMAND,
     POINT_FORCE,

@@ -23,12 +23,12 @@ from hapticmech_ros.experiment.stamped import samples_of
 from hapticmech_ros.mechanism.model import build_tree
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import nanoseconds
-from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.layouts import ENERGY_NAMES
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
+    ENERGY,
     JOINT_STATES,
     POINT_MODEL,
 )

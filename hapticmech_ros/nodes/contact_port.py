@@ -14,7 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.wire.contact_points import ContactLayout
-from hapticmech_ros.wire.contact_topics import CONTACT_FORCE, CONTACTS
+from hapticmech_ros.wire.topics import CONTACT_FORCE, CONTACTS
 from hapticmech_ros.wire.wrench import encode_wrench
 
 if TYPE_CHECKING:

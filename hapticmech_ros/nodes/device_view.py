@@ -17,14 +17,14 @@ from hapticmech_ros.device import DeviceState
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.energy_topics import DEVICE_ENERGY
-from hapticmech_ros.wire.port_energies import (
+from hapticmech_ros.wire.energies import (
     DEVICE_ENERGY_FIELDS,
     DeviceEnergy,
     pack_device_energy,
 )
 from hapticmech_ros.wire.stamped import JointStateWriter, encode_pose, encode_twist
 from hapticmech_ros.wire.topics import (
+    DEVICE_ENERGY,
     DEVICE_FORCE,
     DEVICE_JOINTS,
     DEVICE_POSE,

@@ -39,7 +39,6 @@ from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
-from hapticmech_ros.wire.energy_topics import ENERGY
 from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
@@ -47,6 +46,7 @@ from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topic import user_prefixes
 from hapticmech_ros.wire.topics import (
     CLOSURES,
+    ENERGY,
     EXTERNAL_WRENCH,
     JOINT_STATES,
     POINT_OPERATING_STATE,

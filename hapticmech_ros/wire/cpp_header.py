@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hapticmech_ros.layout import Layout
+from hapticmech_ros.wire.energies import CONTROLLER_ENERGY_FIELDS, DEVICE_ENERGY_FIELDS
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, ENERGY_FIELDS, OPERATIONAL_MODEL_FIELDS
-from hapticmech_ros.wire.port_energies import CONTROLLER_ENERGY_FIELDS, DEVICE_ENERGY_FIELDS
 
 # Those that are the same in every scene, by topic; of ``mechanism/state`` the label tells.
 FLAT_MESSAGES: dict[str, Layout] = {

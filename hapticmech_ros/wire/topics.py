@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.wire.contact_topics import CONTACTS
-from hapticmech_ros.wire.energy_topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
 from hapticmech_ros.wire.topic import (
     ANALYSER,
     ARRAY,
@@ -21,7 +19,6 @@ from hapticmech_ros.wire.topic import (
     Topic,
     crtk_type,
 )
-from hapticmech_ros.wire.view_topics import VIEW_TOPICS
 
 _STATES = (
     "`ENABLED`, `DISABLED`, `PAUSED` or `FAULT`; crtk_msgs/OperatingState where that is installed"
@@ -390,6 +387,115 @@ DIAGNOSTICS = Topic(
 START_HAND = "device/start_hand"
 # Service of a device, std_srvs/srv/SetBool: true puts the actuators at zero until false.
 EMERGENCY_STOP = "device/emergency_stop"
+
+CONTACTS = Topic(
+    "mechanism/contacts",
+    ARRAY,
+    MECHANISM,
+    "stamp, then for each point of contact its pair, position, normal, depth and force. Also "
+    "`mechanism/contacts/<contact>/measured_cf`, the wrench of one pair: by shape b, on shape a, "
+    "at the origin of a's frame, axes of `world`",
+    (VIEWER, PAGE),
+    rate="contact",
+)
+# One for each declared pair, whose name takes the place of the point's.
+CONTACT_FORCE = Topic(
+    "mechanism/contacts/{point}/measured_cf",
+    WRENCH,
+    MECHANISM,
+    "by shape b, on shape a, at the origin of a's frame, axes of `world`",
+    rate="contact",
+)
+DEVICE_ENERGY = Topic(
+    "device/energy",
+    ARRAY,
+    DEVICE,
+    "stamp; energy from the hand, absorbed by the actuators, received by the mechanism as far as "
+    "known, available, and dissipated by passivity control, J",
+)
+CONTROLLER_ENERGY = Topic(
+    "controller/energy",
+    ARRAY,
+    CONTROLLER,
+    "stamp; energy given to the mechanism, stored in springs, injected by changes of springs, and "
+    "dissipated in dampers, J",
+)
+ENERGY = Topic(
+    "mechanism/energy",
+    ARRAY,
+    MECHANISM,
+    "stamp, kinetic and potential energy, work by wrenches, losses (J), closure error (m, rad)",
+)
+MARKERS = Topic(
+    "view/markers",
+    "visualization_msgs/msg/MarkerArray",
+    VIEWER,
+    "markers in `world`: mechanism, closures, device, forces, constraint directions; "
+    "colours in docs/visualization.md",
+    rate="marker",
+)
+FRAMES = Topic(
+    "view/frames",
+    "geometry_msgs/msg/TransformStamped",
+    VIEWER,
+    "the frames of tf, one message each: every link, operational points with axes of body and of "
+    "`world`, device",
+    rate="marker",
+)
+ROBOT_DESCRIPTION = Topic(
+    "robot_description",
+    "std_msgs/msg/String",
+    VIEWER,
+    "URDF text of the mechanism's tree, loops cut open",
+    rate="change",
+    qos="latched",
+)
+URDF_JOINTS = Topic(
+    "joint_states",
+    "sensor_msgs/msg/JointState",
+    VIEWER,
+    "positions and velocities of the joints of `robot_description`, passive ones included",
+    rate="marker",
+)
+SEEN_POINT_COMMAND = Topic(
+    "view/{point}/servo_cf",
+    WRENCH,
+    VIEWER,
+    "`mechanism/{point}/servo_cf` in the frame `<point>_world`, for RViz",
+    rate="marker",
+)
+SEEN_POINT_FORCE = Topic(
+    "view/{point}/measured_cf",
+    WRENCH,
+    VIEWER,
+    "`mechanism/{point}/measured_cf` in the frame `<point>_world`, for RViz",
+    rate="marker",
+)
+SEEN_DEVICE_COMMAND = Topic(
+    "view/device/servo_cf",
+    WRENCH,
+    VIEWER,
+    "`device/servo_cf` in the frame `device_world`, for RViz",
+    rate="marker",
+)
+SEEN_HAND_FORCE = Topic(
+    "view/device/hand/measured_cf",
+    WRENCH,
+    VIEWER,
+    "`device/hand/measured_cf` in the frame `device_world`, for RViz",
+    rate="marker",
+)
+
+VIEW_TOPICS: tuple[Topic, ...] = (
+    MARKERS,
+    FRAMES,
+    ROBOT_DESCRIPTION,
+    URDF_JOINTS,
+    SEEN_POINT_COMMAND,
+    SEEN_POINT_FORCE,
+    SEEN_DEVICE_COMMAND,
+    SEEN_HAND_FORCE,
+)
 
 TOPICS: tuple[Topic, ...] = (
     DEVICE_STATE,

@@ -22,9 +22,9 @@ from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
-from hapticmech_ros.wire.contact_topics import CONTACTS
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
+    CONTACTS,
     COUNT,
     DEVICE_COMMAND,
     DEVICE_POSE,

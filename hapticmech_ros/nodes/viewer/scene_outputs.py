@@ -39,7 +39,7 @@ from hapticmech_ros.view import (
 )
 from hapticmech_ros.view.frames import DEVICE, at_world, frame_names
 from hapticmech_ros.view.shapes import Key
-from hapticmech_ros.wire.view_topics import (
+from hapticmech_ros.wire.topics import (
     FRAMES,
     MARKERS,
     ROBOT_DESCRIPTION,
