@@ -109,6 +109,15 @@ class Seen:
         moving = [(one.time > start) & (one.time < start + MOVES_S) for one in self.both]
         return all(inside.sum() > 0.9 * MOVES_S / period for inside in moving)
 
+    def delay(self, period: float) -> float:
+        """Return what each way of the far device took while its arm moved, median, s.
+
+        A session's round trip takes a period (s) by design, and both ways.
+        """
+        start = self.begun + WAITS_S
+        moving = (self.far.time > start) & (self.far.time < start + MOVES_S)
+        return 0.5 * (float(np.median(self.far.round_trip[moving])) - period)
+
     @property
     def both(self) -> tuple[Watched, Watched]:
         """The near one and the far one."""
