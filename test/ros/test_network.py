@@ -77,18 +77,23 @@ def test_two_users_on_two_hosts_feel_each_other_and_the_loss_of_one_frees_only_h
     # Springs of 100 and 300 N/m balance at three quarters of the way of the far arm's target.
     assert pytest.approx(0.75 * WAY) == RESTS_AT
     assert seen.rests_at(seen.cut, 1.0) == pytest.approx(RESTS_AT, rel=0.01)
-    (time, moved), (known, expected, _) = seen.moved(), simulated(path, PERIOD_S)
-    inside = time < known[-1]
+    # A session over the same path or, of a machine that adds to it (60 ms instead of 50), over the
+    # delay that there was.
+    paths = (path, Path(seen.delay(PERIOD_S)))
+    sessions = [simulated(one, PERIOD_S) for one in paths]
+    time, moved = seen.moved()
+    off = [
+        np.abs(moved - np.interp(time, known, expected))[time < known[-1]].max()
+        for known, expected, _ in sessions
+    ]
     # 80 mm/s at most: a graph is one to two periods later than a session, 0.3 mm. What is lost on
     # the way changes 0.03 mm.
-    close = 0.05 * WAY
-    assert moved[inside] == pytest.approx(np.interp(time, known, expected)[inside], abs=close)
+    assert min(off) < 0.05 * WAY
     near, far, total = seen.energies()
     assert min(near, far) >= -1e-3
-    # What the connections lack in sum is the delay's, as in a session over the delay that there was:
-    # of a starved machine 60 ms instead of 50, and 4 mJ more.
-    *_, lost = simulated(Path(seen.delay(PERIOD_S)), PERIOD_S)
-    assert total == pytest.approx(lost, abs=2e-3)
+    # What the connections lack in sum is the delay's.
+    lost = [least for _, _, least in sessions]
+    assert min(lost) - 2e-3 <= total <= max(lost) + 2e-3
     for start, end in ((seen.cut, seen.mended), (seen.killed, seen.killed + RETURNS_S)):
         assert seen.held(start, end) > 0.95
         # The near arm alone holds the body then: e-fold in 0.25 s.
