@@ -16,6 +16,7 @@ from pathlib import Path as FilePath
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.children import BenchError
 from benchmarks.reliability.emulated_network import (
@@ -105,18 +106,19 @@ class Seen:
 
         Periods that a starved machine drops are missed by the mechanism too, which is late then.
         """
-        start = self.begun + WAITS_S
-        moving = [(one.time > start) & (one.time < start + MOVES_S) for one in self.both]
-        return all(inside.sum() > 0.75 * MOVES_S / period for inside in moving)
+        return all(self._moving(one).sum() > 0.75 * MOVES_S / period for one in self.both)
 
     def delay(self, period: float) -> float:
         """Return what each way of the far device took while its arm moved, median, s.
 
         A session's round trip takes a period (s) by design, and both ways.
         """
+        return 0.5 * (float(np.median(self.far.round_trip[self._moving(self.far)])) - period)
+
+    def _moving(self, one: Watched) -> NDArray[np.bool_]:
+        """Return (n,) which of a device's samples are of the far arm's motion."""
         start = self.begun + WAITS_S
-        moving = (self.far.time > start) & (self.far.time < start + MOVES_S)
-        return 0.5 * (float(np.median(self.far.round_trip[moving])) - period)
+        return (one.time > start) & (one.time < start + MOVES_S)
 
     @property
     def both(self) -> tuple[Watched, Watched]:

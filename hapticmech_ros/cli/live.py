@@ -39,7 +39,7 @@ def live(
     given, stop = tuple(changes or ()), stop_by_signals()
     loaded = load_scene(scene)
     with ExitStack() as ends:
-        if is_massless(loaded):
+        if is_massless(loaded) and is_massless(load_scene(scene, changes=given)):
             console.print(f"drawn as it is written: {NO_MASS}", highlight=False, soft_wrap=True)
             shown: Backend = StillScene(Open(scene, given))
         else:

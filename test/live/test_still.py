@@ -3,10 +3,14 @@
 """A file without any mass: the page draws it as it is written, says why, and moves nothing."""
 
 import itertools
+import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from hapticmech_ros.cli import app
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Drag, Draggable, LiveState, Open, Opened
 from hapticmech_ros.live.drawing import Drawing
 from hapticmech_ros.live.live_picture import LivePicture
@@ -14,6 +18,7 @@ from hapticmech_ros.live.numbers import numbers_html
 from hapticmech_ros.live.page import LivePage
 from hapticmech_ros.live.still import StillScene
 from hapticmech_ros.mechanism.inertia import NO_MASS
+from oracles.generator import blank
 
 URDF = """<robot name="bare"><link name="base"/><link name="arm"/>
 <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.3"/>
@@ -51,3 +56,28 @@ def test_the_page_opens_it(still):
         assert page.address.startswith("http://127.0.0.1:")
     finally:
         page.close()
+
+
+def test_a_mass_that_is_given_lets_it_move(tmp_path, monkeypatch):
+    def begun(asked):
+        raise HapticMechError(f"begun with {asked.changes[-1]}")
+
+    monkeypatch.setattr("hapticmech_ros.live.process.LiveProcess", begun)
+    none = dict.fromkeys(("ixx", "iyy", "izz"), 0.0)
+    scene = blank() | {
+        "links": [
+            {
+                "name": "arm",
+                "joint": {"name": "j", "type": "revolute"},
+                "inertial": {"mass": 0.0, "inertia": none},
+            }
+        ],
+        "operational_points": [
+            {"name": "tip", "link": "arm", "metric": {"mass": 1.0, "length": 0.1}}
+        ],
+    }
+    (tmp_path / "bare.yaml").write_text(json.dumps(scene), encoding="utf-8")
+    given = "links.arm.inertial={mass: 1.0, inertia: {ixx: 0.1, iyy: 0.1, izz: 0.1}}"
+    command = ["live", str(tmp_path / "bare.yaml"), "--set", given]
+    with pytest.raises(HapticMechError, match=r"begun with links\.arm"):
+        CliRunner().invoke(app, command, catch_exceptions=False)
