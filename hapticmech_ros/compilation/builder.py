@@ -41,12 +41,14 @@ _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
     *("device.impedance_device", "wire.readings", "contact.stepping"),
     *("session.session", "nodes.watch_kernels"),
+    *("nodes.analysis_kernels", "nodes.mechanism_kernels"),
 )
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(
     (
         *("sqrt", "sin", "cos", "tan", "tanh", "atan2", "exp", "log", "pow", "memset", "memcpy"),
         *("usleep", "poll", "write", "abort", "_exit"),
+        *("ppoll", "recv", "send", "memcmp", "clock_gettime"),
     )
 )
 # Kernels with much in common, by what their names begin with; all others are one more family.

@@ -67,6 +67,7 @@ _SOURCES = (
     "operational/prediction_kernels.py",
     "operational/delay_compensation_kernels.py",
     "operational/observe_kernels.py",
+    "operational/past_rates_kernels.py",
     "operational/contact_wrench_kernels.py",
     "rotation_kernels.py",
     "device/grasp_schedule.py",
@@ -90,6 +91,9 @@ _SOURCES = (
     "session/tick_kernels.py",
     "wire/kernels.py",
     "nodes/watch_kernels.py",
+    "nodes/lane_kernels.py",
+    "nodes/analysis_kernels.py",
+    "nodes/mechanism_kernels.py",
 )
 
 

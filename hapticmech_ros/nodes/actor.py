@@ -23,6 +23,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.lane import Waits
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import check_in_world, checked_time, deserialized
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
@@ -167,6 +168,17 @@ class Actor(Generic[P]):
     def ways(self) -> dict[str, str]:
         """Return by which ways each topic of the control rate goes, for diagnostics."""
         return {f"transport of {topic}": found.ways() for topic, found in self._outlets.items()}
+
+    def lane_topic(self, name: str, message_type: Any) -> str:
+        """Return what a topic is called on the lane; empty if it does not go there."""
+        kind = self.node.lane_kind(message_type)
+        return f"{self.node.resolve_topic_name(name)} {kind}" if kind else ""
+
+    def wait_by(self, waits: Waits | None) -> None:
+        """Let the lane be waited for in another way, where this is the process's only node."""
+        exchange = self.node.exchange
+        if exchange.lane is not None and len(exchange.nodes) == 1:
+            exchange.lane.wait = waits
 
     def sources(self, name: str) -> Sources:
         """Return what watches that one publisher speaks on a topic; an input is told of it."""

@@ -90,6 +90,9 @@ class Outlet:
         number: of this outlet in this process.
         stays: whether a message is kept for those who come later, and so must always be sent.
         later: whether a serialized message may wait until the loop has nothing else to do.
+
+    Attributes:
+        topic, number: as given.
     """
 
     def __init__(
@@ -104,10 +107,10 @@ class Outlet:
     ) -> None:
         self.publisher = publisher
         self.later = later
+        self.topic = topic
+        self.number = number
         self._exchange = exchange
         self._line = line
-        self._topic = topic
-        self._number = number
         self._stays = stays
         self._published = 0
         self._readers = 0
@@ -139,9 +142,9 @@ class Outlet:
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message by all ways on which somebody listens."""
         line, lane = self._line, self._exchange.lane
-        if not self._topic or len(message) > MOST_BYTES:
+        if not self.topic or len(message) > MOST_BYTES:
             lane = None
-        readers = 0 if lane is None else lane.readers(self._topic)
+        readers = 0 if lane is None else lane.readers(self.topic)
         given = len(line.listeners) + readers
         now = time.monotonic_ns()
         if readers != self._on_lane:
@@ -152,17 +155,31 @@ class Outlet:
         both = self._stays or now < self._settled_ns or self._count(now) > given
         if lane is not None:
             # First, so that whoever has both knows the second one when it comes.
-            lane.send(self._topic, self._number, self._published + both, message, both)
+            lane.send(self.topic, self.number, self._published + both, message, both)
         if both:
             if line.listeners:
                 line.note(message)
             self.publish_outside(message)
         self._exchange.send(line.listeners, message)
 
+    @property
+    def published(self) -> int:
+        """How many messages have gone through the middleware."""
+        return self._published
+
+    @property
+    def is_on_lane_alone(self) -> bool:
+        """Whether a message would go to listeners on the lane, and to nobody else."""
+        lane, now = self._exchange.lane, time.monotonic_ns()
+        readers = lane.readers(self.topic) if lane and self.topic else 0
+        if not readers or readers != self._on_lane or self._stays or self._line.listeners:
+            return False
+        return now >= self._settled_ns and self._count(now) <= readers
+
     def ways(self) -> str:
         """Return by which ways a message goes now, in words."""
-        lane = self._exchange.lane if self._topic else None
-        readers = lane.readers(self._topic) if lane else 0
+        lane = self._exchange.lane if self.topic else None
+        readers = lane.readers(self.topic) if lane else 0
         here = len(self._line.listeners)
         ways = {
             "process": here > 0,
@@ -340,17 +357,18 @@ class Exchange:
         while self._later:
             self.publish_one()
 
-    def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
+    def collect(self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0) -> None:
         """Let what has come over the lane wait for its listeners.
 
         Args:
             timeout_s: how long to wait for anything to come.
+            longest_s: see :meth:`Lane.collect`.
             whole: whether all that has come is wanted now.
         """
         lane = self.lane
         if lane is None:
             return
-        self._waiting += lane.collect(timeout_s, whole)
+        self._waiting += lane.collect(timeout_s, whole, longest_s)
         if lane.copied:
             for topic, message in lane.copied:
                 self._line(topic.split(" ", 1)[0]).note(message)

@@ -103,6 +103,10 @@ class ExternalWrenches:
         for source in self.sources.values():
             source.wrench.clear()
 
+    def pushes(self, now_ns: int) -> bool:
+        """Return whether any wrench stands at a time, ns."""
+        return any(source.wrench.stands(now_ns) for source in self.sources.values())
+
     def at(self, now_ns: int, rotation_of: Callable[[str], Array]) -> dict[str, Array]:
         """Return the sum of wrenches (6,) on each body that is pushed, N and N m, world axes.
 

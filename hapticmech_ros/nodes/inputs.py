@@ -46,33 +46,33 @@ class Standing(Latest[T]):
     run out meanwhile.
     """
 
-    _before: T | None = None
-    _before_ns: int = NEVER
+    before: T | None = None
+    before_ns: int = NEVER
 
     def sampled(self) -> None:
         """Note that a sample was taken under the value that stands."""
-        self._before, self._before_ns = self.value, self.stamp_ns
+        self.before, self.before_ns = self.value, self.stamp_ns
 
     def lapsed(self, now_ns: int, timeout_ns: int) -> bool:
         """Return whether what stood at the last sample has run out by now, and forget it then.
 
         A process that stood still for so long has missed the end of it.
         """
-        if self._before is None or now_ns - self._before_ns <= timeout_ns:
+        if self.before is None or now_ns - self.before_ns <= timeout_ns:
             return False
-        self._before, self._before_ns = None, NEVER
+        self.before, self.before_ns = None, NEVER
         return True
 
     def as_of(self, time_ns: int) -> tuple[T | None, int]:
         """Return what was known at a time, and since when, ns."""
         if self.stamp_ns > time_ns:
-            return self._before, self._before_ns
+            return self.before, self.before_ns
         return self.value, self.stamp_ns
 
     def clear(self) -> None:
         """Forget all."""
-        self.value = self._before = None
-        self.stamp_ns = self._before_ns = NEVER
+        self.value = self.before = None
+        self.stamp_ns = self.before_ns = NEVER
 
 
 @dataclass(slots=True)
@@ -123,6 +123,32 @@ class ExpiringWrench:
     def sampled(self) -> None:
         """Note that a sample was taken under the command that stands."""
         self._latest.sampled()
+
+    def put_into(self, wrenches: Array) -> tuple[int, int]:
+        """Fill (2, 6) with what stands, and what stood at the last sample.
+
+        Args:
+            wrenches: (2, 6) to fill, N and N m, in the axes given.
+
+        Returns:
+            Since when each does, ns.
+        """
+        latest = self._latest
+        for row, wrench in zip(wrenches, (latest.value, latest.before), strict=True):
+            row[:] = 0.0 if wrench is None else wrench
+        return latest.stamp_ns, latest.before_ns
+
+    def take_from(self, wrenches: Array, heard_ns: int, before_ns: int) -> None:
+        """Take what a kernel has left of :meth:`put_into`.
+
+        Args:
+            wrenches: (2, 6) likewise.
+            heard_ns: since when the first one stands.
+            before_ns: the second.
+        """
+        latest, (stands, stood) = self._latest, wrenches.copy()
+        latest.value, latest.stamp_ns = (None if heard_ns == NEVER else stands), heard_ns
+        latest.before, latest.before_ns = (None if before_ns == NEVER else stood), before_ns
 
     def heard(self, now_ns: int) -> bool:
         """Return whether a command came within the timeout."""

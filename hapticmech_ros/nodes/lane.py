@@ -14,11 +14,11 @@ import secrets
 import select
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from hapticmech_ros.nodes.lane_connections import (
     HEADER,
@@ -70,6 +70,22 @@ class _Heard:
         return len(self.listeners) + len(self.batch_listeners)
 
 
+class Waits(Protocol):
+    """Waits for connections in place of ``select``, and does meanwhile what it can.
+
+    Attributes:
+        meets_deadlines: whether it acts on the deadlines of its node, too.
+    """
+
+    meets_deadlines: bool
+
+    def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
+        """Return whether it can wait now; see ``PlainMessages``."""
+
+    def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
+        """Return which have something to read, and when it had to wait; see there."""
+
+
 class Lane:
     """This process's part in the lane.
 
@@ -80,6 +96,8 @@ class Lane:
         refused: connections of other users, and messages that broke the rules.
         copied: topic and message of all that came and the middleware brings too; for whoever
             collects to take.
+        wait: waits in place of ``select``, and does something meanwhile; see :class:`Waits`.
+        worked: whether it waited the last time.
 
     Raises:
         LaneError: there can be no sockets.
@@ -88,6 +106,8 @@ class Lane:
     def __init__(self, folder: Path) -> None:
         self.refused = 0
         self.copied: list[tuple[str, bytes]] = []
+        self.wait: Waits | None = None
+        self.worked = False
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._heard: dict[str, _Heard] = {}
@@ -202,9 +222,30 @@ class Lane:
             message: serialized.
             both: whether the middleware carries it too.
         """
-        gone, turned, sent_ns = [], False, time.time_ns()
         self._sent[outlet] = count = self._sent.get(outlet, 0) + 1
-        for outgoing, code in self._to.get(topic, ()):
+        self.send_to(self._to.get(topic, ()), outlet, number, count, message, both)
+
+    def send_to(
+        self,
+        hearers: Sequence[tuple[Outgoing, int]],
+        outlet: int,
+        number: int,
+        count: int,
+        message: bytes,
+        both: bool,
+    ) -> None:
+        """Send a message to some; arguments as of :meth:`send`.
+
+        Args:
+            hearers: connections, each with its number of the topic.
+            outlet: which publisher of this process.
+            number: of its messages through the middleware.
+            count: of its messages over the lane.
+            message: serialized.
+            both: whether the middleware carries it too.
+        """
+        gone, turned, sent_ns = [], False, time.time_ns()
+        for outgoing, code in hearers:
             frame = HEADER.pack(MESSAGE, both, code, outlet, number, count, sent_ns) + message
             if not outgoing.send(frame):
                 gone.append(outgoing)
@@ -215,21 +256,58 @@ class Lane:
         if turned:
             self._sort()
 
-    def collect(self, timeout_s: float = 0.0, whole: bool = False) -> list[Arrived]:
+    def sent(self, outlet: int) -> int:
+        """Return how many messages of a publisher of this process were sent here."""
+        return self._sent.get(outlet, 0)
+
+    def note_sent(self, outlet: int, count: int) -> None:
+        """Note that somebody else has sent messages of a publisher, and how many there are now."""
+        self._sent[outlet] = count
+
+    def plain_hearers(self, topic: str) -> list[tuple[Outgoing, int]]:
+        """Return who hears a topic, with its number there, if all take what they are sent."""
+        found = self._to.get(topic, [])
+        return [] if any(one.is_full or one.stalled or one.is_behind for one, _ in found) else found
+
+    def speaker(self, topic: str, via: int) -> tuple[int, int] | None:
+        """Return the connection by which a publisher's messages come, and their topic's number.
+
+        Args:
+            topic: full name and type.
+            via: the publisher, see :class:`~hapticmech_ros.nodes.origin.Origin`.
+        """
+        heard = self._heard.get(topic)
+        for number, incoming in self._incoming.items():
+            if heard is not None and incoming.serial == via >> 32:
+                alone = len(heard.listeners) == 1 and not heard.batch_listeners
+                return (number, heard.code) if alone else None
+        return None
+
+    def collect(
+        self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0
+    ) -> list[Arrived]:
         """Return what has come, and look after connections.
 
         Args:
             timeout_s: how long to wait for anything to come.
+            longest_s: how long :attr:`wait` may, if that is longer.
             whole: whether all that has come by now is wanted; else a message of each process, and
                 the rest comes with the next call, unless this process is behind.
         """
         found: list[Arrived] = []
         asked = time.monotonic_ns()
-        ready, _, _ = select.select(self._waited, (), (), timeout_s)
-        now = time.monotonic_ns()
+        wait, until_ns = self.wait, asked + int(max(timeout_s, longest_s) * NANOSECONDS)
+        if wait and timeout_s and wait.prepare(self, self._waited, until_ns):
+            self.worked = True
+            ready, idle_ns = wait(self, self._waited)
+            now = time.monotonic_ns()
+        else:
+            self.worked = False
+            ready, _, _ = select.select(self._waited, (), (), timeout_s)
+            now = time.monotonic_ns()
+            idle_ns = now if not ready or now - asked > WAITED_NS else 0
         whole |= now - self._idle_ns > BEHIND_NS
-        if not ready or now - asked > WAITED_NS:
-            self._idle_ns = now
+        self._idle_ns = max(self._idle_ns, idle_ns)
         if not ready:
             return found
         for number in ready:

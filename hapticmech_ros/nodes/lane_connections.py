@@ -110,6 +110,11 @@ class Outgoing:
         return self._behind is not None
 
     @property
+    def is_behind(self) -> bool:
+        """Whether anything is kept for it."""
+        return bool(self._behind)
+
+    @property
     def is_full(self) -> bool:
         """Whether it refuses messages at present."""
         return self._full_ns > 0

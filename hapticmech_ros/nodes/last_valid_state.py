@@ -33,10 +33,10 @@ class LastValidState(Generic[T]):
         self._until_ns = 0
         self.resting = False
 
-    def keep(self, state: T) -> None:
-        """Remember a state that was sent to others: it kept every rule."""
+    def keep(self, state: T, ticks: int = 1) -> None:
+        """Remember a state that was sent to others, and those before it: they kept every rule."""
         self._good = state
-        self._since += 1
+        self._since += ticks
 
     def go_back(self, now_ns: int) -> T:
         """Return the last state that was well; the start, if it was gone back to just now."""

@@ -176,10 +176,11 @@ class Inbox:
 
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
-        exchange = self._exchange
+        exchange, lane = self._exchange, self._exchange.lane
         early = min(self._late_ns, AWAKE_NS, (deadline - now) // AWAKE_SHARE)
-        exchange.collect((deadline - early - now) / NANOSECONDS)
-        if exchange.is_waiting:
+        longest_s = (self._latest_ns - now) / NANOSECONDS
+        exchange.collect((deadline - early - now) / NANOSECONDS, longest_s=longest_s)
+        if exchange.is_waiting or (lane is not None and lane.worked):
             return
         now = time.monotonic_ns()
         # Half as much again as usual: most are in time then.

@@ -8,19 +8,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.control.loop_layout import TOLD
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.grasp import grasp_written
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.nodes import lane_kernels as kernels
+from hapticmech_ros.nodes import mechanism_kernels as own
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.closure_services import closure_button, offer_closures
 from hapticmech_ros.nodes.contact_port import ContactPort
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
@@ -28,15 +33,20 @@ from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
+from hapticmech_ros.nodes.plain_messages import PlainMessages, frame_of, words_of
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.operational.coupling import by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
+from hapticmech_ros.session.data import PARTS, TIMES, TOTALS, session_data
+from hapticmech_ros.session.sample import LeftState, totals_of
+from hapticmech_ros.session.tick_kernels import AT, CLOCK_SIZE, KNOWN
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.bounds import pose_bounds
+from hapticmech_ros.wire.bounds import Bounds, SixBounds, pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.joints import coordinate_names
@@ -49,10 +59,155 @@ from hapticmech_ros.wire.topics import (
     ENERGY,
     EXTERNAL_WRENCH,
     JOINT_STATES,
+    POINT_COMMAND,
     POINT_OPERATING_STATE,
     POINT_STATE_COMMAND,
     STATE,
 )
+from hapticmech_ros.wire.wrench import encode_wrench
+
+_NOBODY = np.zeros((0, 10))
+_NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
+# Of a serialized WrenchStamped: encapsulation; stamp; and up to where its six numbers begin.
+_STAMP_AT, _FRAME_AT, _NUMBERS_AT = 4, 12, 28
+
+
+class MechanismTicks(PlainMessages):
+    """Moves the mechanism of a simulator.
+
+    Args:
+        actor: the simulator's.
+        topic: of the commands, see :class:`PlainMessages`.
+        sources: of the commands.
+        bounds: of the commands.
+        states: how its states are written, and their bounds.
+        outlet: that they are published through.
+    """
+
+    meets_deadlines = True
+
+    def __init__(
+        self,
+        actor: MechanismSimulator,
+        topic: str,
+        sources: Sources,
+        bounds: SixBounds,
+        states: tuple[FlatArray, Bounds],
+        outlet: Outlet,
+    ) -> None:
+        command, (state, out_bounds) = encode_wrench(np.zeros(6), 0), states
+        frame, self._out = frame_of(state.prefix, state.size)
+        super().__init__(
+            actor,
+            topic,
+            sources,
+            (command[:_NUMBERS_AT], 6),
+            _STAMP_AT,
+            outlet,
+            (frame, len(state.prefix) + 8 * state.size),
+            np.zeros(own.LINK_SIZE, dtype=np.int64),
+        )
+        self._simulator, self._out_most = actor, out_bounds.most
+        self._plain = words_of(command[_FRAME_AT:_NUMBERS_AT])
+        self._most = np.array([bounds.first] * 3 + [bounds.last] * 3)
+        self._commands = np.zeros((2, 6))
+        mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
+        stepper = actor.simulator.stepper
+        sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
+        parts = {name: np.zeros(0) for name in PARTS} | {
+            "times": np.zeros(TIMES.size),
+            "wrenches": np.zeros((TOLD + 1, 6)),
+            "external": np.zeros(6),
+            "q": np.zeros(mechanism.nq),
+            "v": np.zeros(mechanism.nv),
+            "totals": np.zeros(TOTALS.size),
+        }
+        self._data = session_data(sizes | {"implicit": stepper.implicit}, parts)
+        self._data.times[TIMES.start("period")] = actor.period_s
+        self._packed = np.zeros((4, 0))
+        self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
+        self._known: MechanismState | None = None
+        places = np.cumsum((2, len(mechanism.closures), mechanism.nv, mechanism.nv + 6 + 7))
+        self._closed = slice(2, int(places[1]))
+        self._grasp = slice(int(places[3]) - 7, int(places[3]))
+        self.link[own.POSITION : own.FLAG + 1] = places[1:]
+        self.link[own.PERIOD] = nanoseconds(actor.period_s)
+
+    def ready(self) -> bool:
+        """Tell the kernel how the mechanism is; see :meth:`PlainMessages.ready`."""
+        actor, link = self._simulator, self.link
+        if not actor.steps_plainly or actor.clock is None:
+            return False
+        port = actor.port
+        link[own.NEXT], link[own.DONE] = actor.clock.next_ns, 0
+        link[own.TIMEOUT], link[own.RAMP] = port.command.timeout_ns, port.command.ramp_ns
+        link[own.SINCE] = port.since_ns
+        link[own.HEARD : own.ARRIVED + 1] = *port.command.put_into(self._commands), *port.order.last
+        link[kernels.VIEW] = actor.until_view
+        state = actor.state
+        if state is not self._known:
+            self._load(state)
+        self._out[self._grasp] = actor.place
+        return True
+
+    def _load(self, state: MechanismState) -> None:
+        """Go on from a state."""
+        simulator, data = self._simulator.simulator, self._data
+        active_set = simulator.mechanism.active_set(state.active)
+        if self._packed.shape[1] != active_set.size:
+            self._packed = np.zeros((4, active_set.size))
+        data.q[:], data.v[:], data.totals[:] = state.q, state.v, totals_of(state)
+        closing = simulator.closing(state)
+        self._clock[AT], self._clock[KNOWN] = 0, closing.active_set is active_set
+        if self._clock[KNOWN]:
+            self._packed[0] = closing.packed
+        self._out[self._closed] = state.active
+        self._known = state
+
+    def run(self) -> int:
+        """Call the kernel."""
+        simulator, data = self._simulator.simulator, self._data
+        active_set = simulator.mechanism.active_set(self._simulator.state.active)
+        simulator.stepper.prepare()
+        return own.move_at_deadlines(
+            self.link,
+            self.words,
+            self.polled,
+            self.frame,
+            self.prefix,
+            self._plain,
+            self.values,
+            self._most,
+            self._commands,
+            self.out_frame,
+            self._out,
+            self._out_most,
+            self.targets,
+            *active_set.constants,
+            self._packed,
+            simulator.stepper.work,
+            simulator.stepper.springs,
+            data.numbers,
+            data.data,
+            _NOBODY,
+            *_NO_CONTACTS,
+            self._clock,
+            self.ages,
+        )
+
+    def did(self, code: int, reads: int) -> None:
+        """Tell the simulator what the kernel did."""
+        actor, link, port = self._simulator, self.link.tolist(), self._simulator.port
+        if reads or link[own.DONE]:
+            heard = link[own.HEARD : own.ARRIVED + 1]
+            port.command.take_from(self._commands, *heard[:2])
+            port.order.last = heard[2], heard[3]
+        if link[own.DONE]:
+            known, data = self._known or actor.state, self._data
+            state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
+            self._known = state
+            said = code != kernels.TO_SAY
+            actor.moved(state, link[own.DONE], link[own.NEXT], said, code == kernels.TO_LOOK_AT)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -72,10 +227,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._listened: ExternalWrenches | None = None
         self._asked: str | None = None
         super().__init__(node, parameters)
-        self._simulator = Simulator(self.scene)
-        self._mechanism = self._simulator.mechanism
+        self.simulator = Simulator(self.scene)
+        self._mechanism = self.simulator.mechanism
         self._closures = [closure.name for closure in self._mechanism.closures]
-        self._state: MechanismState = self._simulator.initial_state()
+        self.state: MechanismState = self.simulator.initial_state()
         names = self._mechanism.point_names
         self._commands = np.zeros((len(names), 6))
         self._calm = np.zeros((len(names), 6))
@@ -91,7 +246,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         for prefix in user_prefixes(held).values():
             ButtonInput(self, prefix, self._pressed)
         self._on_links: dict[str, Array] = {}
-        self._last_valid = LastValidState(self._state, self.period_s)
+        self._last_valid = LastValidState(self.state, self.period_s)
         self._ticks = self._sampled_ns = 0
         self._inaccurate_ns = NEVER
         self._joints = JointStateWriter(coordinate_names(self._mechanism))
@@ -107,13 +262,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if not parameters.require_external_wrench:
             self._listened = self._listen_to_wrenches(names)
         self._grasps = OperationalPoints(
-            self, self._mechanism, lambda: self._state.q, self._told_to_grasp
+            self, self._mechanism, lambda: self.state.q, self._told_to_grasp
         )
         self._asked = ""
         self.validate_parameters(parameters)
         self.apply_parameters(parameters)
         self._grasps.announce()
-        self._announced = self._state.active
+        self._announced = self.state.active
         self._announce_closures()
         self._operating = OperatingState(
             self,
@@ -122,6 +277,22 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
+        # Where the mechanism is one that a kernel can move all by itself.
+        self._may_step_plainly = (
+            self._mechanism.nq == self._mechanism.nv and not self.scene.contacts
+        ) and not parameters.require_external_wrench
+        self._plain = [
+            MechanismTicks(
+                self,
+                self.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped),
+                port.controllers,
+                self.wrenches,
+                (self._wire, self._layout.bounds),
+                self._publish_wire,
+            )
+            for port in self._ports
+            if self._may_step_plainly and len(self._ports) == 1
+        ]
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -163,18 +334,78 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._told = self._calm
         self._inaccurate_ns = NEVER
         self._operating.publish(active=True)
+        self.wait_by(self._plain[0] if self._plain else None)
+
+    @property
+    def port(self) -> PointPort:
+        """The port of the operational point held, where there is one only."""
+        return self._ports[0]
+
+    @property
+    def place(self) -> Array:
+        """(7,) Where that point is."""
+        return np.asarray(self._grasps.numbers[0])
+
+    @property
+    def steps_plainly(self) -> bool:
+        """Whether a step needs nothing but a command; see :class:`MechanismTicks`."""
+        pushed = self._external is not self._calm or self._on_links or self._is_pushed
+        waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
+        return not (pushed or waits or self.simulator.may_latch(self.state))
+
+    @property
+    def _is_pushed(self) -> bool:
+        return self._listened is not None and self._listened.pushes(self.now_ns())
+
+    @property
+    def until_view(self) -> int:
+        """After how many more steps one is to be seen."""
+        return 1 + -self._ticks % self.view_every
+
+    def moved(
+        self, state: MechanismState, steps: int, next_ns: int, said: bool, seen: bool
+    ) -> None:
+        """Go on from where the kernel has moved the mechanism to.
+
+        Args:
+            state: where.
+            steps: how many were done.
+            next_ns: the next deadline, ns.
+            said: whether all states were published.
+            seen: whether people are to see the last one.
+        """
+        if self.clock is None:
+            return
+        before, self.state = self.state.account.inaccurate, state
+        self.clock.next_ns = next_ns
+        self.clock.periods += steps
+        self._note_inaccurate(before)
+        self._sampled_ns = self.clock.last_deadline_ns
+        self._commands = self.port.command.at(self._sampled_ns).reshape(1, 6)
+        self._ticks += steps - (not said)
+        if not said:
+            self.failures.run("tick", self._publish, self._sampled_ns)
+            return
+        self._last_valid.keep(state, steps)
+        if seen:
+            self.failures.run("tick", self._look, self._sampled_ns)
+
+    def _look(self, time_ns: int) -> None:
+        self._operating.publish(self.node.active)
+        self._publish_view(self.simulator.evaluate(self.state), self._external, time_ns)
 
     def deactivate(self) -> None:
         """Come to rest: on activation the mechanism goes on from here."""
+        self.wait_by(None)
         self._rest()
         self._operating.publish(active=False)
 
     def _rest(self) -> None:
-        self._state = replace(self._state, v=np.zeros_like(self._state.v))
+        self.state = replace(self.state, v=np.zeros_like(self.state.v))
 
     def reseat(self) -> None:
         """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
-        self._state = self._last_valid.go_back(self.now_ns())
+        self.state = self._last_valid.go_back(self.now_ns())
         self._rest()
         self.activate()
 
@@ -223,7 +454,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return wrenches
 
     def _publish(self, deadline_ns: int) -> None:
-        state, external = self._state, self._by_all()
+        state, external = self.state, self._by_all()
         self._sampled_ns = deadline_ns
         late = self._is_behind or bool(self._operating.withheld)
         if self.lockstep:
@@ -239,7 +470,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._announce_closures()
         if self._ticks % self.view_every == 0:
             self._operating.publish(self.node.active)
-            self._publish_view(self._simulator.evaluate(state), external, deadline_ns)
+            self._publish_view(self.simulator.evaluate(state), external, deadline_ns)
         self._ticks += 1
 
     @property
@@ -252,11 +483,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _by_all(self) -> Array:
         """Return F_c (points, 6): of what pushes there, of virtual objects, and of other hands."""
-        touching = self._state.touching
+        touching = self.state.touching
         touched = touching is not None and bool(touching.joint_force.any())
         if self._contact_wrenches is None or not (touched or self._told.any()):
             return self._external
-        terms = self._simulator.evaluate(self._state)
+        terms = self.simulator.evaluate(self.state)
         forces = by_others(terms, self._told)
         if touching is not None:
             forces += touching.joint_force
@@ -264,24 +495,24 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the mechanism's state and figures."""
-        closed = ", ".join(self._mechanism.names_of(self._state.active)) or "none"
+        closed = ", ".join(self._mechanism.names_of(self.state.active)) or "none"
         pushing = {} if self._listened is None else self._listened.figures(self.now_ns())
-        energy = energy_of(self._mechanism, self._state, 0)
-        drift = self._state.account.drift(energy.kinetic)
-        space = self._simulator.evaluate(self._state).space
+        energy = energy_of(self._mechanism, self.state, 0)
+        drift = self.state.account.drift(energy.kinetic)
+        space = self.simulator.evaluate(self.state).space
         figures = {
             **self.clock_figures(),
             **pushing,
             "closures": closed,
             "closure_rank": str(space.rank),
-            "closure_error": f"{self._state.closure_error:.3e}",
+            "closure_error": f"{self.state.closure_error:.3e}",
             "kinetic_energy_j": f"{energy.kinetic:.6g}",
             "potential_energy_j": f"{energy.potential:.6g}",
             "energy_balance_j": f"{energy.balance:.9g}",
-            "energy_surplus_j": f"{self._state.account.surplus:.3e}",
+            "energy_surplus_j": f"{self.state.account.surplus:.3e}",
             "energy_drift": f"{drift:.1e}",
-            "steps_refined": str(self._state.account.refined),
-            "steps_inaccurate": str(self._state.account.inaccurate),
+            "steps_refined": str(self.state.account.refined),
+            "steps_inaccurate": str(self.state.account.inaccurate),
             "overtaken_commands": str(sum(port.order.overtaken for port in self._ports)),
         }
         now = self.now_ns()
@@ -304,9 +535,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return self._two_command(self.now_ns()) or failed
 
     def _move(self) -> None:
-        wrenches, before = self._commands + self._external, self._state.account.inaccurate
-        self._state = self._simulator.step(self._state, wrenches, self._on_links)
-        if self._state.account.inaccurate > before:
+        wrenches, before = self._commands + self._external, self.state.account.inaccurate
+        self.state = self.simulator.step(self.state, wrenches, self._on_links)
+        self._note_inaccurate(before)
+
+    def _note_inaccurate(self, before: int) -> None:
+        """Say that steps were not accurate, if more were than before."""
+        if self.state.account.inaccurate > before:
             now = self.now_ns()
             # Once, where many come one after the other.
             if now - self._inaccurate_ns >= NANOSECONDS:
@@ -314,7 +549,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._inaccurate_ns = now
 
     def _inaccuracy(self) -> str:
-        account = self._state.account
+        account = self.state.account
         return (
             f"{account.inaccurate} steps so far have an energy error above the scene's tolerance "
             f"({account.surplus:.3g} J in all): shorten the period, or add substeps"
@@ -356,12 +591,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return external
 
     def _rotation_of(self, frame: str) -> Array:
-        return np.asarray(self._mechanism.frame_pose(self._state.q, frame).rotation)
+        return np.asarray(self._mechanism.frame_pose(self.state.q, frame).rotation)
 
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
         joints = b""
         if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            q, v = self._layout.coordinates(self._state.q).tolist(), self._state.v.tolist()
+            q, v = self._layout.coordinates(self.state.q).tolist(), self.state.v.tolist()
             joints = self._joints.encode(q, v, (), time_ns)
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)
@@ -370,9 +605,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             # be told of it, and so it is not gone on with.
             port.check(point)
             port.publish(point, force, joints, time_ns)
-        self._contact_port.publish(self._state.touching, time_ns)
+        self._contact_port.publish(self.state.touching, time_ns)
         if self._publish_energy.wanted:
-            energies = energy_of(self._mechanism, self._state, time_ns)
+            energies = energy_of(self._mechanism, self.state, time_ns)
             self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
@@ -388,7 +623,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _grasp(self, point: OperationalPoint) -> None:
         """Put an operational point elsewhere; the hand's wrench at the old place ends."""
-        self._simulator.set_operational_point(point)
+        self.simulator.set_operational_point(point)
         if self._contact_wrenches is not None:
             self._contact_wrenches = ContactWrenches(self._mechanism)
         port = self._ports[self._mechanism.point_index(point.name)]
@@ -397,7 +632,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     def _check_within_reach(self, point: OperationalPoint) -> None:
         """Refuse a grasp where nobody could be told of: beyond the scene's ``limits.position``."""
-        link = self._mechanism.frame_pose(self._state.q, point.link)
+        link = self._mechanism.frame_pose(self.state.q, point.link)
         pose_bounds(self.limits).check((*link.act(se3(point.origin).translation), 0.0, 0.0, 0.0))
 
     def _refuse_in_lockstep(self, what: str, value: object) -> None:
@@ -409,17 +644,17 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Open or close a loop, if this is the number of its button."""
         found = closure_button(self.parameters.closure_button, self._closures)
         if found is not None and found[1] == number:
-            self._switch(found[0], not self._state.active[self._closures.index(found[0])])
+            self._switch(found[0], not self.state.active[self._closures.index(found[0])])
 
     def _switch(self, closure: str, on: bool) -> None:
         self._refuse_in_lockstep(f"closure {closure}", on)
-        self._state = self._simulator.switch(self._state, {closure: on})
+        self.state = self.simulator.switch(self.state, {closure: on})
 
     def _announce_closures(self) -> None:
-        self._announced = self._state.active
-        message = UInt8MultiArray(data=[int(on) for on in self._state.active])
+        self._announced = self.state.active
+        message = UInt8MultiArray(data=[int(on) for on in self.state.active])
         label = ",".join(self._closures)
-        size = len(self._state.active)
+        size = len(self.state.active)
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         self._publish_closures.publish(message)
 

@@ -12,17 +12,23 @@ from hapticmech_ros.control.compensated_delay import compensated_loop_delay, per
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
+from hapticmech_ros.nodes import analysis_kernels as own
+from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
+from hapticmech_ros.nodes.plain_messages import PlainMessages, frame_of
+from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.coupling import coupling, transmission
+from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.operational.spectrum import rank_of
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import (
@@ -47,29 +53,144 @@ from hapticmech_ros.wire.topics import (
 RESTART_PAUSE_NS = NANOSECONDS // 4
 
 
+class StateAnswers(PlainMessages):
+    """Answers states for an analyser.
+
+    Args:
+        actor: the analyser.
+        states: how its states are written, and their bounds.
+        topic: of the states, see :class:`PlainMessages`.
+        sources: of the states.
+        answer: how models are written, and their bounds; words and data of one.
+        outlet: that they are published through.
+    """
+
+    def __init__(
+        self,
+        actor: NullspaceAnalyser,
+        states: tuple[FlatArray, Bounds],
+        topic: str,
+        sources: Sources,
+        answer: tuple[FlatArray, Bounds, Array, Array],
+        outlet: Outlet,
+    ) -> None:
+        state, bounds = states
+        model, out_bounds, frame, self._out = answer
+        super().__init__(
+            actor,
+            topic,
+            sources,
+            (state.prefix, state.size),
+            len(state.prefix),
+            outlet,
+            (frame, len(model.prefix) + 8 * model.size),
+            np.zeros(own.LINK_SIZE, dtype=np.int64),
+        )
+        self._analyser = actor
+        self._most, self._out_most = bounds.most, out_bounds.most
+        mechanism, at = actor.mechanism, actor.analyser.index
+        nv, points = mechanism.nv, len(mechanism.point_names)
+        self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
+        self._ahead = self._observation = np.zeros(0)
+        sizes = (2, len(mechanism.closures), nv, nv, 6 * points, 7 * points)
+        closed, position, velocity, contact, place, flag = np.cumsum(sizes).tolist()
+        self.link[own.CLOSED : own.POINT + 1] = (
+            *(closed, position, velocity),
+            *(contact + 6 * at, place + 7 * at, flag + at, at),
+        )
+        self.link[own.PAUSE] = RESTART_PAUSE_NS
+
+    def ready(self) -> bool:
+        """Tell the kernel how the analyser is; see :meth:`PlainMessages.ready`."""
+        actor, link = self._analyser, self.link
+        link[own.FIRST], link[own.LAST] = actor.first_ns, actor.last_ns
+        link[kernels.VIEW] = actor.until_view
+        return actor.answers_plainly
+
+    def run(self) -> int:
+        """Call the kernel."""
+        actor, analyser = self._analyser, self._analyser.analyser
+        active_set = actor.mechanism.active_set(actor.closed)
+        if self._ahead.size != active_set.size:
+            self._ahead = np.empty(active_set.size)
+        self._observation = np.empty(analyser.layout.size)
+        return own.answer_states(
+            self.link,
+            self.words,
+            self.polled,
+            self.frame,
+            self.prefix,
+            self.values,
+            self._most,
+            np.array(actor.closed, dtype=float),
+            actor.grasp,
+            self.out_frame,
+            self._out,
+            self._out_most,
+            self.targets,
+            *active_set.constants,
+            active_set.scratch,
+            self._position,
+            self._rates,
+            analyser.constants,
+            analyser.rows,
+            actor.mechanism.length,
+            analyser.compensated_delay,
+            self._before,
+            self._ahead,
+            self._observation,
+            actor.counter.numbers,
+            *actor.past.arrays,
+            self.ages,
+        )
+
+    def did(self, code: int, reads: int) -> None:
+        """Tell the analyser what the kernel did."""
+        actor, count = self._analyser, int(self._out[own.COUNT])
+        if reads:
+            actor.answered(reads, int(self.link[own.LAST]), count)
+        if code == kernels.TO_LOOK_AT:
+            analyser = actor.analyser
+            found = self._observation, analyser.layout, analyser.rows, actor.mechanism.nv
+            actor.publish_view(Observation(*found).analysis, count)
+
+
 class NullspaceAnalyser(Actor[AnalyserParameters]):
-    """Runs an :class:`Analyser` on every state of the mechanism."""
+    """Runs an :class:`Analyser` on every state of the mechanism.
+
+    Attributes:
+        mechanism, analyser: of its scene, at the operational point as it is now.
+        counter: of joint constraints.
+        past: rates of the last states.
+        closed: which closures the last state had closed.
+        grasp: (7,) where it had the operational point.
+        last_ns, first_ns: stamps of the last state, and of the first one of the count, ns.
+        analyses: since then.
+    """
 
     name = "nullspace_analyser"
     parameters_type = AnalyserParameters
 
     def __init__(self, node: Host, parameters: AnalyserParameters) -> None:
         super().__init__(node, parameters)
-        self._mechanism = Mechanism(self.scene)
+        self.mechanism = Mechanism(self.scene)
         # Of the loop: a command computed from a state acts a period later.
         self._compensated_delay = compensated_loop_delay(self.scene)
-        self._analyser = Analyser(self._mechanism, self.point, self._compensated_delay)
-        self._layout = StateLayout(self._mechanism)
-        self._counter = ConstraintCounter(self.scene.perception)
+        self.analyser = Analyser(self.mechanism, self.point, self._compensated_delay)
+        self._layout = StateLayout(self.mechanism)
+        self.counter = ConstraintCounter(self.scene.perception)
+        self.closed = self.mechanism.initially_active
         self._count: int | None = None
-        self._last_ns = 0
-        self._first_ns = 0
+        self.last_ns = 0
+        self.first_ns = 0
         self.analyses = 0
         periods, period_ns = periods_before(self.scene), nanoseconds(self.scene.simulation.period)
-        self._past = PastRates(periods, period_ns, self._mechanism.nv)
-        self._model = OperationalModelWriter(self._analyser, self._past)
-        self._grasp = flat_grasp(self.scene, self._analyser.point).tobytes()
-        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, operational_model_bounds(self.limits))
+        self.past = PastRates(periods, period_ns, self.mechanism.nv)
+        bounds = operational_model_bounds(self.limits)
+        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, bounds)
+        frame, self._values = frame_of(self._encoder.prefix, self._encoder.size)
+        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
+        self.grasp = flat_grasp(self.scene, self.analyser.point)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._coupling = CouplingWire(self.other_points, self.limits)
         self._transmission_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
@@ -86,24 +207,64 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.input_array(
             STATE.name, self.control_input, self._on_state, self._layout.fields, self._mechanisms
         )
+        self._answers = StateAnswers(
+            self,
+            (FlatArray(self._layout.fields), self._layout.bounds),
+            self.lane_topic(STATE.name, Float64MultiArray),
+            self._mechanisms,
+            (self._encoder, bounds, frame, self._values),
+            self._publish_model,
+        )
 
     def activate(self) -> None:
         """Start the count anew."""
         self._count = None
         self._mechanisms.forget()
+        self.wait_by(self._answers)
+
+    def deactivate(self) -> None:
+        """Answer no more."""
+        self.wait_by(None)
 
     def reseat(self) -> None:
         """Forget what was found of states so far."""
-        self._past.forget()
-        self._model = OperationalModelWriter(self._analyser, self._past)
+        self.past.forget()
+        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
         self.activate()
+
+    @property
+    def answers_plainly(self) -> bool:
+        """Whether plain states are answered as :class:`StateAnswers` does."""
+        known = self._count is not None and not self._silenced
+        square = self.mechanism.nq == self.mechanism.nv
+        return known and square and not self.other_points
+
+    @property
+    def until_view(self) -> int:
+        """After how many more analyses one is to be seen; 0 for never."""
+        views = (self._publish_inertia, self._publish_projector, self._publish_wrenches)
+        wanted = (*views, self._publish_spectrum, self._publish_count)
+        if not any(outlet.wanted for outlet in wanted):
+            return 0
+        return 1 + -self.analyses % self.view_every
+
+    def answered(self, states: int, last_ns: int, count: int) -> None:
+        """Note answers by the kernel.
+
+        Args:
+            states: how many were answered.
+            last_ns: stamp of the last one, ns.
+            count: joint constraints then.
+        """
+        self.analyses += states
+        self.last_ns, self._count = last_ns, count
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return what was analysed and how often."""
         now = self.now_ns()
         fault = self._mechanisms.fault(now)
-        fresh = now - self._last_ns < RESTART_PAUSE_NS and not fault
-        span_s = (self._last_ns - self._first_ns) / NANOSECONDS
+        fresh = now - self.last_ns < RESTART_PAUSE_NS and not fault
+        span_s = (self.last_ns - self.first_ns) / NANOSECONDS
         rate = (self.analyses - 1) / span_s if span_s > 0.0 else 0.0
         count = "unknown" if self._count is None else str(self._count)
         sentence = f"{count} joint constraints" if fresh else fault or "no states of the mechanism"
@@ -120,9 +281,10 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
-        grasp = state.grasps[self._analyser.index]
-        if grasp.tobytes() != self._grasp:
+        grasp = state.grasps[self.analyser.index]
+        if grasp.tobytes() != self.grasp.tobytes():
             self._follow(grasp)
+        self.closed = state.active
         model = self._model
         if fault := self._mechanisms.fault(now_ns):
             self._fall_silent(fault)
@@ -140,14 +302,14 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._transmit(state, found.analysis)
         self._publish_model.publish(self._encoder.encode(model.values))
         if self.analyses % self.view_every == 0:
-            self._publish_view(found.analysis, count)
+            self.publish_view(found.analysis, count)
         self.analyses += 1
 
     def _transmit(self, state: WireState, found: OperationalAnalysis) -> None:
         """Publish what other hands do to the point."""
         if self._publish_transmission is None:
             return
-        mechanism, own = self._mechanism, self._analyser.index
+        mechanism, own = self.mechanism, self.analyser.index
         places = {name: mechanism.point_index(name) for name in self.other_points}
         holding = {name: at for name, at in places.items() if state.commanded[at]}
         matrices: dict[str, Array] = {}
@@ -163,9 +325,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def _place(self, name: str, grasp: Array) -> None:
         """Let another operational point be where the mechanism says that it is."""
-        point = grasp_of(self._mechanism.scene, name, grasp)
-        if self._mechanism.scene.operational_point(name) != point:
-            self._mechanism.set_operational_point(point)
+        point = grasp_of(self.mechanism.scene, name, grasp)
+        if self.mechanism.scene.operational_point(name) != point:
+            self.mechanism.set_operational_point(point)
 
     def _fall_silent(self, fault: str) -> None:
         """Tell the controller at once that no mechanism hears it, and then say nothing.
@@ -184,22 +346,23 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""
-        self._mechanism.set_operational_point(grasp_of(self._mechanism.scene, self.point, grasp))
-        self._analyser = Analyser(self._mechanism, self.point, self._compensated_delay)
-        self._model = OperationalModelWriter(self._analyser, self._past)
-        self._grasp = grasp.tobytes()
+        self.mechanism.set_operational_point(grasp_of(self.mechanism.scene, self.point, grasp))
+        self.analyser = Analyser(self.mechanism, self.point, self._compensated_delay)
+        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
+        self.grasp = grasp.copy()
         self._count = None
 
     def _counted(self, s: Array, time_ns: int) -> int:
-        if self._count is None or not 0 <= time_ns - self._last_ns < RESTART_PAUSE_NS:
-            self._counter.begin()
-            self._first_ns = time_ns
+        if self._count is None or not 0 <= time_ns - self.last_ns < RESTART_PAUSE_NS:
+            self.counter.begin()
+            self.first_ns = time_ns
             self.analyses = 0
-        self._count = self._counter.update(s, (time_ns - self._first_ns) / NANOSECONDS)
-        self._last_ns = time_ns
+        self._count = self.counter.update(s, (time_ns - self.first_ns) / NANOSECONDS)
+        self.last_ns = time_ns
         return self._count
 
-    def _publish_view(self, found: OperationalAnalysis, count: int) -> None:
+    def publish_view(self, found: OperationalAnalysis, count: int) -> None:
+        """Publish, for people, an analysis and the number of joint constraints."""
         for outlet, matrix in (
             (self._publish_inertia, found.inverse_inertia),
             (self._publish_projector, found.constraint_projector),

@@ -44,6 +44,15 @@ class InOrder:
         self._newest_ns, self._arrived_ns = stamp_ns, now_ns
         return True
 
+    @property
+    def last(self) -> tuple[int, int]:
+        """The newest stamp, and when it arrived, ns."""
+        return self._newest_ns, self._arrived_ns
+
+    @last.setter
+    def last(self, stamps: tuple[int, int]) -> None:
+        self._newest_ns, self._arrived_ns = stamps
+
     def forget(self) -> None:
         """Take whatever comes next as the newest."""
         self._newest_ns = self._arrived_ns = NEVER

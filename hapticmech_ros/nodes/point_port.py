@@ -39,17 +39,21 @@ class PointPort:
         go_on: called when something came that a tick in lockstep may have waited for.
 
     Attributes:
+        name: as given.
         command: the controller's wrench, which runs out.
         order: of commands; what was overtaken is dropped.
+        controllers: who commands.
+        since_ns: commands that answer no later sample count as zero.
         commands, awaited: the same, and ``external_cf``, by stamp, in lockstep.
     """
 
     def __init__(
         self, actor: Actor[MechanismParameters], name: str, go_on: Callable[[int], None]
     ) -> None:
+        self.name = name
         self._actor = actor
         self._go_on = go_on
-        self._since_ns = NEVER
+        self.since_ns = NEVER
         self._pose_bounds = pose_bounds(actor.limits)
         self._twist_bounds = twist_bounds(actor.limits)
         self.order = InOrder()
@@ -61,8 +65,8 @@ class PointPort:
         self._publish_force = actor.view(POINT_FORCE, WrenchStamped, name)
         self._publish_joints = actor.view(POINT_JOINTS, JointState, name)
         qos, commands = actor.control_input, POINT_COMMAND.of(name)
-        self._controllers = actor.sources(commands)
-        actor.input_command(commands, qos, self._on_command, sources=self._controllers)
+        self.controllers = actor.sources(commands)
+        actor.input_command(commands, qos, self._on_command, sources=self.controllers)
         if actor.parameters.require_external_wrench:
             topic = EXTERNAL_WRENCH.of(name)
             actor.input_command(topic, qos, self._on_awaited, unstamped_is_now=False)
@@ -77,13 +81,13 @@ class PointPort:
 
     def fault(self, now_ns: int) -> str:
         """Return which two command where one may; empty if none do."""
-        return self._controllers.fault(now_ns)
+        return self.controllers.fault(now_ns)
 
     def forget(self) -> None:
         """Forget what was commanded, and by whom."""
         self.command.clear()
         self.order.forget()
-        self._controllers.forget()
+        self.controllers.forget()
 
     def let_go(self, now_ns: int) -> None:
         """Hold the mechanism no more where it was: what answers earlier samples is heard as zero.
@@ -91,7 +95,7 @@ class PointPort:
         Args:
             now_ns: the time of the mechanism's last sample.
         """
-        self._since_ns = now_ns
+        self.since_ns = now_ns
         self.command.clear()
         self.command.put(np.zeros(6), now_ns)
 
@@ -134,7 +138,7 @@ class PointPort:
         if self.fault(now_ns):
             self.command.clear()
         elif self._actor.lockstep or self.order.is_next(stamp_ns, now_ns):
-            self.command.put(wrench if stamp_ns > self._since_ns else np.zeros(6), now_ns)
+            self.command.put(wrench if stamp_ns > self.since_ns else np.zeros(6), now_ns)
         if self._actor.lockstep:
             self.commands.put(wrench, stamp_ns)
             self._go_on(now_ns)

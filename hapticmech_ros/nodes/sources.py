@@ -172,6 +172,13 @@ class Sources:
             self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
         self._two = len(self._sources) > 1
 
+    @property
+    def only(self) -> Origin | None:
+        """The last message's origin, if all are of one publisher on the lane."""
+        one = self._sources[0] if len(self._sources) == 1 else None
+        alone = one is not None and one.via == self.latest.via > MIDDLEWARE
+        return self.latest if alone else None
+
     def copied(self, number: int, now_ns: int) -> None:
         """Note that the middleware brought what had come another way.
 

@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.operational.past_rates_kernels import (
+    COUNT,
+    PAST_SIZE,
+    WANTED,
+    rates_before,
+    remember_state,
+)
 
 # Rates as much longer ago than wanted, in periods wanted, say nothing of now; and so much of a
 # period may be missing.
@@ -25,17 +29,26 @@ class PastRates:
             if none are ever wanted.
         period_ns: T, ns.
         size: nv.
+
+    Attributes:
+        arrays: for kernels; see :mod:`.past_rates_kernels`.
     """
 
     def __init__(self, periods: int, period_ns: int, size: int) -> None:
-        self._wanted_ns, self._missing_ns = periods * period_ns, round(MISSING * period_ns)
         remembered = round(FARTHEST * periods) + 2
-        self._states: deque[tuple[int, Array, Active]] = deque(maxlen=remembered)
-        self._unknown = np.zeros(1 + size)
+        numbers = np.zeros(PAST_SIZE, dtype=np.int64)
+        wanted = periods * period_ns
+        numbers[WANTED:] = wanted, round(MISSING * period_ns), round(FARTHEST * wanted)
+        self.arrays: tuple[Array, Array, Array] = (
+            numbers,
+            np.zeros(remembered, dtype=np.int64),
+            np.zeros((remembered, size)),
+        )
+        self._active: Active | None = None
 
     def forget(self) -> None:
         """Forget all states: the mechanism may be elsewhere."""
-        self._states.clear()
+        self.arrays[0][COUNT] = 0
 
     def add(self, stamp_ns: int, rates: Array, active: Active) -> None:
         """Remember a state.
@@ -43,12 +56,12 @@ class PastRates:
         Args:
             stamp_ns: its time, ns; not before that of the one before, or those are forgotten.
             rates: (nv,) rad/s or m/s.
-            active: which closures are closed.
+            active: which closures are closed; if others than before, those before are forgotten.
         """
-        if self._states and stamp_ns < self._states[-1][0]:
-            self._states.clear()
-        if self._wanted_ns:
-            self._states.append((stamp_ns, rates.copy(), active))
+        if active != self._active:
+            self.forget()
+            self._active = active
+        remember_state(*self.arrays, stamp_ns, rates)
 
     def before(self, stamp_ns: int, active: Active) -> Array:
         """Return (1 + nv,) how long before a time, s, and the rates that were.
@@ -60,10 +73,7 @@ class PastRates:
             stamp_ns: the time, ns.
             active: which closures are closed then.
         """
-        for known_ns, rates, closed in reversed(self._states):
-            age_ns = stamp_ns - known_ns
-            if closed != active or age_ns > FARTHEST * self._wanted_ns:
-                break
-            if age_ns >= self._wanted_ns - self._missing_ns:
-                return np.concatenate(((age_ns / NANOSECONDS,), rates))
-        return self._unknown
+        found = np.zeros(1 + self.arrays[2].shape[1])
+        if active == self._active:
+            rates_before(*self.arrays, stamp_ns, found)
+        return found

@@ -48,7 +48,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data
 from hapticmech_ros.session.run import run_layout
-from hapticmech_ros.session.sample import LeftState, Sample
+from hapticmech_ros.session.sample import LeftState, Sample, totals_of
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -287,13 +287,7 @@ class SessionLoop:
         self._may_latch = self.simulator.may_latch(state)
         data.q[:] = state.q
         data.v[:] = state.v
-        a = state.account
-        kept = data.totals[_CONSTRAINTS]
-        data.totals[:] = (
-            *(state.time, a.work_in, a.damping_loss, state.closure_error, kept),
-            *(a.contact_loss, a.contact_energy, a.surplus),
-            *(a.refined, a.inaccurate, a.latch_loss, a.moved, a.contact_most),
-        )
+        data.totals[:] = totals_of(state, data.totals[_CONSTRAINTS])
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)

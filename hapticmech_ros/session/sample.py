@@ -28,6 +28,21 @@ _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _CONSTRAINTS = TOTALS.start("constraints")
 
 
+def totals_of(state: MechanismState, constraints: float = 0.0) -> tuple[float, ...]:
+    """Return what kernels add up; see :data:`~hapticmech_ros.session.data.TOTALS`.
+
+    Args:
+        state: of the mechanism, to begin with.
+        constraints: joint constraints reported.
+    """
+    a = state.account
+    return (
+        *(state.time, a.work_in, a.damping_loss, state.closure_error, constraints),
+        *(a.contact_loss, a.contact_energy, a.surplus),
+        *(a.refined, a.inaccurate, a.latch_loss, a.moved, a.contact_most),
+    )
+
+
 class LeftState(NamedTuple):
     """A mechanism's state as a kernel left it.
 

@@ -29,14 +29,18 @@ class FlatArray:
     Args:
         fields: name -> size, in order; becomes the label of the message's one dimension.
         bounds: what is sent keeps them; None: any finite numbers.
+
+    Attributes:
+        size: how many numbers a message has.
+        prefix: its bytes before these.
     """
 
     def __init__(self, fields: Mapping[str, int], bounds: Bounds | None = None) -> None:
         self._bounds = bounds
         self.size = sum(fields.values())
         label = ",".join(f"{name}:{size}" for name, size in fields.items())
-        self._prefix = _before_data([(label, self.size, self.size)], self.size)
-        self._length = len(self._prefix) + 8 * self.size
+        self.prefix = _before_data([(label, self.size, self.size)], self.size)
+        self._length = len(self.prefix) + 8 * self.size
 
     def encode(self, values: Array) -> bytes:
         """Return the serialized message.
@@ -55,7 +59,7 @@ class FlatArray:
             self._bounds.check_output(values)
         else:
             _check_finite(values)
-        return self._prefix + values.tobytes()
+        return self.prefix + values.tobytes()
 
     def decode(self, message: bytes) -> Array:
         """Return the data (n,) of a serialized message, of this layout or of any other, read-only.
@@ -63,8 +67,8 @@ class FlatArray:
         Raises:
             InvalidInputError: as :func:`decode`.
         """
-        if len(message) == self._length and message.startswith(self._prefix):
-            return np.frombuffer(message, "<f8", self.size, len(self._prefix))
+        if len(message) == self._length and message.startswith(self.prefix):
+            return np.frombuffer(message, "<f8", self.size, len(self.prefix))
         return decode(message)
 
     def decode_all(self, messages: Sequence[bytes]) -> Array:
@@ -73,7 +77,7 @@ class FlatArray:
         Raises:
             InvalidInputError: as :func:`decode`, or not ``size`` numbers.
         """
-        length, prefix = self._length, self._prefix
+        length, prefix = self._length, self.prefix
         if all(len(message) == length and message.startswith(prefix) for message in messages):
             rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), length)
             return np.ascontiguousarray(rows[:, len(prefix) :]).view("<f8")

@@ -7,10 +7,29 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import kernel
+from hapticmech_ros.compilation import inner, kernel
 
 # No message stands for a time before this.
 UNSOUND = -1
+
+
+@inner
+def sound_stamp(values: Array, most: Array, quaternion: int, tolerance: float) -> int:
+    """Return the time (ns) that a message stands for, or UNSOUND; see :func:`stamp_if_sound`."""
+    for i in range(values.size):
+        if not abs(values[i]) <= most[i]:
+            return UNSOUND
+    if quaternion >= 0:
+        square = 0.0
+        for i in range(quaternion, quaternion + 4):
+            square += values[i] * values[i]
+        if abs(np.sqrt(square) - 1.0) > 0.5 * tolerance:
+            return UNSOUND
+    # Within their bounds by now: they fit into whole numbers.
+    seconds, nanoseconds = int(values[0]), int(values[1])
+    if values[0] != seconds or values[1] != nanoseconds or seconds < 0 or nanoseconds < 0:
+        return UNSOUND
+    return seconds * 1_000_000_000 + nanoseconds
 
 
 @kernel(
@@ -29,17 +48,4 @@ def stamp_if_sound(values: Array, most: Array, quaternion: int, tolerance: float
         quaternion: index of the first of its four numbers; below 0 for none.
         tolerance: of the quaternion's length.
     """
-    for i in range(values.size):
-        if not abs(values[i]) <= most[i]:
-            return UNSOUND
-    if quaternion >= 0:
-        square = 0.0
-        for i in range(quaternion, quaternion + 4):
-            square += values[i] * values[i]
-        if abs(np.sqrt(square) - 1.0) > 0.5 * tolerance:
-            return UNSOUND
-    # Within their bounds by now: they fit into whole numbers.
-    seconds, nanoseconds = int(values[0]), int(values[1])
-    if values[0] != seconds or values[1] != nanoseconds or seconds < 0 or nanoseconds < 0:
-        return UNSOUND
-    return seconds * 1_000_000_000 + nanoseconds
+    return sound_stamp(values, most, quaternion, tolerance)

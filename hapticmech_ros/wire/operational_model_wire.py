@@ -28,16 +28,18 @@ class OperationalModelWriter:
     Args:
         analyser: of the point.
         past: rates of the states that were written before.
+        values: (151,) where to write; an array of its own if left out.
 
     Attributes:
         values: (151,) the data.
         s: (t,) singular values of the state seen last; a view.
     """
 
-    def __init__(self, analyser: Analyser, past: PastRates) -> None:
+    def __init__(self, analyser: Analyser, past: PastRates, values: Array | None = None) -> None:
         self._analyser, self._past = analyser, past
         self._index = analyser.index
-        self.values: Array = np.zeros(OPERATIONAL_MODEL_FIELDS.size)
+        size = OPERATIONAL_MODEL_FIELDS.size
+        self.values: Array = np.zeros(size) if values is None else values
         self.values[_DIRECTIONS] = analyser.rows.size
         self._model = self.values[POINT_MODEL_PART]
         self.s: Array = self._model[: analyser.rows.size]

@@ -23,6 +23,8 @@ class LateSystem:
         self.now, self.late_ns = 0, late_ns
         self.lane, self.linked, self.has_later, self.is_waiting = self, True, False, False
         self.looks = self.awake_ns = 0
+        # As of a lane whose wait nothing else does.
+        self.worked = False
         self.message_ns: int | None = None
 
     def monotonic_ns(self) -> int:
@@ -40,7 +42,7 @@ class LateSystem:
     def deliver(self) -> None:
         self.is_waiting = False
 
-    def collect(self, timeout_s: float = 0.0) -> None:
+    def collect(self, timeout_s: float = 0.0, longest_s: float = 0.0) -> None:
         waited = round(timeout_s * 1e9)
         end = self.now + (waited + self.late_ns if waited else 4 * US)
         if self.message_ns is not None and self.message_ns <= end:

@@ -80,7 +80,7 @@ def test_a_pause_lasts_until_it_is_ended(graph, node):
     graph.run(0.03)
     assert force_now(graph) == 0.0
     mechanism = graph.actor(MECHANISM)
-    held = mechanism._state.q.copy()
+    held = mechanism.state.q.copy()
     # What begins anew, as after a step of the clock, is paused as before.
     graph.actor(node).deactivate()
     graph.actor(node).activate()
@@ -88,7 +88,7 @@ def test_a_pause_lasts_until_it_is_ended(graph, node):
     assert state_of(graph, node) == "PAUSED"
     assert force_now(graph) == 0.0
     if node == MECHANISM:
-        assert (mechanism._state.q == held).all()
+        assert (mechanism.state.q == held).all()
     assert not graph.actor(node).status()[0]
     assert "paused" in graph.actor(node).status()[1]
     command(graph, node, "resume")

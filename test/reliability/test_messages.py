@@ -218,20 +218,20 @@ def test_errors_of_many_steps_that_are_each_within_their_tolerance_are_told(tmp_
 def test_a_mechanism_that_fails_again_at_once_begins_where_the_scene_does(fragile):
     graph = fragile
     mechanism = graph.actor(MECHANISM)
-    start = mechanism._simulator.initial_state()
+    start = mechanism.simulator.initial_state()
     push(graph, ON_LINK, 300.0)
     graph.run(0.05)
-    moved = mechanism._state.q.copy()
+    moved = mechanism.state.q.copy()
     assert not np.allclose(moved, start.q, atol=1e-6)
     push(graph, HELD, 1e6)
     graph.run(0.6)
     assert mechanism.failures.count == 1
     # Near where it failed, until it fails again.
-    assert np.abs(mechanism._state.q - start.q).max() > 0.1
+    assert np.abs(mechanism.state.q - start.q).max() > 0.1
     push(graph, HELD, 1e6)
     graph.run(0.05)
     assert mechanism.failures.count == 2
-    assert (mechanism._state.q == start.q).all()
+    assert (mechanism.state.q == start.q).all()
     graph.run(0.8)
     assert well(graph)
 
@@ -250,14 +250,14 @@ def test_a_point_that_flies_faster_than_can_be_told_brings_the_mechanism_to_rest
     """The joints keep their limits where a point far out on a tumbling link does not."""
     graph = rendering("peg_in_hole")
     mechanism = graph.actor(MECHANISM)
-    v = np.zeros_like(mechanism._state.v)
+    v = np.zeros_like(mechanism.state.v)
     v[-1] = 500.0
-    mechanism._state = replace(mechanism._state, v=v)
+    mechanism.state = replace(mechanism.state, v=v)
     hold_at(graph, 5.0)
     graph.run(0.1)
     assert mechanism.failures.count == 1
     assert "limits.linear_velocity" in mechanism.failures.last
-    assert not mechanism._state.v.any()
+    assert not mechanism.state.v.any()
     graph.run(1.5)
     assert well(graph)
     assert graph.seen.beyond == 0

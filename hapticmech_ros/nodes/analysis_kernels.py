@@ -1,0 +1,207 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernel that answers states of the mechanism with operational models, message for message."""
+
+from __future__ import annotations
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.nodes.lane_kernels import (
+    AHEAD,
+    BEHIND,
+    MONOTONIC,
+    NOT_SENT,
+    NOTHING,
+    OLDEST,
+    OTHER,
+    OWN,
+    READS,
+    REALTIME,
+    SECOND,
+    TIME_IS_UP,
+    TO_LOOK_AT,
+    TO_READ,
+    UNSENT,
+    UNTIL,
+    is_set,
+    look_is_due,
+    note_read,
+    peek,
+    send_to_all,
+    take,
+    time_of,
+    wait_until,
+)
+from hapticmech_ros.operational.counter_kernels import count_rigid
+from hapticmech_ros.operational.observe_kernels import MODEL_SIZE, observe_point
+from hapticmech_ros.operational.past_rates_kernels import rates_before, remember_state
+from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
+
+# Where in a state what begins: flags of closures, position, rates, the point's F_c, its place and
+# its flag; the number of the point. How long the last state may be ago, ns; its stamp, and since
+# when constraints are counted, ns.
+CLOSED, POSITION, VELOCITY, CONTACT, PLACE, FLAG, POINT, PAUSE, LAST, FIRST = range(OWN, OWN + 10)
+LINK_SIZE = OWN + 10
+# Where in an answer what is; in between is the operational model, which ends with F_c.
+COUNT, MODEL, COMMANDED, GRASP = 2, 4, 4 + MODEL_SIZE, 5 + MODEL_SIZE
+_QUATERNION, _TOLERANCE = MODEL + MODEL_SIZE - 16, 1e-3
+
+
+@inner
+def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: Array) -> int:
+    """Return the stamp, ns, of a state that keeps the rules and is like the one before; or UNSOUND.
+
+    Args:
+        link: see above.
+        values: (n,) the state.
+        most: (n,) largest magnitude of each number.
+        active: (closures,) 1 for each that is closed.
+        grasp: (7,) the point's place.
+    """
+    stamp = sound_stamp(values, most, -1, 0.0)
+    if stamp == UNSOUND or not 0 <= stamp - link[LAST] < link[PAUSE]:
+        return UNSOUND
+    for i in range(active.size):
+        if values[link[CLOSED] + i] != active[i]:
+            return UNSOUND
+    for i in range(grasp.size):
+        if values[link[PLACE] + i] != grasp[i]:
+            return UNSOUND
+    commanded = values[link[FLAG]]
+    return stamp if commanded == 0.0 or commanded == 1.0 else UNSOUND
+
+
+@kernel(
+    "int64(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], float64[::1],"
+    " float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
+    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64,"
+    " float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
+    " float64[:, ::1], int64[::1])",
+    waits=True,
+)
+def answer_states(
+    link: Array,
+    words: Array,
+    polled: Array,
+    frame: Array,
+    prefix: Array,
+    values: Array,
+    most: Array,
+    active: Array,
+    grasp: Array,
+    out_frame: Array,
+    out: Array,
+    out_most: Array,
+    targets: Array,
+    numbers: Array,
+    constants: Array,
+    packed: Array,
+    q: Array,
+    v: Array,
+    metric: Array,
+    rows: Array,
+    length: float,
+    delay: float,
+    before: Array,
+    ahead: Array,
+    observation: Array,
+    counter: Array,
+    past: Array,
+    stamps: Array,
+    rates: Array,
+    ages: Array,
+) -> int:
+    """Answer states as they come.
+
+    Args:
+        link: (30,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        words: (4,) to work with.
+        polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
+        frame: (words,) for the message that has come.
+        prefix: (words,) the bytes before a state's data.
+        values: (n,) a view of the data in ``frame``.
+        most: (n,) largest magnitude of each number of a state.
+        active: (closures,) flags of closures.
+        grasp: (7,) the point's place.
+        out_frame: (words,) for the answer.
+        out: (151,) a view of the data in ``out_frame``.
+        out_most: (151,) largest magnitude of each.
+        targets: (2 n,) to whom it is sent.
+        numbers: (integers,) of the mechanism, as of ``observe_point``.
+        constants: (numbers,) likewise.
+        packed: (size,) likewise.
+        q: (nq,) to fill, nq = nv.
+        v: (nv,) to fill.
+        metric: (numbers,) as ``constants`` of ``observe_point``.
+        rows: (t,) likewise.
+        length: likewise, m.
+        delay: likewise, s.
+        before: (1 + nv,) to fill.
+        ahead: (size,) as of ``observe_point``.
+        observation: (numbers,) to fill, likewise.
+        counter: (numbers,) of constraints; see ``counter_kernels``.
+        past: (5,) see ``past_rates_kernels``.
+        stamps: (states,) likewise.
+        rates: (states, nv) likewise.
+        ages: (n,) to fill: of the states answered, ns.
+
+    Returns:
+        Why it returns.
+    """
+    nv = v.size
+    while link[READS] < ages.size:
+        if time_of(MONOTONIC, words) >= link[UNTIL]:
+            break
+        found = wait_until(link[UNTIL], link, words, polled)
+        if found == NOTHING:
+            continue
+        if found == OTHER or not peek(link, words, polled, frame, prefix):
+            return TO_READ
+        counted, sent = words[2], words[3]
+        monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
+        if is_set(link, monotonic, real) or real - sent > link[BEHIND]:
+            return TO_READ
+        stamp, time = plain_stamp(link, values, most, active, grasp), monotonic + link[AHEAD]
+        if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
+            return TO_READ
+        put(q, values[link[POSITION] : link[POSITION] + nv])
+        put(v, values[link[VELOCITY] : link[VELOCITY] + nv])
+        rates_before(past, stamps, rates, stamp, before)
+        code = observe_point(
+            numbers,
+            constants,
+            packed,
+            0,
+            q,
+            v,
+            link[POINT],
+            metric,
+            rows,
+            length,
+            delay,
+            before,
+            ahead,
+            observation,
+        )
+        if code != 0:
+            return TO_READ
+        out[0], out[1] = stamp // SECOND, stamp % SECOND
+        put(out[MODEL:COMMANDED], observation[:MODEL_SIZE])
+        put(out[COMMANDED - 6 : COMMANDED], values[link[CONTACT] : link[CONTACT] + 6])
+        out[COMMANDED] = values[link[FLAG]]
+        put(out[GRASP : GRASP + 7], grasp)
+        if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
+            return TO_READ
+        # From here on it is answered.
+        take(polled, frame)
+        remember_state(past, stamps, rates, stamp, v)
+        since = (stamp - link[FIRST]) / 1e9
+        out[COUNT] = count_rigid(counter, observation[: rows.size], since)
+        send_to_all(link, words, out_frame, targets, real)
+        note_read(link, ages, time, time - stamp, counted, sent)
+        link[LAST] = stamp
+        if link[UNSENT] != 0:
+            return NOT_SENT
+        if look_is_due(link):
+            return TO_LOOK_AT
+    return TIME_IS_UP

@@ -1,0 +1,231 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernel that moves a mechanism on at its deadlines, under the commands that come meanwhile."""
+
+from __future__ import annotations
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.control.loop_layout import ON_MECHANISM
+from hapticmech_ros.nodes.lane_kernels import (
+    AHEAD,
+    BEHIND,
+    MONOTONIC,
+    NOT_SENT,
+    NOTHING,
+    OLDEST,
+    OTHER,
+    OWN,
+    READS,
+    REALTIME,
+    SECOND,
+    TIME_IS_UP,
+    TO_ACT,
+    TO_LOOK_AT,
+    TO_READ,
+    TO_SAY,
+    UNSENT,
+    UNTIL,
+    differs,
+    is_set,
+    look_is_due,
+    note_read,
+    peek,
+    send_to_all,
+    take,
+    time_of,
+    wait_until,
+)
+from hapticmech_ros.session.data import SessionData
+from hapticmech_ros.session.tick_kernels import move_mechanism
+from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
+
+# The next deadline and the period, ns, by the node's time; how long a command stands, ns, 0 for
+# ever, and how long it then takes to reach zero; from what stamp on commands count; since when the
+# command stands, and the one before, ns; the newest stamp, and when it came; how many steps were
+# done.
+NEXT, PERIOD, TIMEOUT, RAMP, SINCE, HEARD, HEARD_BEFORE, NEWEST, ARRIVED, DONE = range(
+    OWN, OWN + 10
+)
+# Where in a state what begins that changes.
+POSITION, VELOCITY, FLAG = range(OWN + 10, OWN + 13)
+LINK_SIZE = OWN + 13
+# Seconds and nanoseconds of a command, in words after the header; its frame, and its bytes.
+_HEAD_WORDS, FRAME_BYTES = 2, 16
+
+
+@inner
+def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
+    """Fill the wrench (6,) that stands as of a time; see ``inputs.ExpiringWrench``.
+
+    Args:
+        link: see above.
+        commands: (2, 6) the command that stands, and the one before.
+        known: as of when, ns.
+        wrench: (6,) to fill.
+    """
+    row = 1 if link[HEARD] > known else 0
+    put(wrench, commands[row])
+    over = known - link[HEARD + row] - link[TIMEOUT]
+    if link[TIMEOUT] > 0 and over > 0:
+        left = 0.0 if over >= link[RAMP] else 1.0 - over / link[RAMP]
+        for i in range(6):
+            wrench[i] *= left
+
+
+@inner
+def read_command(
+    link: Array, words: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
+) -> int:
+    """Return the stamp, ns, of a command that keeps the rules and is the newest; or UNSOUND.
+
+    Args:
+        link: see above.
+        words: (4,) to work with.
+        frame: (words,) the message.
+        plain: (2,) the bytes of a plain command between stamp and wrench.
+        values: (6,) its wrench.
+        most: (6,) largest magnitudes.
+        time: now, ns of the node's time.
+    """
+    # The frame begins four bytes into the words: encapsulation and stamp are in words 4 to 6.
+    if differs(frame, 6, plain):
+        return UNSOUND
+    seconds, nanoseconds = frame[5] & 0xFFFFFFFF, frame[5] >> 32 & 0xFFFFFFFF
+    for i in range(6):
+        if not abs(values[i]) <= most[i]:
+            return UNSOUND
+    stamp = int(seconds * SECOND + nanoseconds)
+    if seconds > 0x7FFFFFFF or nanoseconds >= SECOND or abs(time - stamp) > link[OLDEST]:
+        return UNSOUND
+    newer = stamp >= link[NEWEST] and stamp > link[SINCE] and stamp != time
+    return stamp if newer else UNSOUND
+
+
+@kernel(
+    "int64(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1],"
+    " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
+    " int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], int64[::1],"
+    " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
+    waits=True,
+)
+def move_at_deadlines(
+    link: Array,
+    words: Array,
+    polled: Array,
+    frame: Array,
+    prefix: Array,
+    plain: Array,
+    values: Array,
+    most: Array,
+    commands: Array,
+    out_frame: Array,
+    out: Array,
+    out_most: Array,
+    targets: Array,
+    numbers: Array,
+    constants: Array,
+    packed: Array,
+    work: Array,
+    springs: Array,
+    whole: Array,
+    real: Array,
+    nobody: Array,
+    contact_numbers: Array,
+    contact_values: Array,
+    clock: Array,
+    ages: Array,
+) -> int:
+    """Take commands as they come, and do a step at each deadline.
+
+    Args:
+        link: (33,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        words: (4,) to work with.
+        polled: (n,) struct pollfd of all connections, that of the controller's process first.
+        frame: (words,) for the message that has come.
+        prefix: (words,) the bytes before a command's stamp.
+        plain: (2,) those between its stamp and its wrench.
+        values: (6,) a view of the wrench in ``frame``.
+        most: (6,) largest magnitude of each of its numbers.
+        commands: (2, 6) the command that stands, and the one before.
+        out_frame: (words,) for the state.
+        out: (n,) a view of the data in ``out_frame``.
+        out_most: (n,) largest magnitude of each number.
+        targets: (2 n,) to whom it is sent.
+        numbers: (integers,) of the mechanism, as of ``run_ticks``.
+        constants: (numbers,) likewise.
+        packed: (4, size) likewise.
+        work: (work,) likewise.
+        springs: (numbers,) likewise.
+        whole: (integers,) likewise.
+        real: (numbers,) likewise.
+        nobody: (0, 10) likewise.
+        contact_numbers: likewise.
+        contact_values: likewise.
+        clock: (9,) likewise.
+        ages: (n,) to fill: of the commands, ns.
+
+    Returns:
+        Why it returns.
+    """
+    data = SessionData(whole, real)
+    nv = data.v.size
+    while link[READS] < ages.size:
+        deadline = link[NEXT] - link[AHEAD]
+        now = time_of(MONOTONIC, words)
+        if now < deadline:
+            if now >= link[UNTIL]:
+                break
+            found = wait_until(min(deadline, link[UNTIL]), link, words, polled)
+            if found == NOTHING:
+                continue
+            if found == OTHER or not peek(link, words, polled, frame, prefix):
+                return TO_READ
+            counted, sent = words[2], words[3]
+            monotonic, now_real = time_of(MONOTONIC, words), time_of(REALTIME, words)
+            if is_set(link, monotonic, now_real) or now_real - sent > link[BEHIND]:
+                return TO_READ
+            time = monotonic + link[AHEAD]
+            stamp = read_command(link, words, frame, plain, values, most, time)
+            if stamp == UNSOUND:
+                return TO_READ
+            take(polled, frame)
+            put(commands[0], values)
+            link[HEARD], link[NEWEST], link[ARRIVED] = time, stamp, time
+            note_read(link, ages, time, time - stamp, counted, sent)
+            continue
+        now_real = time_of(REALTIME, words)
+        if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
+            return TO_ACT
+        standing(link, commands, link[NEXT] - link[PERIOD] - 1, data.wrenches[ON_MECHANISM])
+        moved = move_mechanism(
+            numbers,
+            constants,
+            data,
+            packed,
+            work,
+            springs,
+            nobody,
+            contact_numbers,
+            contact_values,
+            clock,
+        )
+        if not moved:
+            return TO_ACT
+        put(commands[1], commands[0])
+        link[HEARD_BEFORE] = link[HEARD]
+        stamp = link[NEXT]
+        link[NEXT] += link[PERIOD]
+        link[DONE] += 1
+        out[0], out[1] = stamp // SECOND, stamp % SECOND
+        put(out[link[POSITION] : link[POSITION] + nv], data.q)
+        put(out[link[VELOCITY] : link[VELOCITY] + nv], data.v)
+        out[link[FLAG]] = 1.0 if stamp - link[HEARD] <= link[TIMEOUT] else 0.0
+        if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
+            return TO_SAY
+        send_to_all(link, words, out_frame, targets, now_real)
+        if link[UNSENT] != 0:
+            return NOT_SENT
+        if look_is_due(link):
+            return TO_LOOK_AT
+    return TIME_IS_UP
