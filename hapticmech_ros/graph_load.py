@@ -11,6 +11,9 @@ from hapticmech_ros.readiness import Report
 
 # Known after so long, s; from then on the last reports count against the first ones.
 LEAST_SPAN_S = 0.9
+# A node's reports count from so long after its first one on, s: until then the middleware carries
+# its messages as well, and what handles them without Python does not.
+SETTLES_S = 1.0
 # A graph fits if it misses no larger share of its deadlines, and takes no more of the processors:
 # other programs were there after 0.7 s beside one that takes a third of two, and 1.1 s beside 0.6.
 MOST_MISSED, MOST_USED = 0.03, 0.5
@@ -99,7 +102,7 @@ class GraphLoad:
 
 
 class LoadWatch:
-    """Finds a graph's load from the reports of its nodes, from the first second on.
+    """Finds a graph's load from the reports of its nodes, once it has settled.
 
     Args:
         rate_hz: control rate.
@@ -107,6 +110,7 @@ class LoadWatch:
         composed: whether its nodes share a process.
         users: how many hands there are.
         least_span_s: s between the reports that are compared.
+        settles_s: s after a node's first report, from when on its reports count.
     """
 
     def __init__(
@@ -116,11 +120,14 @@ class LoadWatch:
         composed: bool = False,
         users: int = 1,
         least_span_s: float = LEAST_SPAN_S,
+        settles_s: float = SETTLES_S,
     ) -> None:
         self._rate_hz, self._cores = rate_hz, cores
         self._composed, self._users = composed, users
-        self._least_span_s = least_span_s
+        self._least_span_s, self._settles_s = least_span_s, settles_s
         self._first: dict[str, Mapping[str, str]] = {}
+        # When each process reported first, s of its clock.
+        self._begun: dict[tuple[str, str], float] = {}
 
     def look(self, reports: Mapping[str, Report]) -> GraphLoad | None:
         """Take what nodes have reported last; return the load since the first of their reports.
@@ -134,10 +141,11 @@ class LoadWatch:
             if "pid" not in now:
                 # Not configured yet.
                 return None
-            then = self._first.setdefault(name, now)
-            if now["pid"] != then["pid"]:
+            time_s, then = float(now["monotonic_s"]), self._first.setdefault(name, now)
+            begun = self._begun.setdefault((name, now["pid"]), time_s)
+            if now["pid"] != then["pid"] or float(then["monotonic_s"]) < begun + self._settles_s:
                 then = self._first[name] = now
-            span = float(now["monotonic_s"]) - float(then["monotonic_s"])
+            span = time_s - float(then["monotonic_s"])
             if span < self._least_span_s:
                 continue
             # Of a process with several nodes, that of any of them.

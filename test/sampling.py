@@ -17,6 +17,11 @@ Case = TypeVar("Case")
 LONG = False
 
 
+def only_long(*cases: Case) -> list[Case]:
+    """Return cases with ``--long``, and none without: others of the same law are in every run."""
+    return list(cases) if LONG else []
+
+
 def sampled(cases: Iterable[Case], of: object = "", every: int = 5) -> list[Case]:
     """Return one of so many cases, and one at least; all of them with ``--long``.
 

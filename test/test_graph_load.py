@@ -35,7 +35,7 @@ def reports(*found: Report) -> dict[str, Report]:
 
 
 def test_load_is_what_happened_between_two_reports() -> None:
-    watch = LoadWatch(1000.0, 2.0)
+    watch = LoadWatch(1000.0, 2.0, settles_s=0.0)
     device = report("/device", 1, 5.0, 100.0, 4000, 900)
     analyser = report("/analyser", 2, 3.0, 100.2)
     assert watch.look(reports(device, analyser)) is None
@@ -50,7 +50,7 @@ def test_load_is_what_happened_between_two_reports() -> None:
 
 
 def test_the_time_of_a_process_with_several_nodes_counts_once() -> None:
-    watch = LoadWatch(1000.0, 2.0, composed=True)
+    watch = LoadWatch(1000.0, 2.0, composed=True, settles_s=0.0)
     watch.look(reports(report("/a", 7, 1.0, 10.0), report("/b", 7, 1.0, 10.0)))
     load = watch.look(reports(report("/a", 7, 1.5, 11.0), report("/b", 7, 1.5, 11.0)))
     assert load is not None
@@ -58,7 +58,7 @@ def test_the_time_of_a_process_with_several_nodes_counts_once() -> None:
 
 
 def test_a_node_that_was_started_again_begins_anew() -> None:
-    watch = LoadWatch(1000.0, 2.0)
+    watch = LoadWatch(1000.0, 2.0, settles_s=0.0)
     watch.look(reports(report("/device", 1, 50.0, 10.0, 9000)))
     assert watch.look(reports(report("/device", 2, 0.5, 20.0, 100))) is None
     load = watch.look(reports(report("/device", 2, 0.9, 21.0, 1100)))
@@ -66,8 +66,17 @@ def test_a_node_that_was_started_again_begins_anew() -> None:
     assert load.used == pytest.approx(0.4)
 
 
+def test_the_first_second_of_each_process_does_not_count() -> None:
+    watch = LoadWatch(1000.0, 2.0)
+    for used, time in ((1.0, 10.0), (2.0, 10.9), (3.0, 11.2)):
+        assert watch.look(reports(report("/device", 1, used, time, 100))) is None
+    load = watch.look(reports(report("/device", 1, 3.5, 12.2, 1100)))
+    assert load is not None
+    assert load.used == pytest.approx(0.5)
+
+
 def test_nothing_is_known_of_a_graph_with_a_node_that_is_not_configured() -> None:
-    watch, made = LoadWatch(1000.0, 2.0), Report("/new", False, "unconfigured", {})
+    watch, made = LoadWatch(1000.0, 2.0, settles_s=0.0), Report("/new", False, "unconfigured", {})
     for at in (10.0, 11.0, 12.0):
         assert watch.look(reports(report("/device", 1, at, at, 100), made)) is None
 

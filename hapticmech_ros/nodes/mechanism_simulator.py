@@ -381,7 +381,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.clock.periods += steps
         self._note_inaccurate(before)
         self._sampled_ns = self.clock.last_deadline_ns
-        self._commands = self.port.command.at(self._sampled_ns).reshape(1, 6)
+        self._commands[0] = self.port.command.at(self._sampled_ns)
         self._ticks += steps - (not said)
         if not said:
             self.failures.run("tick", self._publish, self._sampled_ns)

@@ -14,6 +14,7 @@ from benchmarks.robot.trial import Measured, Stage
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.law import OperationalLaw
+from sampling import sampled
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
@@ -129,7 +130,7 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
 
 @pytest.mark.parametrize(
     ("interface", "with_rates"),
-    [("effort", False), ("velocity", False), ("position", True)],
+    sampled([("effort", False), ("velocity", False), ("position", True)], every=3),
 )
 def test_at_rest_the_hand_carries_what_the_robot_pushes_on_the_wall(interface, with_rates):
     """The mechanism at rest is in balance: what acts on one end is what acts on the other."""

@@ -62,7 +62,11 @@ def test_a_mass_that_is_given_lets_it_move(tmp_path, monkeypatch):
     def begun(asked):
         raise HapticMechError(f"begun with {asked.changes[-1]}")
 
+    def drawn(scene):
+        raise AssertionError(scene)
+
     monkeypatch.setattr("hapticmech_ros.live.process.LiveProcess", begun)
+    monkeypatch.setattr("hapticmech_ros.live.still.StillScene", drawn)
     none = dict.fromkeys(("ixx", "iyy", "izz"), 0.0)
     scene = blank() | {
         "links": [

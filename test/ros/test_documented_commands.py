@@ -28,6 +28,7 @@ from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.readiness import ADDRESS, Readiness
 from ros.harness import WAIT_S, Peer, figures, running, six
+from sampling import sampled
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).resolve().parents[2]
@@ -116,7 +117,12 @@ def succeeds(command: str, folder: Path, domain: int, timeout: float) -> str:
     return run.stdout
 
 
-@pytest.mark.parametrize("page", FINITE, ids=lambda page: page.name)
+# What the README says, in every run.
+@pytest.mark.parametrize(
+    "page",
+    [PAGES[0], *sampled([p for p in FINITE if p != PAGES[0]], every=3)],
+    ids=lambda p: p.name,
+)
 def test_commands_that_end_by_themselves_succeed_in_their_order(
     page: Path, folder: Path, domain: int
 ) -> None:

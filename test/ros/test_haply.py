@@ -24,6 +24,7 @@ from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from oracles.users import two_points
 from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
+from sampling import only_long
 
 pytestmark = pytest.mark.ros
 # A hand that holds still for a while, then pulls the point to and fro: a busy machine may lose the
@@ -180,7 +181,7 @@ def led_through_it(
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("victim", ["driver", "controller", "service"])
+@pytest.mark.parametrize("victim", ["driver", "service", *only_long("controller")])
 def test_the_force_ends_when_one_of_them_is_killed(
     domain: int, peer: Peer, scene: Path, tmp_path: Path, victim: str
 ) -> None:

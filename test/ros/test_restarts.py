@@ -16,6 +16,7 @@ from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
 from ros.harness import RATE, Peer
+from sampling import only_long
 
 pytestmark = pytest.mark.ros
 
@@ -49,7 +50,7 @@ def test_no_node_asks_the_middleware_for_events(name: str, domain: int) -> None:
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("transport", ["auto", "middleware"])
+@pytest.mark.parametrize("transport", ["auto", *only_long("middleware")])
 def test_a_storm_of_restarts_stops_nobody_else_and_leaves_nothing(
     transport: str, domain: int, peer: Peer
 ) -> None:
