@@ -71,13 +71,7 @@ class _Heard:
 
 
 class Waits(Protocol):
-    """Waits for connections in place of ``select``, and does meanwhile what it can.
-
-    Attributes:
-        meets_deadlines: whether it acts on the deadlines of its node, too.
-    """
-
-    meets_deadlines: bool
+    """Waits for connections in place of ``select``, and does meanwhile what it can."""
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Return whether it can wait now; see ``PlainMessages``."""

@@ -84,8 +84,6 @@ class MechanismTicks(PlainMessages):
         outlet: that they are published through.
     """
 
-    meets_deadlines = True
-
     def __init__(
         self,
         actor: MechanismSimulator,
@@ -127,6 +125,7 @@ class MechanismTicks(PlainMessages):
         self._packed = np.zeros((4, 0))
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
+        self._scene = actor.simulator.scene
         places = np.cumsum((2, len(mechanism.closures), mechanism.nv, mechanism.nv + 6 + 7))
         self._closed = slice(2, int(places[1]))
         self._grasp = slice(int(places[3]) - 7, int(places[3]))
@@ -144,8 +143,10 @@ class MechanismTicks(PlainMessages):
         link[own.SINCE] = port.since_ns
         link[own.HEARD : own.ARRIVED + 1] = *port.command.put_into(self._commands), *port.order.last
         link[kernels.VIEW] = actor.until_view
-        state = actor.state
-        if state is not self._known:
+        state, scene = actor.state, actor.simulator.scene
+        # Terms are of the operational point's place, which is another scene's once it has moved.
+        if state is not self._known or scene is not self._scene:
+            self._scene = scene
             self._load(state)
         self._out[self._grasp] = actor.place
         return True

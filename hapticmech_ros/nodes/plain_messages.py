@@ -58,12 +58,7 @@ class PlainMessages:
         outlet: of what is sent.
         sent: words of what is sent, and how many bytes its message has.
         link: (n,) what Python and kernel tell each other.
-
-    Attributes:
-        meets_deadlines: whether the kernel acts on the actor's deadlines, too.
     """
-
-    meets_deadlines = False
 
     def __init__(
         self,
