@@ -17,7 +17,6 @@ from hapticmech_ros.nodes.lane_kernels import (
     OWN,
     READS,
     REALTIME,
-    SECOND,
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
@@ -35,16 +34,20 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.observe_kernels import MODEL_SIZE, observe_point
 from hapticmech_ros.operational.past_rates_kernels import rates_before, remember_state
-from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
+from hapticmech_ros.wire.kernels import (
+    COMMANDED,
+    COUNT,
+    UNSOUND,
+    sound_stamp,
+    write_operational_model,
+)
 
 # Where in a state what begins: flags of closures, position, rates, the point's F_c, its place and
 # its flag; the number of the point. How long the last state may be ago, ns; its stamp, and since
 # when constraints are counted, ns.
 CLOSED, POSITION, VELOCITY, CONTACT, PLACE, FLAG, POINT, PAUSE, LAST, FIRST = range(OWN, OWN + 10)
 LINK_SIZE = OWN + 10
-# Where in an answer what is; in between is the operational model, which ends with F_c.
-COUNT, MODEL, COMMANDED, GRASP = 2, 4, 4 + MODEL_SIZE, 5 + MODEL_SIZE
-_QUATERNION, _TOLERANCE = MODEL + MODEL_SIZE - 16, 1e-3
+_QUATERNION, _TOLERANCE = COMMANDED - 16, 1e-3
 
 
 @inner
@@ -185,11 +188,8 @@ def answer_states(
         )
         if code != 0:
             return TO_READ
-        out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[MODEL:COMMANDED], observation[:MODEL_SIZE])
-        put(out[COMMANDED - 6 : COMMANDED], values[link[CONTACT] : link[CONTACT] + 6])
-        out[COMMANDED] = values[link[FLAG]]
-        put(out[GRASP : GRASP + 7], grasp)
+        model, contact = observation[:MODEL_SIZE], values[link[CONTACT] : link[CONTACT] + 6]
+        write_operational_model(out, stamp, model, contact, values[link[FLAG]], grasp)
         if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.

@@ -51,6 +51,7 @@ from hapticmech_ros.wire.topics import (
 
 # A pause in states longer than this starts the count anew: the mechanism may be elsewhere.
 RESTART_PAUSE_NS = NANOSECONDS // 4
+MODEL_COUNT = OPERATIONAL_MODEL_FIELDS.start("count")
 
 
 class StateAnswers(PlainMessages):
@@ -146,7 +147,7 @@ class StateAnswers(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the analyser what the kernel did."""
-        actor, count = self._analyser, int(self._out[own.COUNT])
+        actor, count = self._analyser, int(self._out[MODEL_COUNT])
         if reads:
             actor.answered(reads, int(self.link[own.LAST]), count)
         if code == kernels.TO_LOOK_AT:

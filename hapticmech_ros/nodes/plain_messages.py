@@ -26,6 +26,8 @@ from hapticmech_ros.nodes.sources import Sources
 
 # So many messages are enough for once.
 MOST_READ = 64
+# Two clocks are read at one time if they are no further apart, ns.
+_CLOSE_NS = 50_000
 
 
 def frame_of(prefix: bytes, size: int) -> tuple[Array, Array]:
@@ -113,6 +115,11 @@ class PlainMessages:
             until_ns: until when to wait, ns of the monotonic clock.
         """
         origin, link = self._sources.only, self.link
+        before, now, after = time.monotonic_ns(), self._actor.now_ns(), time.monotonic_ns()
+        if after - before > _CLOSE_NS:
+            # Interrupted: how far one is ahead of the other would be wrong by as much.
+            return False
+        link[kernels.AHEAD] = now - (before + after) // 2
         hearers = lane.plain_hearers(self._outlet.topic) if self._outlet.is_on_lane_alone else []
         if not (hearers and origin and self._actor.node.active):
             return False
@@ -130,7 +137,6 @@ class PlainMessages:
         link[kernels.NUMBER], link[kernels.OUT_NUMBER] = origin.number, self._outlet.published
         link[kernels.OUT_HEAD] = MESSAGE | self._outlet.number << 32
         link[kernels.SENT] = lane.sent(self._outlet.number)
-        link[kernels.AHEAD] = self._actor.now_ns() - time.monotonic_ns()
         link[kernels.OLDEST] = self._actor.age_limit_ns
         link[kernels.IDLE] = link[kernels.READS] = link[kernels.UNSENT] = 0
         return self.ready()

@@ -7,10 +7,36 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner, kernel
+from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.layout import OPERATIONAL_MODEL
 
 # No message stands for a time before this.
 UNSOUND = -1
+# Where in an operational_model message what is; in between is the model, which ends with F_c.
+COUNT, MODEL, COMMANDED = 2, 4, 4 + OPERATIONAL_MODEL.size
+GRASP, GRASP_SIZE = COMMANDED + 1, 7
+_SECOND = 1_000_000_000
+
+
+@inner
+def write_operational_model(
+    out: Array, stamp: int, model: Array, contact: Array, commanded: float, grasp: Array
+) -> None:
+    """Fill a message but for the count and the number of directions.
+
+    Args:
+        out: (151,) the data; see ``layouts.OPERATIONAL_MODEL_FIELDS``.
+        stamp: of the state, ns.
+        model: (139,) see ``layout.OPERATIONAL_MODEL``.
+        contact: (6,) F_c, N and N m, world axes.
+        commanded: 1 if the mechanism acts on commands.
+        grasp: (7,) where the operational point is.
+    """
+    out[0], out[1] = stamp // _SECOND, stamp % _SECOND
+    put(out[MODEL:COMMANDED], model)
+    put(out[COMMANDED - 6 : COMMANDED], contact)
+    out[COMMANDED] = commanded
+    put(out[GRASP : GRASP + GRASP_SIZE], grasp)
 
 
 @inner

@@ -10,14 +10,11 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.past_rates import PastRates
-from hapticmech_ros.wire.layouts import COMMANDED, GRASP, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.kernels import COUNT, MODEL, write_operational_model
+from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.state import WireState
 
-_COUNT, _DIRECTIONS = (
-    OPERATIONAL_MODEL_FIELDS.start("count"),
-    OPERATIONAL_MODEL_FIELDS.start("directions"),
-)
+_DIRECTIONS = OPERATIONAL_MODEL_FIELDS.start("directions")
 
 
 class OperationalModelWriter:
@@ -41,9 +38,7 @@ class OperationalModelWriter:
         size = OPERATIONAL_MODEL_FIELDS.size
         self.values: Array = np.zeros(size) if values is None else values
         self.values[_DIRECTIONS] = analyser.rows.size
-        self._model = self.values[POINT_MODEL_PART]
-        self.s: Array = self._model[: analyser.rows.size]
-        self._contact = self.values[OPERATIONAL_MODEL_FIELDS.slice("contact")]
+        self.s: Array = self.values[MODEL : MODEL + analyser.rows.size]
 
     def evaluate(self, state: WireState) -> Observation:
         """Write all but the count, and return what was found.
@@ -54,14 +49,11 @@ class OperationalModelWriter:
         before = self._past.before(state.stamp_ns, state.active)
         found = self._analyser.observe(state.q, state.v, state.active, before=before)
         self._past.add(state.stamp_ns, state.v, state.active)
-        self._model[:] = found.model
-        values = self.values
-        values[0], values[1] = seconds_of(state.stamp_ns)
-        self._contact[:] = state.contacts[self._index]
-        values[COMMANDED] = state.commanded[self._index]
-        values[GRASP] = state.grasps[self._index]
+        at = self._index
+        told = state.contacts[at], float(state.commanded[at]), state.grasps[at]
+        write_operational_model(self.values, state.stamp_ns, found.model, *told)
         return found
 
     def count(self, count: int) -> None:
         """Write the number of joint constraints reported."""
-        self.values[_COUNT] = count
+        self.values[COUNT] = count

@@ -22,6 +22,7 @@ from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
 from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.wire import kernels
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.state import StateLayout, WireState
@@ -281,10 +282,10 @@ def test_a_point_that_is_held_elsewhere_is_followed(analysed: tuple[Process, Sta
 def test_where_the_answers_numbers_are_is_one_table() -> None:
     starts = OPERATIONAL_MODEL_FIELDS.starts("count", "s", "commanded", "grasp", "quaternion")
     assert starts == (
-        analysis_kernels.COUNT,
-        analysis_kernels.MODEL,
-        analysis_kernels.COMMANDED,
-        analysis_kernels.GRASP,
+        kernels.COUNT,
+        kernels.MODEL,
+        kernels.COMMANDED,
+        kernels.GRASP,
         analysis_kernels._QUATERNION,
     )
 
