@@ -3,7 +3,22 @@
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
 The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a
-clock. They are loaded when first used, so that commands answer at once.
+clock. They are loaded when first used, so that commands answer at once. What a newcomer has to
+know, and what comes into and out of each part::
+
+    scene        file -> what is modelled, checked            (formats, loading)
+    mechanism    q, v, closures -> terms of Eq. 1, and their derivatives
+    simulation   state, wrenches -> state a period later      (contact)
+    operational  terms -> Λ_h⁻¹, its null space, a_0 at the point held
+    control      device's sample, operational model -> wrenches on hand and mechanism
+    device       wrench, hand -> pose, twist and hand's wrench a period later
+    session      scene, pushes -> a run: all of the above, tick by tick
+    wire         numbers <-> messages: topics, layouts, bounds
+    nodes        messages -> messages: the same four roles as processes of ROS 2
+    bag          messages <-> files
+
+robot, live, haply, view, experiment, analysis, offline and study are beside them: of the ten, none
+but their own nodes and the commands (cli) import these.
 """
 
 from importlib import import_module

@@ -160,8 +160,8 @@ def move_at_deadlines(
         whole: (integers,) likewise.
         real: (numbers,) likewise.
         nobody: (0, 10) likewise.
-        contact_numbers: likewise.
-        contact_values: likewise.
+        contact_numbers: (integers,) likewise.
+        contact_values: (numbers,) likewise.
         clock: (9,) likewise.
         ages: (n,) to fill: of the commands, ns.
 

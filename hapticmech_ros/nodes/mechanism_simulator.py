@@ -133,7 +133,7 @@ class MechanismTicks(PlainMessages):
         self.link[own.PERIOD] = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
-        """Tell the kernel how the mechanism is; see :meth:`PlainMessages.ready`."""
+        """Tell the kernel how the mechanism is; return whether it may do anything for it."""
         actor, link = self._simulator, self.link
         if not actor.steps_plainly or actor.clock is None:
             return False
@@ -166,7 +166,7 @@ class MechanismTicks(PlainMessages):
         self._known = state
 
     def run(self) -> int:
-        """Call the kernel."""
+        """Call the kernel; return why it returned."""
         simulator, data = self._simulator.simulator, self._data
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()

@@ -102,14 +102,14 @@ class StateAnswers(PlainMessages):
         self.link[own.PAUSE] = RESTART_PAUSE_NS
 
     def ready(self) -> bool:
-        """Tell the kernel how the analyser is; see :meth:`PlainMessages.ready`."""
+        """Tell the kernel how the analyser is; return whether it may do anything for it."""
         actor, link = self._analyser, self.link
         link[own.FIRST], link[own.LAST] = actor.first_ns, actor.last_ns
         link[kernels.VIEW] = actor.until_view
         return actor.answers_plainly
 
     def run(self) -> int:
-        """Call the kernel."""
+        """Call the kernel; return why it returned."""
         actor, analyser = self._analyser, self._analyser.analyser
         active_set = actor.mechanism.active_set(actor.closed)
         if self._ahead.size != active_set.size:
