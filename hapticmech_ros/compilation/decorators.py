@@ -87,7 +87,7 @@ def c_function(name: str, signature: str) -> Callable[..., Any]:
         signature: types of result and arguments, as Numba writes them.
     """
     if not is_building():
-        return cast(Callable[..., Any], getattr(ctypes.CDLL(None), name, None))
+        return cast(Callable[..., Any], getattr(ctypes.CDLL(None), name))
     from hapticmech_ros.compilation.inner_functions import called_in_c
 
     return cast(Callable[..., Any], called_in_c(name, signature))

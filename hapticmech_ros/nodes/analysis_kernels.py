@@ -7,8 +7,6 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.nodes.lane_kernels import (
-    AHEAD,
-    BEHIND,
     MONOTONIC,
     NOT_SENT,
     NOTHING,
@@ -16,13 +14,11 @@ from hapticmech_ros.nodes.lane_kernels import (
     OTHER,
     OWN,
     READS,
-    REALTIME,
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
     UNSENT,
     UNTIL,
-    is_set,
     look_is_due,
     note_read,
     peek,
@@ -160,11 +156,8 @@ def answer_states(
             continue
         if found == OTHER or not peek(link, words, polled, frame, prefix):
             return TO_READ
-        counted, sent = words[2], words[3]
-        monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
-        if is_set(link, monotonic, real) or real - sent > link[BEHIND]:
-            return TO_READ
-        stamp, time = plain_stamp(link, values, most, active, grasp), monotonic + link[AHEAD]
+        time, real, counted, sent = words[0], words[1], words[2], words[3]
+        stamp = plain_stamp(link, values, most, active, grasp)
         if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
             return TO_READ
         put(q, values[link[POSITION] : link[POSITION] + nv])

@@ -86,10 +86,17 @@ def wait_until(end: int, link: Array, words: Array, polled: Array) -> int:
 
 
 @inner
+def is_set(link: Array, monotonic: int, real: int) -> bool:
+    """Return whether the machine's clock was set, by both clocks at one time, ns."""
+    return bool(abs(real - monotonic - link[AHEAD]) > link[STEP])
+
+
+@inner
 def peek(link: Array, words: Array, polled: Array, frame: Array, prefix: Array) -> bool:
     """Copy the message that has come, and leave it there; return whether it is a plain one.
 
-    Its number and the time when it was sent are in words 2 and 3 then.
+    Then the node's time, the machine's, the message's number and when it was sent are the words.
+    It is none if it was long under way, or the machine's clock was set.
 
     Args:
         link: what Python and kernel tell each other; see above.
@@ -105,8 +112,11 @@ def peek(link: Array, words: Array, polled: Array, frame: Array, prefix: Array) 
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
     if words[0] != link[HEAD] or words[1] != link[NUMBER]:
         return False
-    before = link[DATA] - HEADER_BYTES
-    return bool(_memcmp(at + HEADER_BYTES, prefix.ctypes.data, before) == 0)
+    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, link[DATA] - HEADER_BYTES) != 0:
+        return False
+    monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
+    words[0], words[1] = monotonic + link[AHEAD], real
+    return not is_set(link, monotonic, real) and bool(real - words[3] <= link[BEHIND])
 
 
 @inner
@@ -122,12 +132,6 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 def take(polled: Array, frame: Array) -> None:
     """Take a message away that was peeked at."""
     _recv(polled[0] & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
-
-
-@inner
-def is_set(link: Array, monotonic: int, real: int) -> bool:
-    """Return whether the machine's clock was set, by both clocks at one time, ns."""
-    return bool(abs(real - monotonic - link[AHEAD]) > link[STEP])
 
 
 @inner

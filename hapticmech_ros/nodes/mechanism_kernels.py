@@ -9,7 +9,6 @@ from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.loop_layout import ON_MECHANISM
 from hapticmech_ros.nodes.lane_kernels import (
     AHEAD,
-    BEHIND,
     MONOTONIC,
     NOT_SENT,
     NOTHING,
@@ -50,8 +49,6 @@ NEXT, PERIOD, TIMEOUT, RAMP, SINCE, HEARD, HEARD_BEFORE, NEWEST, ARRIVED, DONE =
 # Where in a state what begins that changes.
 POSITION, VELOCITY, FLAG = range(OWN + 10, OWN + 13)
 LINK_SIZE = OWN + 13
-# Seconds and nanoseconds of a command, in words after the header; its frame, and its bytes.
-_HEAD_WORDS, FRAME_BYTES = 2, 16
 
 
 @inner
@@ -75,13 +72,12 @@ def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
 
 @inner
 def read_command(
-    link: Array, words: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
+    link: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
 ) -> int:
     """Return the stamp, ns, of a command that keeps the rules and is the newest; or UNSOUND.
 
     Args:
         link: see above.
-        words: (4,) to work with.
         frame: (words,) the message.
         plain: (2,) the bytes of a plain command between stamp and wrench.
         values: (6,) its wrench.
@@ -181,12 +177,8 @@ def move_at_deadlines(
                 continue
             if found == OTHER or not peek(link, words, polled, frame, prefix):
                 return TO_READ
-            counted, sent = words[2], words[3]
-            monotonic, now_real = time_of(MONOTONIC, words), time_of(REALTIME, words)
-            if is_set(link, monotonic, now_real) or now_real - sent > link[BEHIND]:
-                return TO_READ
-            time = monotonic + link[AHEAD]
-            stamp = read_command(link, words, frame, plain, values, most, time)
+            time, counted, sent = words[0], words[2], words[3]
+            stamp = read_command(link, frame, plain, values, most, time)
             if stamp == UNSOUND:
                 return TO_READ
             take(polled, frame)

@@ -36,7 +36,6 @@ from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.plain_messages import PlainMessages, frame_of, words_of
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
-from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
 from hapticmech_ros.operational.coupling import by_others
@@ -46,7 +45,7 @@ from hapticmech_ros.session.sample import LeftState, totals_of
 from hapticmech_ros.session.tick_kernels import AT, CLOCK_SIZE, KNOWN
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.bounds import Bounds, SixBounds, pose_bounds
+from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
 from hapticmech_ros.wire.joints import coordinate_names
@@ -77,35 +76,25 @@ class MechanismTicks(PlainMessages):
 
     Args:
         actor: the simulator's.
-        topic: of the commands, see :class:`PlainMessages`.
-        sources: of the commands.
-        bounds: of the commands.
-        states: how its states are written, and their bounds.
+        layout: of its states.
         outlet: that they are published through.
     """
 
-    def __init__(
-        self,
-        actor: MechanismSimulator,
-        topic: str,
-        sources: Sources,
-        bounds: SixBounds,
-        states: tuple[FlatArray, Bounds],
-        outlet: Outlet,
-    ) -> None:
-        command, (state, out_bounds) = encode_wrench(np.zeros(6), 0), states
+    def __init__(self, actor: MechanismSimulator, layout: StateLayout, outlet: Outlet) -> None:
+        command, state = encode_wrench(np.zeros(6), 0), FlatArray(layout.fields)
+        port, bounds = actor.port, actor.wrenches
         frame, self._out = frame_of(state.prefix, state.size)
         super().__init__(
             actor,
-            topic,
-            sources,
+            actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped),
+            port.controllers,
             (command[:_NUMBERS_AT], 6),
             _STAMP_AT,
             outlet,
             (frame, len(state.prefix) + 8 * state.size),
             np.zeros(own.LINK_SIZE, dtype=np.int64),
         )
-        self._simulator, self._out_most = actor, out_bounds.most
+        self._simulator, self._out_most = actor, layout.bounds.most
         self._plain = words_of(command[_FRAME_AT:_NUMBERS_AT])
         self._most = np.array([bounds.first] * 3 + [bounds.last] * 3)
         self._commands = np.zeros((2, 6))
@@ -126,10 +115,9 @@ class MechanismTicks(PlainMessages):
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
         self._scene = actor.simulator.scene
-        places = np.cumsum((2, len(mechanism.closures), mechanism.nv, mechanism.nv + 6 + 7))
-        self._closed = slice(2, int(places[1]))
-        self._grasp = slice(int(places[3]) - 7, int(places[3]))
-        self.link[own.POSITION : own.FLAG + 1] = places[1:]
+        self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
+        changing = ("position", "velocity", "commanded")
+        self.link[own.POSITION : own.FLAG + 1] = [layout.at[part].start for part in changing]
         self.link[own.PERIOD] = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
@@ -227,6 +215,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._ports: list[PointPort] = []
         self._listened: ExternalWrenches | None = None
         self._asked: str | None = None
+        self._plain: MechanismTicks | None = None
         super().__init__(node, parameters)
         self.simulator = Simulator(self.scene)
         self._mechanism = self.simulator.mechanism
@@ -278,22 +267,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             at_zero=self._rest,
         )
         offer_closures(self, self._closures, self._switch)
+        square, touches = self._mechanism.nq == self._mechanism.nv, bool(self.scene.contacts)
+        waits = parameters.require_external_wrench
         # Where the mechanism is one that a kernel can move all by itself.
-        self._may_step_plainly = (
-            self._mechanism.nq == self._mechanism.nv and not self.scene.contacts
-        ) and not parameters.require_external_wrench
-        self._plain = [
-            MechanismTicks(
-                self,
-                self.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped),
-                port.controllers,
-                self.wrenches,
-                (self._wire, self._layout.bounds),
-                self._publish_wire,
-            )
-            for port in self._ports
-            if self._may_step_plainly and len(self._ports) == 1
-        ]
+        if square and len(names) == 1 and not (touches or waits):
+            self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
         """Take new parameters: the timeouts count from now on."""
@@ -335,7 +313,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._told = self._calm
         self._inaccurate_ns = NEVER
         self._operating.publish(active=True)
-        self.wait_by(self._plain[0] if self._plain else None)
+        self.wait_by(self._plain)
 
     @property
     def port(self) -> PointPort:
@@ -352,7 +330,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Whether a step needs nothing but a command; see :class:`MechanismTicks`."""
         pushed = self._external is not self._calm or self._on_links or self._is_pushed
         waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
-        return not (pushed or waits or self.simulator.may_latch(self.state))
+        changed = self.state.active != self._announced
+        return not (pushed or waits or changed or self.simulator.may_latch(self.state))
 
     @property
     def _is_pushed(self) -> bool:

@@ -59,8 +59,7 @@ class StateAnswers(PlainMessages):
 
     Args:
         actor: the analyser.
-        states: how its states are written, and their bounds.
-        topic: of the states, see :class:`PlainMessages`.
+        layout: of the states.
         sources: of the states.
         answer: how models are written, and their bounds; words and data of one.
         outlet: that they are published through.
@@ -69,17 +68,16 @@ class StateAnswers(PlainMessages):
     def __init__(
         self,
         actor: NullspaceAnalyser,
-        states: tuple[FlatArray, Bounds],
-        topic: str,
+        layout: StateLayout,
         sources: Sources,
         answer: tuple[FlatArray, Bounds, Array, Array],
         outlet: Outlet,
     ) -> None:
-        state, bounds = states
+        state = FlatArray(layout.fields)
         model, out_bounds, frame, self._out = answer
         super().__init__(
             actor,
-            topic,
+            actor.lane_topic(STATE.name, Float64MultiArray),
             sources,
             (state.prefix, state.size),
             len(state.prefix),
@@ -88,17 +86,13 @@ class StateAnswers(PlainMessages):
             np.zeros(own.LINK_SIZE, dtype=np.int64),
         )
         self._analyser = actor
-        self._most, self._out_most = bounds.most, out_bounds.most
-        mechanism, at = actor.mechanism, actor.analyser.index
-        nv, points = mechanism.nv, len(mechanism.point_names)
+        self._most, self._out_most = layout.bounds.most, out_bounds.most
+        nv = actor.mechanism.nv
         self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
-        sizes = (2, len(mechanism.closures), nv, nv, 6 * points, 7 * points)
-        closed, position, velocity, contact, place, flag = np.cumsum(sizes).tolist()
-        self.link[own.CLOSED : own.POINT + 1] = (
-            *(closed, position, velocity),
-            *(contact + 6 * at, place + 7 * at, flag + at, at),
-        )
+        # There is one point only: see ``answers_plainly``.
+        starts = [layout.at[part].start for part in layout.at]
+        self.link[own.CLOSED : own.POINT + 1] = *starts, actor.analyser.index
         self.link[own.PAUSE] = RESTART_PAUSE_NS
 
     def ready(self) -> bool:
@@ -210,8 +204,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         )
         self._answers = StateAnswers(
             self,
-            (FlatArray(self._layout.fields), self._layout.bounds),
-            self.lane_topic(STATE.name, Float64MultiArray),
+            self._layout,
             self._mechanisms,
             (self._encoder, bounds, frame, self._values),
             self._publish_model,

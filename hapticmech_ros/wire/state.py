@@ -74,6 +74,7 @@ class StateLayout:
 
     Attributes:
         fields: name of each part of the flat array -> its size, for the message's label.
+        at: where each part is: closed, position, velocity, contact, grasp, commanded.
         bounds: of its numbers, by the limits of the mechanism's scene.
     """
 
@@ -97,7 +98,7 @@ class StateLayout:
             labels[part]: Field(each.size * len(of), each.quantities) for part, of, each in parts
         }
         self.fields = Layout({"stamp": STAMP, **fields})
-        self._at = {part: self.fields.slice(label) for part, label in labels.items()}
+        self.at = {part: self.fields.slice(label) for part, label in labels.items()}
         self.bounds = bounds_of("state", self.fields, mechanism.scene.limits)
 
     def pack(self, state: WireState) -> Array:
@@ -124,7 +125,7 @@ class StateLayout:
                 :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
         """
         stamp_ns, values = checked_values(data, self.bounds)
-        at, points = self._at, self._points
+        at, points = self.at, self._points
         numbers = values.tolist()
         flags = (*numbers[at["closed"]], *numbers[at["commanded"]])
         if not _FLAGS.issuperset(flags):
@@ -149,7 +150,7 @@ class StateLayout:
         Raises:
             InvalidInputError: as :meth:`unpack`, for the first message that it refuses.
         """
-        at, size = self._at, self.fields.size
+        at, size = self.at, self.fields.size
         if data.ndim != 2 or data.shape[1] != size:
             raise InvalidInputError("states", data.shape, f"must have shape (n, {size})")
         closed = data[:, at["closed"]]

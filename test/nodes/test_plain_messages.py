@@ -352,3 +352,14 @@ def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
     assert work > 0.0
     moving.until(lambda: actor._ticks > ticks + 50)
     assert actor.state.account.work_in == work
+
+
+def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
+    actor = moving.actor
+    moving.settle(lambda: moving.speak(encode_wrench(np.zeros(6), time.time_ns() // 1000 * 1000)))
+    moving.until(lambda: actor.steps_plainly)
+    actor._switch("ground_pin", False)
+    # By Python: nothing else says so.
+    assert not actor.steps_plainly
+    moving.until(lambda: actor.steps_plainly)
+    assert actor._announced == actor.state.active == (False,)
