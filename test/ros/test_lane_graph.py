@@ -172,6 +172,7 @@ def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, p
         assert ways(statuses, "/device/servo_cf") == "nobody"
 
 
+@pytest.mark.alone
 def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     environment = private_environment(domain)
