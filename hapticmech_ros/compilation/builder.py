@@ -41,7 +41,8 @@ _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
     *("device.impedance_device", "wire.readings", "contact.stepping"),
     *("session.session", "nodes.watch_kernels"),
-    *("nodes.analysis_kernels", "nodes.mechanism_kernels"),
+    *("nodes.analysis_kernels", "nodes.control_kernels"),
+    *("nodes.device_kernels", "nodes.mechanism_kernels"),
 )
 # Of the C library, which every process has.
 _C_LIBRARY = frozenset(

@@ -93,6 +93,8 @@ _SOURCES = (
     "nodes/watch_kernels.py",
     "nodes/lane_kernels.py",
     "nodes/analysis_kernels.py",
+    "nodes/control_kernels.py",
+    "nodes/device_kernels.py",
     "nodes/mechanism_kernels.py",
 )
 

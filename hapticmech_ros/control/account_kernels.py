@@ -347,6 +347,14 @@ def queue_wrench(account: Array, queue: Array, told: Array, acting: Array) -> No
     put(account[ACTING : ACTING + 6], acting)
 
 
+@inner
+def remember_told(past: Array, told: Array) -> None:
+    """Put what the mechanism is told (6,) before what it was told (n, 6)."""
+    for row in range(past.shape[0] - 1, 0, -1):
+        put(past[row], past[row - 1])
+    put(past[0], told)
+
+
 @kernel("void(float64[::1], float64[::1], float64)")
 def move_point_on(account: Array, operational_model: Array, elapsed: float) -> None:
     """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on.
@@ -440,15 +448,19 @@ def command_response(settings: Array, operational_model: Array, time: float, out
         out[i] *= settings[C2]
 
 
-@kernel("void(float64[::1], float64[:,::1], float64[::1], float64[:,::1])")
-def command_mechanism(account: Array, queue: Array, answer: Array, wrenches: Array) -> None:
+@kernel("void(float64[::1], float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
+def command_mechanism(
+    account: Array, queue: Array, past: Array, answer: Array, wrenches: Array
+) -> None:
     """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6).
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
         queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
+        past: (n, 6) those until now, the last one first, likewise; changed.
         answer: (answer,) the last one; see ``loop_layout``.
         wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes.
     """
     passive_wrench(account, answer, wrenches[0])
     queue_wrench(account, queue, wrenches[0], wrenches[1])
+    remember_told(past, wrenches[0])

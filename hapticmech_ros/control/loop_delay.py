@@ -44,6 +44,11 @@ class RoundTripEstimate:
         self._window = np.zeros(WINDOW)
         self._count = 0
 
+    @property
+    def until_renewed(self) -> int:
+        """How many more round trips leave the value as it is."""
+        return EVERY - self._count % EVERY - 1
+
     def add(self, round_trip: float) -> None:
         """Add one round trip, s."""
         self._window[self._count % WINDOW] = round_trip
@@ -73,6 +78,14 @@ class DelayFollower:
         """Return whether a round trip (s) exceeds the declared delay plus that of the graph."""
         return round_trip > self._tolerated
 
+    def is_settled(self, round_trip: float) -> bool:
+        """Return whether the same round trip (s) would change nothing, however often it came."""
+        target = self._target(round_trip)
+        return SHORTER * self.delay <= target <= LONGER * self.delay + LONGER_S
+
+    def _target(self, round_trip: float) -> float:
+        return 0.5 * round_trip if self.exceeded(round_trip) else self._designed
+
     def follow(self, round_trip: float, time: float) -> bool:
         """Process a measured round trip.
 
@@ -83,7 +96,7 @@ class DelayFollower:
         Returns:
             Whether ``delay`` changed.
         """
-        target = 0.5 * round_trip if self.exceeded(round_trip) else self._designed
+        target = self._target(round_trip)
         if target > LONGER * self.delay + LONGER_S:
             self._shorter_since = None
         elif target < SHORTER * self.delay:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -137,6 +136,7 @@ class RenderingController:
     Attributes:
         account: a :data:`~hapticmech_ros.control.loop_layout.CONTROLLER_ACCOUNT`.
         queue: (delay, 6) what the mechanism was told and does not act yet.
+        past: (16, 6) what it was told until now, the last command first.
         last: last answer that was given, whether it has arrived or not; None before the first.
         channels: of the connection, to the controller and back; None if answers arrive at once.
     """
@@ -159,7 +159,7 @@ class RenderingController:
             self.account = before.account
         self.account[_HEARD] = 0.0
         self.queue = np.zeros((delay, 6))
-        self._told: deque[Array] = deque(maxlen=REMEMBERED)
+        self.past = np.zeros((REMEMBERED, 6))
         self.held_elsewhere()
         self.last: ControllerCommand | None = None
         self._locality = np.zeros(LOCALITY.size)
@@ -239,8 +239,7 @@ class RenderingController:
         """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
         told = np.empty((2, 6))
-        command_mechanism(self.account, self.queue, last, told)
-        self._told.appendleft(told[0])
+        command_mechanism(self.account, self.queue, self.past, last, told)
         return told[0], told[1]
 
     def held_elsewhere(self) -> None:
@@ -249,7 +248,7 @@ class RenderingController:
         Springs and motion begin anew there; what has flowed stays in the account.
         """
         self.queue[:] = 0.0
-        self._told.clear()
+        self.past[:] = 0.0
         self.account[_ACTING] = 0.0
         self.account[_MOVING] = self.account[_STRETCHED] = 0.0
 
@@ -321,6 +320,6 @@ class RenderingController:
         if number <= 0:
             return np.zeros((0, 6)), number * period
         queue = np.zeros((number, 6))
-        for row, told in zip(queue, self._told, strict=False):
-            row[:] = told
+        known = min(number, REMEMBERED)
+        queue[:known] = self.past[:known]
         return queue, 0.0

@@ -50,18 +50,20 @@ class MotionCheck:
         period: s, of a sample; some may be closer together.
 
     Attributes:
+        numbers: (numbers,) limits and what is known, see ``motion_kernels.MOTION``.
+        stamp_ns: of the last sample.
         fault: what is wrong, in words with numbers; empty if nothing is, and has not been lately.
         faults: samples so far that began a fault.
     """
 
     def __init__(self, device: Device, period: float) -> None:
         motion = device.motion
-        self._numbers = np.zeros(MOTION.size)
+        self.numbers = np.zeros(MOTION.size)
         steps = (
             _STEPS * device.position_resolution + _ROUNDING,
             _STEPS * device.angle_resolution + _ROUNDING,
         )
-        self._numbers[MOTION.slice("window", "period")] = (
+        self.numbers[MOTION.slice("window", "period")] = (
             *WINDOWS_S,
             *(motion.speed, motion.angular_speed),
             *(motion.acceleration, motion.angular_acceleration),
@@ -73,11 +75,11 @@ class MotionCheck:
         self._radius = device.workspace.radius
         self.fault = ""
         self.faults = 0
-        self._stamp_ns = self._fault_ns = 0
+        self.stamp_ns = self._fault_ns = 0
 
     def restart(self) -> None:
         """Let the next sample be the first one."""
-        self._numbers[_STARTED] = 0.0
+        self.numbers[_STARTED] = 0.0
         self.fault = ""
 
     def look(self, sample: Array, stamp_ns: int) -> None:
@@ -87,9 +89,9 @@ class MotionCheck:
             sample: (19,) of the device, see ``layout.DEVICE_SAMPLE``.
             stamp_ns: its time, ns, by the device's clock.
         """
-        elapsed = (stamp_ns - self._stamp_ns) / NANOSECONDS
-        self._stamp_ns = stamp_ns
-        code = check_sample(self._numbers, sample, elapsed)
+        elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
+        self.stamp_ns = stamp_ns
+        code = check_sample(self.numbers, sample, elapsed)
         if code == SOUND:
             if self.fault and stamp_ns - self._fault_ns > SOUND_AFTER_NS:
                 self.fault = ""
@@ -102,7 +104,7 @@ class MotionCheck:
     def _said(self, code: int, elapsed: float) -> str:
         """Return what is wrong, in words."""
         turns, kind = code >= ROTATION, code % ROTATION
-        found, most = self._numbers[FOUND], self._numbers[MOST]
+        found, most = self.numbers[FOUND], self.numbers[MOST]
         unit, key = ("rad", "angular_") if turns else ("m", "")
         units = "" if turns else "; are these millimetres?"
         if kind == SPEED:

@@ -159,15 +159,9 @@ def _follow(motion: Array, sample: Array, last: Array, before: Array, elapsed: f
     return SOUND
 
 
-@kernel("int64(float64[::1], float64[::1], float64)")
-def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
-    """Return whether a sample can follow the one before it: one of the codes above.
-
-    Args:
-        motion: (numbers,) limits and what is known; changed.
-        sample: (19,) of a device, see ``layout.DEVICE_SAMPLE``.
-        elapsed: s since the sample before it.
-    """
+@inner
+def follow_sample(motion: Array, sample: Array, elapsed: float) -> int:
+    """Return whether a sample can follow the one before it; see :func:`check_sample`."""
     last = motion[SAMPLE:APART]
     twist, before = sample[TWIST : TWIST + 6], local(6)
     put(before, last[TWIST : TWIST + 6])
@@ -189,3 +183,15 @@ def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
             code = AWAY
     put(last, sample)
     return code
+
+
+@kernel("int64(float64[::1], float64[::1], float64)")
+def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
+    """Return whether a sample can follow the one before it: one of the codes above.
+
+    Args:
+        motion: (numbers,) limits and what is known; changed.
+        sample: (19,) of a device, see ``layout.DEVICE_SAMPLE``.
+        elapsed: s since the sample before it.
+    """
+    return int(follow_sample(motion, sample, elapsed))

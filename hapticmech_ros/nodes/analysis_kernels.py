@@ -71,8 +71,9 @@ def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: A
 
 
 @kernel(
-    "int64(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[::1], int64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
+    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
+    " int64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " int64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64,"
     " float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
     " float64[:, ::1], int64[::1])",
@@ -80,6 +81,8 @@ def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: A
 )
 def answer_states(
     link: Array,
+    inputs: Array,
+    outputs: Array,
     words: Array,
     polled: Array,
     frame: Array,
@@ -113,7 +116,9 @@ def answer_states(
     """Answer states as they come.
 
     Args:
-        link: (30,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        link: (18,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        inputs: (1, 7) likewise, of the states.
+        outputs: (1, 5) likewise, of the answers.
         words: (4,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         frame: (words,) for the message that has come.
@@ -151,10 +156,10 @@ def answer_states(
     while link[READS] < ages.size:
         if time_of(MONOTONIC, words) >= link[UNTIL]:
             break
-        found = wait_until(link[UNTIL], link, words, polled)
+        found = wait_until(link[UNTIL], link, words, polled, 1)
         if found == NOTHING:
             continue
-        if found == OTHER or not peek(link, words, polled, frame, prefix):
+        if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_stamp(link, values, most, active, grasp)
@@ -186,14 +191,14 @@ def answer_states(
         if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(polled, frame)
+        take(polled[0], frame)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link[FIRST]) / 1e9
         out[COUNT] = count_rigid(counter, observation[: rows.size], since)
-        send_to_all(link, words, out_frame, targets, real)
-        note_read(link, ages, time, time - stamp, counted, sent)
+        send_to_all(outputs[0], words, out_frame, targets, real)
+        note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp
-        if link[UNSENT] != 0:
+        if outputs[0, UNSENT] != 0:
             return NOT_SENT
         if look_is_due(link):
             return TO_LOOK_AT

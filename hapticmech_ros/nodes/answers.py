@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.local_loop import LocalLoop
@@ -43,6 +45,23 @@ class Answers(InOrder):
         if self._loop.remembers(stamp_ns):
             self._estimate.add((now_ns - stamp_ns) / NANOSECONDS)
         return True
+
+    @property
+    def until_renewed(self) -> int:
+        """How many more answers leave :attr:`round_trip` as it is."""
+        return self._estimate.until_renewed
+
+    def went_on(self, newest: tuple[int, int], trips: Sequence[float]) -> None:
+        """Note answers.
+
+        Args:
+            newest: stamp of the newest one, and when it came, ns.
+            trips: s, that they took, of those that answer samples.
+        """
+        self.last = newest
+        self.answered_ns = newest[0]
+        for trip in trips:
+            self._estimate.add(trip)
 
     def lost(self, now_ns: int) -> str:
         """Return what is lost of what it obeys, at a time (ns); empty if nothing is."""

@@ -77,13 +77,31 @@ class ControllerOutputs:
         ]
         self.answers = 0
         self._gain_ns = NEVER
+        # Of what goes out for each sample.
+        self.to_device, self.to_point = self._publish_device, self._publish_point
 
-    def wants_gain(self, stamp_ns: int) -> bool:
-        """Return whether ``local_feedback_gain`` is due: at view rate, at least at 50 Hz."""
+    @property
+    def gain_from_ns(self) -> int:
+        """From which stamp on, ns, a gain is due: at view rate, at least at 50 Hz."""
         # Less half a period: samples are not evenly apart.
         every_ns = nanoseconds((self._actor.view_every - 0.5) * self._actor.period_s)
-        every_ns = min(every_ns, LONGEST_WITHOUT_GAIN_NS)
-        return self._actor.lockstep or stamp_ns - self._gain_ns >= every_ns
+        return self._gain_ns + min(every_ns, LONGEST_WITHOUT_GAIN_NS)
+
+    def wants_gain(self, stamp_ns: int) -> bool:
+        """Return whether ``local_feedback_gain`` is due."""
+        return self._actor.lockstep or stamp_ns >= self.gain_from_ns
+
+    @property
+    def until_view(self) -> int:
+        """After how many more answers parts and energies are due; 0: nobody wants them."""
+        if not any(one.wanted for one in (*self._publish_parts, self._publish_energy)):
+            return 0
+        return 1 + -self.answers % self._actor.view_every
+
+    @property
+    def are_plain(self) -> bool:
+        """Whether an answer is two commands, and nothing in the device's own axes."""
+        return self._publish_own is None
 
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""

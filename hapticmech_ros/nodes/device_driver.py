@@ -8,6 +8,7 @@ obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TypeVar
 
@@ -22,6 +23,8 @@ from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
 from hapticmech_ros.device.position_servo import PositionServo
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
+from hapticmech_ros.nodes import device_kernels as own
+from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.buttons import ButtonOutput
@@ -31,7 +34,7 @@ from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.last_valid_state import LastValidState
-from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
@@ -70,23 +73,30 @@ class DeviceDriver(ClockedActor[D]):
 
     Attributes:
         command_timeout: s, that a command stands, and a real device's sample.
+        side: what is done with a command before it leaves.
+        loop: remembers samples, and corrects commands.
+        latency: of samples and their answers.
+        answers: to its samples.
+        device: what is driven.
+        held: its state when the hand could take hold; None if nobody is there.
+        commanders: who publishes ``servo_cf``.
     """
 
     def __init__(self, node: Host, parameters: D) -> None:
         self._poses: PoseCommands | None = None
         super().__init__(node, parameters)
-        self._side = DeviceSide(self.scene, self._limits)
+        self.side = DeviceSide(self.scene, self._limits)
         self._users = OtherUsers(self)
-        self._loop = self._new_loop()
-        self._answers = Answers(self._loop)
-        self._device: SimulatedDevice = self.new_device()
+        self.loop = self._new_loop()
+        self.answers = Answers(self.loop)
+        self.device: SimulatedDevice = self.new_device()
         self._push: Array = NO_WRENCH
         # servo_cf, and the sample that it answers.
         self._command: Standing[tuple[Array, int]] = Standing()
         self._commands: Stamped[Array] = Stamped()
-        self._state: DeviceState = self._device.at_rest(self._start_pose())
+        self._state: DeviceState = self.device.at_rest(self._start_pose())
         self._last_valid = LastValidState(self._state, self.period_s)
-        self._held: DeviceState | None = None
+        self.held: DeviceState | None = None
         self._ticks_held = 0
         # Whether people have not been told yet that commands are obeyed no more.
         self._let_go_untold = False
@@ -112,6 +122,7 @@ class DeviceDriver(ClockedActor[D]):
         self._poses.timeout_ns = self.timeout_ns
         own = self.sources(DEVICE_BODY_COMMAND.name)
         self._guard = CommandGuard(commands, gains, self._poses.sources, own)
+        self.commanders = commands
         # The topic of the wrenches that are obeyed, and whether those of body/ have world axes.
         self._obeyed_form, self._own_is_absolute = DEVICE_COMMAND, False
         self._operating = OperatingState(
@@ -128,7 +139,7 @@ class DeviceDriver(ClockedActor[D]):
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
-        self._users.listen(lambda: self._loop)
+        self._users.listen(lambda: self.loop)
 
     def new_device(self) -> SimulatedDevice:
         """Return the device that is driven."""
@@ -166,7 +177,7 @@ class DeviceDriver(ClockedActor[D]):
         self.command_timeout = command_timeout_of(parameters, device, self.period_s)
         self.timeout_ns = self.silence_ns(self.command_timeout)
         if self._poses is not None:
-            self._side.envelope.limit(self._limits)
+            self.side.envelope.limit(self._limits)
             self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
             self._poses.timeout_ns = self.timeout_ns
 
@@ -180,12 +191,12 @@ class DeviceDriver(ClockedActor[D]):
         self._command.clear()
         self._guard.forget()
         # Stamps from before mean nothing where a clock was set.
-        self._loop = self._new_loop()
-        self._answers = Answers(self._loop)
-        self._state = self._device.at_rest(self._state.pose, self.lockstep, self._state.home)
-        self._side.envelope.place(self._state.published[:3])
-        self._side.begin()
-        self._held = self._state if self.lockstep else None
+        self.loop = self._new_loop()
+        self.answers = Answers(self.loop)
+        self._state = self.device.at_rest(self._state.pose, self.lockstep, self._state.home)
+        self.side.envelope.place(self._state.published[:3])
+        self.side.begin()
+        self.held = self._state if self.lockstep else None
         self.times_held = int(self.lockstep)
         self._operating.publish(active=True)
 
@@ -196,7 +207,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _rest(self) -> None:
         self.put_at_zero()
-        self._state = self._device.at_rest(self._state.pose, home=self._state.home)
+        self._state = self.device.at_rest(self._state.pose, home=self._state.home)
 
     def reseat(self) -> None:
         """Stand still where all was well, with the actuators at zero, held by nobody."""
@@ -212,9 +223,9 @@ class DeviceDriver(ClockedActor[D]):
         known = self._commands.has(answered)
         if not self._is_local:
             return known
-        corrected = self._loop.gains.has(answered)
+        corrected = self.loop.gains.has(answered)
         return (
-            known and corrected and self._loop.knows_others(answered, deadline_ns - self.period_ns)
+            known and corrected and self.loop.knows_others(answered, deadline_ns - self.period_ns)
         )
 
     def tick(self, periods: int, deadline_ns: int) -> None:
@@ -224,7 +235,7 @@ class DeviceDriver(ClockedActor[D]):
         if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
             # Now, and not once all that was missed has been caught up.
             self._lose("servo_cf is lost")
-        self._users.drop_doubtful(self._loop, self.now_ns())
+        self._users.drop_doubtful(self.loop, self.now_ns())
         if self._ticks or not self.lockstep:
             for known_ns, now_ns in self.steps(periods, deadline_ns):
                 self._move(self._standing_command(known_ns, now_ns))
@@ -235,14 +246,83 @@ class DeviceDriver(ClockedActor[D]):
         self._push = self.pushed(deadline_ns)
         self._publish(deadline_ns)
         self._last_valid.keep(self._state)
-        self._loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
+        self.loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_untold:
             self._publish_view(deadline_ns)
         self._ticks += 1
 
+    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+        """Return E_m as it is told if the next steps need nothing but commands; None if they do.
+
+        J; NaN while nobody tells it.
+
+        Args:
+            link: (24,) what Python and kernel tell each other, to fill; see ``device_kernels``.
+            commands: (2, 6) to fill: what is commanded, and what was at the last sample, N and N m.
+            state: (107,) to fill, of the device.
+        """
+        gain, clock, now = self.loop.plain_gain, self.clock, self.now_ns()
+        acting, before = self._command.value, self._command.before
+        if gain is None or clock is None or acting is None or before is None or self.lockstep:
+            return None
+        posed = self._poses is not None and self._poses.goal(now) is not None
+        waits = self.backlog.owed or self._last_valid.resting or self._let_go_untold or posed
+        told = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
+        if waits or not told or self._refusal(now) or self._push is not NO_WRENCH:
+            return None
+        held = self.held
+        for row, (wrench, _) in zip(commands, (acting, before), strict=True):
+            row[:] = wrench
+        state[:] = self._state.flat
+        link[kernels.OWN :] = (
+            *(clock.next_ns, self.period_ns, self.timeout_ns, FRESH_NS),
+            *(self._command.stamp_ns, self._command.before_ns, acting[1], before[1]),
+            *(*self.answers.last, 0, -1 if held is None else self._ticks_held),
+            *(gain[1], self.loop.count, self.answers.until_renewed, 0),
+        )
+        # The first one whose number is divided by it is seen.
+        link[kernels.VIEW] = 1 + -self._ticks % self.view_every
+        given = self.loop.to_mechanism
+        return math.nan if given is None else given
+
+    def moved(self, link: Array, commands: Array, state: Array, trips: Array, code: int) -> None:
+        """Go on from where the kernel has moved the device to.
+
+        Args:
+            link: (24,) as of :meth:`plainly`.
+            commands: (2, 6) likewise.
+            state: (107,) likewise.
+            trips: (n,) s, of samples and their answers.
+            code: why the kernel returned.
+        """
+        numbers, wrenches, clock = link.tolist(), commands.copy(), self.clock
+        if clock is None:
+            return
+        self._command.put((wrenches[0], numbers[own.ANSWERED]), numbers[own.HEARD])
+        self.answers.went_on(numbers[own.NEWEST : own.ARRIVED + 1], trips.tolist())
+        steps = numbers[own.DONE]
+        if steps == 0:
+            return
+        before = wrenches[1], numbers[own.ANSWERED_BEFORE]
+        self._command.before, self._command.before_ns = before, numbers[own.HEARD_BEFORE]
+        self._state = DeviceState(state.copy())
+        self._ticks_held = max(numbers[own.HELD], self._ticks_held)
+        clock.next_ns = numbers[own.NEXT]
+        clock.periods += steps
+        said = steps - (code == kernels.TO_SAY)
+        self._ticks += said
+        if said:
+            self.loop.went_on(numbers[own.REMEMBERS], clock.last_deadline_ns)
+            self._last_valid.keep(self._state, said)
+        if code == kernels.TO_SAY:
+            self.failures.run("tick", self._publish, clock.last_deadline_ns)
+        elif code == kernels.TO_LOOK_AT:
+            self._written.encode(self._state, NO_WRENCH, clock.last_deadline_ns)
+            self.failures.run("tick", self._publish_view, clock.last_deadline_ns)
+
     def _publish(self, stamp_ns: int) -> None:
-        sensed = self._device.sensed(self._push)
-        told = self._answers.round_trip, self._answers.obeys or self.lockstep
+        sensed = self.device.sensed(self._push)
+        told = self.answers.round_trip, self.answers.obeys or self.lockstep
         self._written.encode(self._state, sensed, stamp_ns, *told)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
@@ -250,18 +330,18 @@ class DeviceDriver(ClockedActor[D]):
         self._let_go_untold = False
         self._operating.publish(self.node.active)
         self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
-        self._view.publish_energy(self._side.passivity, self._sample(), stamp_ns)
+        self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
         if self._poses is not None:
             self._poses.publish(stamp_ns)
 
     def _move(self, command: Array | None) -> None:
-        held, ticks = self._held, self._ticks_held
-        self._state = self._device.step(self._state, command, held, ticks, self._push)
+        held, ticks = self.held, self._ticks_held
+        self._state = self.device.step(self._state, command, held, ticks, self._push)
         self._ticks_held += held is not None
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Return the device's state and figures."""
-        now, counts = self.now_ns(), self._side.envelope.counts
+        now, counts = self.now_ns(), self.side.envelope.counts
         fault = self._fault() or self._operating.withheld
         posed = self._poses.kind if self._poses is not None else ""
         rendering = not fault and (bool(posed) or self._command.fresh(now, self.timeout_ns))
@@ -278,10 +358,10 @@ class DeviceDriver(ClockedActor[D]):
                 "times_held": str(self.times_held),
                 **self._losses.figures(),
                 "fault": fault,
-                "changed_by_passivity": str(self._side.passivity.changed),
+                "changed_by_passivity": str(self.side.passivity.changed),
                 **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
-                **self._answers.figures(),
-                **self._users.figures(self._loop, now),
+                **self.answers.figures(),
+                **self._users.figures(self.loop, now),
                 **self.latency.summary("loop_latency"),
                 **self.figures(now),
             },
@@ -305,7 +385,7 @@ class DeviceDriver(ClockedActor[D]):
         if self.lockstep:
             answer = self._answer_of(self.answered_ns(now_ns)) if self._ticks >= 2 else NO_WRENCH
             if fault:
-                self._side.envelope.stop()
+                self.side.envelope.stop()
                 return None
             return self._safe(answer)
         heard_ns = self._command.as_of(now_ns)[1]
@@ -313,22 +393,22 @@ class DeviceDriver(ClockedActor[D]):
         if fault:
             self._obey_no_more(fault)
             return None
-        if lost := "servo_cf is lost" if not fresh else self._answers.lost(now_ns):
+        if lost := "servo_cf is lost" if not fresh else self.answers.lost(now_ns):
             self._lose(lost, None if fresh else now_ns - heard_ns)
             return None
         acting, heard_ns = self._command.as_of(known_ns)
         if acting is None or known_ns - heard_ns > self.timeout_ns:
             return None  # what came anew acts from the next step on
         command, answered_ns = acting
-        if not self._answers.begin(answered_ns, now_ns):
+        if not self.answers.begin(answered_ns, now_ns):
             return None
         self.take_hold()
-        return self._safe(self._loop.correct(command, answered_ns, now_ns))
+        return self._safe(self.loop.correct(command, answered_ns, now_ns))
 
     def take_hold(self) -> None:
         """Let the hand take hold, unless it has."""
-        if self._held is None:
-            self._held = self._state
+        if self.held is None:
+            self.held = self._state
             self._ticks_held = 0
             self.times_held += 1
 
@@ -337,9 +417,9 @@ class DeviceDriver(ClockedActor[D]):
         self.take_hold()
         state = self._state
         wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
-        added = self._device.compensation(state)
+        added = self.device.compensation(state)
         # The spring's energy is the device's own: there is no mechanism whose it would be.
-        return self._side.allow(wrench, self._sample(), state.applied, None, added)
+        return self.side.allow(wrench, self._sample(), state.applied, None, added)
 
     def _obeys_wrenches(self, now_ns: int) -> bool:
         """Return whether servo_cf is obeyed at a time, ns."""
@@ -358,41 +438,41 @@ class DeviceDriver(ClockedActor[D]):
         command = self._commands.take(answered_ns)
         if not self._is_local:
             return command
-        return self._loop.correct_in_lockstep(command, answered_ns)
+        return self.loop.correct_in_lockstep(command, answered_ns)
 
     def _safe(self, command: Array) -> Array:
         """Return what leaves of a command: no energy that is not there, and within all limits."""
-        state, told = self._state, self._loop.to_mechanism
-        added = self._device.compensation(state)
-        return self._side.allow(command, self._sample(), state.applied, told, added)
+        state, told = self._state, self.loop.to_mechanism
+        added = self.device.compensation(state)
+        return self.side.allow(command, self._sample(), state.applied, told, added)
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
         numbers = self._state.published[: DEVICE_SAMPLE.size].copy()
-        numbers[_HAND_WRENCH] += self._device.sensed(self._push)
+        numbers[_HAND_WRENCH] += self.device.sensed(self._push)
         return numbers
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
         """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
-        obeyed, explained = self._answers.obeys, self._losses.explained
+        obeyed, explained = self.answers.obeys, self._losses.explained
         why = explained(silence_ns, self.timeout_ns, self.now_ns()) if obeyed else ""
         self._obey_no_more(what, why)
 
     def _obey_no_more(self, reason: str, why: str = "") -> None:
         """Obey no more, and say so once."""
         now = self.now_ns()
-        if self._answers.obeys:
+        if self.answers.obeys:
             self._warn(reason, why)
             self._let_go(now)
         else:
-            self._answers.let_go(now)
+            self.answers.let_go(now)
 
     def _let_go(self, now_ns: int) -> None:
         """Let the hand go, and begin anew with the next command."""
-        self._held = None
+        self.held = None
         self._let_go_untold = True
-        self._answers.let_go(now_ns)
-        self._side.begin()
+        self.answers.let_go(now_ns)
+        self.side.begin()
 
     def put_at_zero(self) -> None:
         """Put the actuators at zero now, and publish that at once rather than with a sample.
@@ -403,7 +483,7 @@ class DeviceDriver(ClockedActor[D]):
         if self._poses is not None:
             self._poses.forget()
         if self.lockstep:
-            self._side.envelope.stop()
+            self.side.envelope.stop()
         else:
             self._let_go(self.now_ns())
         self._state = self._state.without_force()
@@ -447,7 +527,7 @@ class DeviceDriver(ClockedActor[D]):
             self._poses.give_way(now_ns)
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
-        elif not self._answers.is_next(stamp_ns, now_ns):
+        elif not self.answers.is_next(stamp_ns, now_ns):
             self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
             return
         self._command.put((wrench, stamp_ns), now_ns)
@@ -457,7 +537,7 @@ class DeviceDriver(ClockedActor[D]):
     def _on_gain(self, values: Array, now_ns: int) -> None:
         self._look_at_fault(now_ns)
         # What is taken during a fault is forgotten with the next tick.
-        self._loop.take(values, now_ns, self.lockstep, self.age_limit_ns)
+        self.loop.take(values, now_ns, self.lockstep, self.age_limit_ns)
         if self.lockstep:
             self.act(now_ns)
 
@@ -474,7 +554,7 @@ class DeviceDriver(ClockedActor[D]):
     def _look_at_fault(self, now_ns: int) -> None:
         """Put the actuators at zero, and say why, if what has come shows that two command."""
         fault = self._refusal(now_ns)
-        if fault and self._answers.obeys:
+        if fault and self.answers.obeys:
             self._warn(fault)
             self.put_at_zero()
 

@@ -69,6 +69,11 @@ class DevicePath(InOrder):
         """Return whether gains are to be made for another delay from a time (s) on."""
         return self.round_trip > 0.0 and self._follower.follow(self.round_trip, time)
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether further samples that tell the same round trip change nothing."""
+        return self.round_trip <= 0.0 or self._follower.is_settled(self.round_trip)
+
     def tune(
         self, control: ControlArchitecture, gains: Controller, soften: bool, time: float | None
     ) -> None:

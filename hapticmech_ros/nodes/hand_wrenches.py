@@ -67,6 +67,10 @@ class HandWrenches:
             return self._awaited.take(now_ns)
         return self._external.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
+    def pushes(self, now_ns: int) -> bool:
+        """Return whether any wrench stands at a time, ns, or one is awaited."""
+        return self._external is None or self._external.pushes(now_ns)
+
     def figures(self, now_ns: int) -> dict[str, str]:
         """Return who pushes now, for diagnostics."""
         return {} if self._external is None else self._external.figures(now_ns)

@@ -4,20 +4,93 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
+from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device import NO_WRENCH, SimulatedDevice, device_for
+from hapticmech_ros.control.loop_delay import EVERY
+from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
+from hapticmech_ros.device.device_layout import DEVICE_STATE
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes.device_driver import DeviceDriver
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.hand_wrenches import HandWrenches
 from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
+from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
 from hapticmech_ros.scene.hand import STILL_HAND
-from hapticmech_ros.wire.topics import START_HAND
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP, device_bounds
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, START_HAND
+
+
+class DeviceTicks(PlainMessages):
+    """Moves the device of a driver.
+
+    Args:
+        actor: the driver's.
+        device: what is moved.
+        outlet: that samples are published through.
+    """
+
+    def __init__(self, actor: HapticDevice, device: ImpedanceDevice, outlet: Outlet) -> None:
+        command, sample = PlainCommand(actor.wrenches), FlatArray(DEVICE_FIELDS)
+        frame, self._out = frame_of(sample.prefix, sample.size)
+        topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
+        said = Said(outlet, frame, len(sample.prefix) + 8 * sample.size)
+        heard = command.heard(topic, actor.commanders)
+        super().__init__(actor, [heard], [said], own.LINK_SIZE)
+        self._driver, self._device = actor, device
+        self._frame, self._command = frame, command
+        self._most = device_bounds(actor.limits).most
+        self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
+        self._state, self._later = np.zeros(DEVICE_STATE.size), np.zeros(DEVICE_STATE.size)
+        self._given, self._model = math.nan, NO_GAIN
+        self._out[OBEYS] = 1.0
+
+    def ready(self) -> bool:
+        """Tell the kernel how the driver is; return whether it may do anything for it."""
+        actor, device = self._driver, self._device
+        given = actor.plainly(self.link, self._commands, self._state)
+        gain = actor.loop.plain_gain
+        if given is None or gain is None:
+            return False
+        if actor.held is not None and actor.held is not device.held:
+            device.take_hold(actor.held)
+        self._given, self._model = given, gain[0]
+        self._out[ROUND_TRIP] = actor.answers.round_trip
+        return True
+
+    def run(self) -> int:
+        """Call the kernel; return why it returned."""
+        actor, loop, side = self._driver, self._driver.loop, self._driver.side
+        return own.drive_at_deadlines(
+            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.frames[0], self.prefixes[0], self._command.between, self.values[0]),
+            *(self._command.most, self._commands),
+            *(self._frame, self._out, self._most, self.targets[0]),
+            *(self._device.data, self._state, self._later),
+            *(side.passivity.account, side.envelope.numbers),
+            *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
+            actor.period_s,
+            self._given,
+            *(self._trips, self.ages),
+        )
+
+    def did(self, code: int, reads: int) -> None:
+        """Tell the driver what the kernel did."""
+        actor, trips = self._driver, self._trips[: int(self.link[own.TRIPS])]
+        for age_ns in self.ages[:reads].tolist():
+            actor.latency.add(age_ns)
+        if reads or self.link[own.DONE]:
+            actor.moved(self.link, self._commands, self._state, trips, code)
 
 
 class HapticDevice(DeviceDriver[DeviceParameters]):
@@ -36,6 +109,9 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         super().__init__(node, parameters)
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
+        self._plain: DeviceTicks | None = None
+        if isinstance(self.device, ImpedanceDevice) and self.device.plain:
+            self._plain = DeviceTicks(self, self.device, self._publish_wire)
 
     def new_device(self) -> SimulatedDevice:
         """Return the scene's device, in the hand that the parameters choose."""
@@ -59,6 +135,25 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         if self._hand is not None:
             self._hand.forget()
         super().activate()
+        self.wait_by(self._plain)
+
+    def deactivate(self) -> None:
+        """Put the actuators at zero and let go."""
+        self.wait_by(None)
+        super().deactivate()
+
+    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
+
+        Args:
+            link: (24,) what Python and kernel tell each other, to fill.
+            commands: (2, 6) to fill, N and N m.
+            state: (107,) to fill, of the device.
+        """
+        pushed = self._hand is None or self._hand.pushes(self.now_ns())
+        # The hand is to take hold, once it need not wait.
+        free = self.held is None and not self._wait_for_start
+        return None if pushed or free else super().plainly(link, commands, state)
 
     def take_hold(self) -> None:
         """Let the hand take hold, unless it has, or waits."""

@@ -11,22 +11,28 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import c_function, inner
+from hapticmech_ros.wire.kernels import UNSOUND
 
 # Whole numbers by which Python and kernel tell each other how things stand. What Python tells:
-# until when to wait, ns of the monotonic clock; the first word of a plain message's header, how
-# often its publisher has used the middleware, its length, and where its data begin, bytes; by how
-# much the node's time is ahead of the monotonic clock, how far the machine's may be from it, how
-# old a stamp may be, and a message on its way, ns; of what is sent the first word of the header,
-# how often the middleware was used for it, its length, how many were sent, and after how many more
-# somebody looks at one, 0 for never. What the kernel tells: when it had to wait last, ns of the
-# monotonic clock; how many messages it has read; of the last one when that was, ns of the node's
-# time, how its publisher counts it, and when it was sent; and to whom something could not be sent,
-# a bit each.
-UNTIL, HEAD, NUMBER, LENGTH, DATA, AHEAD, STEP, OLDEST, BEHIND = range(9)
-OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, VIEW = range(9, 14)
-IDLE, READS, READ, COUNTED, SENT_NS, UNSENT = range(14, 20)
+# until when to wait, ns of the monotonic clock; by how much the node's time is ahead of the
+# monotonic clock, how far the machine's may be from it, how old a stamp may be, and a message on
+# its way, ns; and after how many more messages somebody looks at what is sent, 0 for never. What
+# the kernel tells: when it had to wait last, ns of the monotonic clock; and how many messages it
+# has read.
+UNTIL, AHEAD, STEP, OLDEST, BEHIND, VIEW, IDLE, READS = range(8)
+# Those of each topic that is read. What Python tells: the first word of a plain message's header,
+# how often its publisher has used the middleware, its length, and where its data begin, bytes. What
+# the kernel tells, of the last one that it read: when that was, ns of the node's time, 0 for none;
+# how its publisher counts it, and when it was sent.
+HEAD, NUMBER, LENGTH, DATA, READ, COUNTED, SENT_NS = range(7)
+INPUT_SIZE = 7
+# Those of each topic that is sent. What Python tells: the first word of the header, how often the
+# middleware was used, the message's length, and how many were sent. What the kernel tells: to whom
+# the last one could not be sent, a bit each.
+OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, UNSENT = range(5)
+OUTPUT_SIZE = 5
 # From here on a node's kernel has numbers of its own.
-OWN = 20
+OWN = 8
 # Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
 # was sent last is to be looked at, or was not sent to all; and Python has to act at a deadline, or
 # to say what the kernel did not dare to.
@@ -39,9 +45,13 @@ SECOND = 1_000_000_000
 _IN, _ANSWER_AT = 1, 48
 # Of a struct pollfd: that it waits for something to read.
 WAITS_TO_READ = _IN << 32
+# Of a WrenchStamped: the word with its seconds and nanoseconds, behind header and encapsulation.
+_STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 _WAITED_NS = 20_000
-NOTHING, PLAIN, OTHER = range(3)
+# Shorter pauses are none: a timer is as late, ns.
+SHORTEST_PAUSE_NS = 1_000_000
+NOTHING, OTHER = 0, -1
 
 _ppoll = c_function("ppoll", "int32(intp, uint64, intp, intp)")
 _recv = c_function("recv", "int64(int32, intp, uint64, int32)")
@@ -59,17 +69,18 @@ def time_of(clock: int, words: Array) -> int:
 
 
 @inner
-def wait_until(end: int, link: Array, words: Array, polled: Array) -> int:
+def wait_until(end: int, link: Array, words: Array, polled: Array, plain: int) -> int:
     """Wait for connections until a time, ns of the monotonic clock.
 
     Args:
         end: when.
         link: what Python and kernel tell each other; see above.
         words: (4,) to work with.
-        polled: (n,) struct pollfd of all connections, the one of plain messages first.
+        polled: (n,) struct pollfd of all connections, those of plain messages first.
+        plain: how many these are.
 
     Returns:
-        NOTHING; PLAIN if the first one has something to read, or OTHER.
+        NOTHING; a bit for each of the first ones that has something to read; or OTHER.
     """
     now = time_of(MONOTONIC, words)
     left = max(end - now, 0)
@@ -82,7 +93,12 @@ def wait_until(end: int, link: Array, words: Array, polled: Array) -> int:
         link[IDLE] = then
     if found == 0:
         return NOTHING
-    return PLAIN if found == 1 and polled[0] >> _ANSWER_AT == _IN else OTHER
+    ready, bits = 0, 0
+    for i in range(plain):
+        if polled[i] >> _ANSWER_AT == _IN:
+            ready += 1
+            bits |= 1 << i
+    return bits if ready == found else OTHER
 
 
 @inner
@@ -92,7 +108,9 @@ def is_set(link: Array, monotonic: int, real: int) -> bool:
 
 
 @inner
-def peek(link: Array, words: Array, polled: Array, frame: Array, prefix: Array) -> bool:
+def peek(
+    link: Array, topic: Array, words: Array, connection: int, frame: Array, prefix: Array
+) -> bool:
     """Copy the message that has come, and leave it there; return whether it is a plain one.
 
     Then the node's time, the machine's, the message's number and when it was sent are the words.
@@ -100,19 +118,20 @@ def peek(link: Array, words: Array, polled: Array, frame: Array, prefix: Array) 
 
     Args:
         link: what Python and kernel tell each other; see above.
+        topic: likewise, of the topic.
         words: (4,) to fill.
-        polled: (n,) the first connection is read.
+        connection: struct pollfd of what is read.
         frame: (words,) for the message, from :data:`BEGINS_AT` on.
         prefix: (words,) the bytes between header and data.
     """
     at, most = frame.ctypes.data + BEGINS_AT, 8 * frame.size - BEGINS_AT
-    size = _recv(polled[0] & 0xFFFFFFFF, at, most, _PEEK | _DONT_WAIT)
-    if size != link[LENGTH]:
+    size = _recv(connection & 0xFFFFFFFF, at, most, _PEEK | _DONT_WAIT)
+    if size != topic[LENGTH]:
         return False
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
-    if words[0] != link[HEAD] or words[1] != link[NUMBER]:
+    if words[0] != topic[HEAD] or words[1] != topic[NUMBER]:
         return False
-    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, link[DATA] - HEADER_BYTES) != 0:
+    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic[DATA] - HEADER_BYTES) != 0:
         return False
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
     words[0], words[1] = monotonic + link[AHEAD], real
@@ -129,17 +148,20 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 
 @inner
-def take(polled: Array, frame: Array) -> None:
+def take(connection: int, frame: Array) -> None:
     """Take a message away that was peeked at."""
-    _recv(polled[0] & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
+    _recv(connection & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
 
 
 @inner
-def note_read(link: Array, ages: Array, time: int, age: int, counted: int, sent: int) -> None:
+def note_read(
+    link: Array, topic: Array, ages: Array, time: int, age: int, counted: int, sent: int
+) -> None:
     """Note a message that was read.
 
     Args:
         link: what Python and kernel tell each other.
+        topic: likewise, of the topic.
         ages: (n,) of messages, ns; to fill.
         time: when, ns of the node's time.
         age: its age, ns.
@@ -148,28 +170,59 @@ def note_read(link: Array, ages: Array, time: int, age: int, counted: int, sent:
     """
     ages[link[READS]] = age
     link[READS] += 1
-    link[READ], link[COUNTED], link[SENT_NS] = time, counted, sent
+    topic[READ], topic[COUNTED], topic[SENT_NS] = time, counted, sent
 
 
 @inner
-def send_to_all(link: Array, words: Array, frame: Array, targets: Array, real: int) -> None:
+def send_to_all(topic: Array, words: Array, frame: Array, targets: Array, real: int) -> None:
     """Send what a frame holds.
 
     Args:
-        link: what Python and kernel tell each other.
+        topic: what Python and kernel tell each other of the topic.
         words: (4,) to work with.
         frame: (words,) the message, from :data:`BEGINS_AT` on.
         targets: (2 n,) connections, each with the topic's number there.
         real: the machine's time, ns.
     """
-    at, length = frame.ctypes.data + BEGINS_AT, link[OUT_LENGTH]
-    link[SENT] += 1
-    words[1], words[2], words[3] = link[OUT_NUMBER], link[SENT], real
+    at, length = frame.ctypes.data + BEGINS_AT, topic[OUT_LENGTH]
+    topic[SENT] += 1
+    words[1], words[2], words[3] = topic[OUT_NUMBER], topic[SENT], real
     for i in range(targets.size // 2):
-        words[0] = link[OUT_HEAD] | targets[2 * i + 1] << 16
+        words[0] = topic[OUT_HEAD] | targets[2 * i + 1] << 16
         _memcpy(at, words.ctypes.data, HEADER_BYTES)
         if _send(targets[2 * i], at, length, _DONT_WAIT | _NO_SIGNAL) != length:
-            link[UNSENT] |= 1 << i
+            topic[UNSENT] |= 1 << i
+
+
+@inner
+def read_command(
+    link: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
+) -> int:
+    """Return the stamp, ns, of a WrenchStamped that keeps the rules; or UNSOUND.
+
+    Args:
+        link: what Python and kernel tell each other.
+        frame: (words,) the message.
+        plain: (2,) the bytes of a plain command between stamp and wrench.
+        values: (6,) its wrench.
+        most: (6,) largest magnitudes.
+        time: now, ns of the node's time.
+    """
+    if differs(frame, _STAMP_AT + 1, plain):
+        return UNSOUND
+    for i in range(6):
+        if not abs(values[i]) <= most[i]:
+            return UNSOUND
+    seconds, nanoseconds = frame[_STAMP_AT] & 0xFFFFFFFF, frame[_STAMP_AT] >> 32 & 0xFFFFFFFF
+    stamp = int(seconds * SECOND + nanoseconds)
+    sound = seconds <= 0x7FFFFFFF and nanoseconds < SECOND and abs(time - stamp) <= link[OLDEST]
+    return stamp if sound else UNSOUND
+
+
+@inner
+def write_stamp(frame: Array, stamp: int) -> None:
+    """Stamp a WrenchStamped in a frame, ns."""
+    frame[_STAMP_AT] = stamp // SECOND | stamp % SECOND << 32
 
 
 @inner

@@ -15,6 +15,7 @@ from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import FOR_EVER
+from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.ordering import InOrder
@@ -32,8 +33,7 @@ REMEMBERED = 2048
 # Gains that wait for their commands; and how much newer a command without its own may be than the
 # one that is obeyed instead.
 WAITING, PAIRED = 64, ByRate(20, 0.02)
-# Who answers one sample several times tells the answers apart by nanoseconds.
-_MICROSECOND = 1000
+NO_GAIN = np.zeros(108)
 
 
 class Pair(NamedTuple):
@@ -56,6 +56,8 @@ class LocalLoop:
         others: what is known of other users' hands; None where nothing is to be.
 
     Attributes:
+        stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
+        hand: (22,) the hand's last wrenches, see ``hand_lead_kernels``.
         gains, couplings: by stamp, in lockstep.
         others: as given.
         corrected_for_others: commands that were corrected for other hands.
@@ -71,7 +73,10 @@ class LocalLoop:
         others: OtherHands | None = None,
     ) -> None:
         self._period = period
-        self._hand = np.zeros(MEMORY_SIZE)
+        self.hand = np.zeros(MEMORY_SIZE)
+        self.stamps = np.full(REMEMBERED, -1, dtype=np.int64)
+        self.samples = np.zeros((REMEMBERED, DEVICE_SAMPLE.size))
+        self.count = 0
         self.others = others
         self.corrected_for_others = self.uncorrected_for_others = 0
         self._coupling: Latest[CouplingMatrices] = Latest()
@@ -87,7 +92,6 @@ class LocalLoop:
         self._before: float | None = None
         self._from_ns = NEVER
         self._gain: Latest[LocalFeedbackGain] = Latest()
-        self._samples: OrderedDict[int, Array] = OrderedDict()
 
     def measured(self, sample: Array, stamp_ns: int) -> None:
         """Remember a sample (19,).
@@ -96,15 +100,32 @@ class LocalLoop:
             sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
             stamp_ns: its stamp, ns.
         """
-        self._samples[stamp_ns // _MICROSECOND] = sample.copy()
-        remember_wrench(self._hand, (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
-        self._newest_ns = stamp_ns
-        if len(self._samples) > REMEMBERED:
-            self._samples.popitem(last=False)
+        row = self.count % REMEMBERED
+        self.stamps[row], self.samples[row] = stamp_ns // MICROSECOND, sample
+        remember_wrench(self.hand, (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
+        self.went_on(self.count + 1, stamp_ns)
+
+    def went_on(self, count: int, stamp_ns: int) -> None:
+        """Note how many samples are remembered now, and the stamp of the last one, ns."""
+        self.count, self._newest_ns = count, stamp_ns
 
     def remembers(self, stamp_ns: int) -> bool:
         """Return whether a stamp is of a sample of this device."""
-        return stamp_ns // _MICROSECOND in self._samples
+        return self._row_of(stamp_ns) >= 0
+
+    def _row_of(self, stamp_ns: int) -> int:
+        return int(find_sample(self.stamps, self.count, stamp_ns))
+
+    @property
+    def plain_gain(self) -> tuple[Array, int] | None:
+        """How commands depend on the device (108,), and since when that is known, ns.
+
+        None if more than that corrects them.
+        """
+        if self._paired or self.others is not None:
+            return None
+        gain = self._gain.value
+        return (NO_GAIN if gain is None else gain.model), self._gain.stamp_ns
 
     def can_correct(self, answered_ns: int, now_ns: int) -> bool:
         """Return whether a command may be obeyed: over a network none that lacks its correction.
@@ -265,8 +286,8 @@ class LocalLoop:
         answered_ns: int,
         others: Array = NO_OTHERS,
     ) -> Array:
-        then = self._samples.get(answered_ns // _MICROSECOND)
-        if then is None:
+        row = self._row_of(answered_ns)
+        if row < 0:
             return command
-        now = next(reversed(self._samples.values()))
-        return corrected(command, gain.model, then, now, self._hand, self._period, others)
+        then, now = self.samples[row], self.samples[(self.count - 1) % REMEMBERED]
+        return corrected(command, gain.model, then, now, self.hand, self._period, others)

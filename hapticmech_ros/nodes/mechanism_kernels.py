@@ -12,7 +12,6 @@ from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOT_SENT,
     NOTHING,
-    OLDEST,
     OTHER,
     OWN,
     READS,
@@ -25,11 +24,11 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SAY,
     UNSENT,
     UNTIL,
-    differs,
     is_set,
     look_is_due,
     note_read,
     peek,
+    read_command,
     send_to_all,
     take,
     time_of,
@@ -70,36 +69,9 @@ def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
             wrench[i] *= left
 
 
-@inner
-def read_command(
-    link: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
-) -> int:
-    """Return the stamp, ns, of a command that keeps the rules and is the newest; or UNSOUND.
-
-    Args:
-        link: see above.
-        frame: (words,) the message.
-        plain: (2,) the bytes of a plain command between stamp and wrench.
-        values: (6,) its wrench.
-        most: (6,) largest magnitudes.
-        time: now, ns of the node's time.
-    """
-    # The frame begins four bytes into the words: encapsulation and stamp are in words 4 to 6.
-    if differs(frame, 6, plain):
-        return UNSOUND
-    seconds, nanoseconds = frame[5] & 0xFFFFFFFF, frame[5] >> 32 & 0xFFFFFFFF
-    for i in range(6):
-        if not abs(values[i]) <= most[i]:
-            return UNSOUND
-    stamp = int(seconds * SECOND + nanoseconds)
-    if seconds > 0x7FFFFFFF or nanoseconds >= SECOND or abs(time - stamp) > link[OLDEST]:
-        return UNSOUND
-    newer = stamp >= link[NEWEST] and stamp > link[SINCE] and stamp != time
-    return stamp if newer else UNSOUND
-
-
 @kernel(
-    "int64(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1],"
+    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
+    " int64[::1], int64[::1], float64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
     " int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
@@ -107,6 +79,8 @@ def read_command(
 )
 def move_at_deadlines(
     link: Array,
+    inputs: Array,
+    outputs: Array,
     words: Array,
     polled: Array,
     frame: Array,
@@ -135,7 +109,9 @@ def move_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        link: (33,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        link: (21,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        inputs: (1, 7) likewise, of the commands.
+        outputs: (1, 5) likewise, of the states.
         words: (4,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
@@ -172,19 +148,20 @@ def move_at_deadlines(
         if now < deadline:
             if now >= link[UNTIL]:
                 break
-            found = wait_until(min(deadline, link[UNTIL]), link, words, polled)
+            found = wait_until(min(deadline, link[UNTIL]), link, words, polled, 1)
             if found == NOTHING:
                 continue
-            if found == OTHER or not peek(link, words, polled, frame, prefix):
+            if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
-            if stamp == UNSOUND:
+            newer = stamp >= link[NEWEST] and stamp > link[SINCE] and stamp != time
+            if stamp == UNSOUND or not newer:
                 return TO_READ
-            take(polled, frame)
+            take(polled[0], frame)
             put(commands[0], values)
             link[HEARD], link[NEWEST], link[ARRIVED] = time, stamp, time
-            note_read(link, ages, time, time - stamp, counted, sent)
+            note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
             continue
         now_real = time_of(REALTIME, words)
         if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
@@ -215,8 +192,8 @@ def move_at_deadlines(
         out[link[FLAG]] = 1.0 if stamp - link[HEARD] <= link[TIMEOUT] else 0.0
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
-        send_to_all(link, words, out_frame, targets, now_real)
-        if link[UNSENT] != 0:
+        send_to_all(outputs[0], words, out_frame, targets, now_real)
+        if outputs[0, UNSENT] != 0:
             return NOT_SENT
         if look_is_due(link):
             return TO_LOOK_AT

@@ -33,7 +33,7 @@ from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
-from hapticmech_ros.nodes.plain_messages import PlainMessages, frame_of, words_of
+from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
 from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
@@ -63,12 +63,9 @@ from hapticmech_ros.wire.topics import (
     POINT_STATE_COMMAND,
     STATE,
 )
-from hapticmech_ros.wire.wrench import encode_wrench
 
 _NOBODY = np.zeros((0, 10))
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
-# Of a serialized WrenchStamped: encapsulation; stamp; and up to where its six numbers begin.
-_STAMP_AT, _FRAME_AT, _NUMBERS_AT = 4, 12, 28
 
 
 class MechanismTicks(PlainMessages):
@@ -81,22 +78,13 @@ class MechanismTicks(PlainMessages):
     """
 
     def __init__(self, actor: MechanismSimulator, layout: StateLayout, outlet: Outlet) -> None:
-        command, state = encode_wrench(np.zeros(6), 0), FlatArray(layout.fields)
-        port, bounds = actor.port, actor.wrenches
+        command, state, port = PlainCommand(actor.wrenches), FlatArray(layout.fields), actor.port
         frame, self._out = frame_of(state.prefix, state.size)
-        super().__init__(
-            actor,
-            actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped),
-            port.controllers,
-            (command[:_NUMBERS_AT], 6),
-            _STAMP_AT,
-            outlet,
-            (frame, len(state.prefix) + 8 * state.size),
-            np.zeros(own.LINK_SIZE, dtype=np.int64),
-        )
+        topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
+        said = Said(outlet, frame, len(state.prefix) + 8 * state.size)
+        super().__init__(actor, [command.heard(topic, port.controllers)], [said], own.LINK_SIZE)
+        self._frame, self._command = frame, command
         self._simulator, self._out_most = actor, layout.bounds.most
-        self._plain = words_of(command[_FRAME_AT:_NUMBERS_AT])
-        self._most = np.array([bounds.first] * 3 + [bounds.last] * 3)
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
@@ -159,19 +147,14 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
         return own.move_at_deadlines(
-            self.link,
-            self.words,
-            self.polled,
-            self.frame,
-            self.prefix,
-            self._plain,
-            self.values,
-            self._most,
+            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.frames[0], self.prefixes[0], self._command.between, self.values[0]),
+            self._command.most,
             self._commands,
-            self.out_frame,
+            self._frame,
             self._out,
             self._out_most,
-            self.targets,
+            self.targets[0],
             *active_set.constants,
             self._packed,
             simulator.stepper.work,

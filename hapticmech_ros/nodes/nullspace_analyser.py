@@ -19,7 +19,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
-from hapticmech_ros.nodes.plain_messages import PlainMessages, frame_of
+from hapticmech_ros.nodes.plain_messages import Heard, PlainMessages, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import ConstraintCounter
@@ -75,16 +75,11 @@ class StateAnswers(PlainMessages):
     ) -> None:
         state = FlatArray(layout.fields)
         model, out_bounds, frame, self._out = answer
-        super().__init__(
-            actor,
-            actor.lane_topic(STATE.name, Float64MultiArray),
-            sources,
-            (state.prefix, state.size),
-            len(state.prefix),
-            outlet,
-            (frame, len(model.prefix) + 8 * model.size),
-            np.zeros(own.LINK_SIZE, dtype=np.int64),
-        )
+        topic = actor.lane_topic(STATE.name, Float64MultiArray)
+        heard = Heard(topic, sources, state.prefix, state.size, len(state.prefix))
+        said = Said(outlet, frame, len(model.prefix) + 8 * model.size)
+        super().__init__(actor, [heard], [said], own.LINK_SIZE)
+        self._frame = frame
         self._analyser = actor
         self._most, self._out_most = layout.bounds.most, out_bounds.most
         nv = actor.mechanism.nv
@@ -110,19 +105,15 @@ class StateAnswers(PlainMessages):
             self._ahead = np.empty(active_set.size)
         self._observation = np.empty(analyser.layout.size)
         return own.answer_states(
-            self.link,
-            self.words,
-            self.polled,
-            self.frame,
-            self.prefix,
-            self.values,
+            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.frames[0], self.prefixes[0], self.values[0]),
             self._most,
             np.array(actor.closed, dtype=float),
             actor.grasp,
-            self.out_frame,
+            self._frame,
             self._out,
             self._out_most,
-            self.targets,
+            self.targets[0],
             *active_set.constants,
             active_set.scratch,
             self._position,

@@ -14,11 +14,10 @@ from collections import deque
 from collections.abc import Callable
 
 from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.lane_kernels import SHORTEST_PAUSE_NS
 from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.times import NANOSECONDS
 
-# Shorter ones are none: a timer is as late.
-SHORTEST_NS = 1_000_000
 _REMEMBERED = 16
 MINUTE_NS = 60 * NANOSECONDS
 # So many losses within a minute that pauses explain are no accident: the machine is too slow.
@@ -48,7 +47,7 @@ class Pauses:
 
     def _note(self, length_ns: int) -> None:
         """Note a pause up to now."""
-        if length_ns > SHORTEST_NS:
+        if length_ns > SHORTEST_PAUSE_NS:
             self._found.append((self.looked_ns, length_ns))
 
 
@@ -112,7 +111,7 @@ class OwnPauses(Pauses):
         before, computed = self.looked_ns, self._computed
         self.looked_ns = now = self._clock_ns()
         self._computed = self._computed_ns()
-        if before == NEVER or now - before <= SHORTEST_NS:
+        if before == NEVER or now - before <= SHORTEST_PAUSE_NS:
             return
         waits = [wait for ask in self.waits if (wait := ask()) is not None]
         if waits:
@@ -134,6 +133,11 @@ class SenderPauses(Pauses):
         self._period_ns = period_ns
         self._via = self._count = self._stamp_ns = 0
 
+    @property
+    def last(self) -> tuple[int, int, int]:
+        """Of the last message its publisher, its number, and its stamp, ns."""
+        return self._via, self._count, self._stamp_ns
+
     def heard(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
         """Note a message.
 
@@ -142,9 +146,15 @@ class SenderPauses(Pauses):
             origin: whom it comes from, and by which number.
             now_ns: time of its arrival, ns.
         """
-        self.looked_ns = now_ns
         count = origin.sent or origin.number
         periods = count - self._count
-        if count and origin.via == self._via and periods > 0:
-            self._note(stamp_ns - self._stamp_ns - periods * self._period_ns)
-        self._via, self._count, self._stamp_ns = origin.via, count, stamp_ns
+        before_ns, anew = self._stamp_ns, origin.via != self._via
+        self.went_on(stamp_ns, origin, now_ns)
+        if count and periods > 0 and not anew:
+            self._note(stamp_ns - before_ns - periods * self._period_ns)
+
+    def went_on(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
+        """Note a message before which there was no pause; arguments as of :meth:`heard`."""
+        self.looked_ns = now_ns
+        self._via, self._count = origin.via, origin.sent or origin.number
+        self._stamp_ns = stamp_ns

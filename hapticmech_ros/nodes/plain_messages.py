@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node's kernel does while its process waits: plain messages, without Python.
 
-A message is plain if it comes over the lane from the one publisher that has sent them so far, and
-keeps all rules; what is sent goes to the lane's listeners alone. Whatever is not so, the kernel
-leaves to Python, which does all that it would do without a kernel: see :mod:`.lane_kernels`.
+A message is plain if it comes over the lane from the one publisher of its topic that has sent them
+so far, and keeps all rules; what is sent goes to the lane's listeners alone. Whatever is not so,
+the kernel leaves to Python, which does all that it would do without a kernel: see
+:mod:`.lane_kernels`.
 """
 
 from __future__ import annotations
 
 import select
 import time
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +23,15 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, Lane
 from hapticmech_ros.nodes.lane_connections import MESSAGE, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
-from hapticmech_ros.nodes.origin import INSIDE, OUTLETS
+from hapticmech_ros.nodes.origin import OUTLETS, Origin
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.wire.bounds import SixBounds
+from hapticmech_ros.wire.wrench import encode_wrench
 
 # So many messages are enough for once.
 MOST_READ = 64
+# Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
+_STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Two clocks are read at one time if they are no further apart, ns.
 _CLOSE_NS = 50_000
 
@@ -48,46 +54,101 @@ def words_of(data: bytes) -> Array:
     return np.frombuffer(data.ljust(-(-len(data) // 8) * 8, b"\0"), np.int64).copy()
 
 
+class Heard(NamedTuple):
+    """A topic of which messages are read.
+
+    Attributes:
+        topic: its full name and type on the lane.
+        sources: who speaks on it.
+        prefix: bytes of a message before its numbers.
+        size: how many numbers it has.
+        alike: how many of the bytes all messages have.
+    """
+
+    topic: str
+    sources: Sources
+    prefix: bytes
+    size: int
+    alike: int
+
+
+class Said(NamedTuple):
+    """A topic of which messages are sent.
+
+    Attributes:
+        outlet: that they go through.
+        frame: words (n,) of a message.
+        size: how many bytes it has.
+    """
+
+    outlet: Outlet
+    frame: Array
+    size: int
+
+
+class PlainCommand:
+    """A WrenchStamped in ``world``, as bytes that are all alike but for stamp and wrench.
+
+    Args:
+        bounds: of the wrench.
+
+    Attributes:
+        prefix: bytes before the wrench.
+        between: (2,) words of those between stamp and wrench.
+        size: bytes of the whole.
+        most: (6,) largest magnitudes, N and N m.
+    """
+
+    def __init__(self, bounds: SixBounds) -> None:
+        whole = encode_wrench(np.zeros(6), 0)
+        self.size, self.prefix = len(whole), whole[:_WRENCH_AT]
+        self.between = words_of(whole[_FRAME_AT:_WRENCH_AT])
+        self.most = np.array([bounds.first] * 3 + [bounds.last] * 3)
+
+    def heard(self, topic: str, sources: Sources) -> Heard:
+        """Return a topic of such commands that are read; see :class:`Heard`."""
+        return Heard(topic, sources, self.prefix, 6, _STAMP_AT)
+
+
 class PlainMessages:
     """Lets a kernel handle an actor's plain messages; a kind of actor is a subclass.
 
     Args:
         actor: whose.
-        topic: of what is read, its full name and type on the lane.
-        sources: of what is read.
-        read: bytes before the data of what is read, and how many numbers these are.
-        alike: how many of these bytes all messages have.
-        outlet: of what is sent.
-        sent: words of what is sent, and how many bytes its message has.
-        link: (n,) what Python and kernel tell each other.
+        heard: topics that are read.
+        said: topics that are sent.
+        size: of ``link``.
+
+    Attributes:
+        link: (size,) what Python and kernel tell each other; see :mod:`.lane_kernels`.
+        inputs, outputs: (n, 7) and (m, 5) likewise, of each topic.
+        frames, values, prefixes: of each topic that is read words for a message, a view of its
+            data, and what all messages begin with.
+        targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
+        words, polled, ages: for the kernel.
     """
 
-    def __init__(
-        self,
-        actor: Any,
-        topic: str,
-        sources: Sources,
-        read: tuple[bytes, int],
-        alike: int,
-        outlet: Outlet,
-        sent: tuple[Array, int],
-        link: Array,
-    ) -> None:
-        self._topic, self._sources, self._outlet, self.link = topic, sources, outlet, link
-        self._actor = actor
-        prefix, size = read
-        self.frame, self.values = frame_of(*read)
-        self.prefix = words_of(prefix[:alike])
-        self.out_frame, out_bytes = sent
+    def __init__(self, actor: Any, heard: Sequence[Heard], said: Sequence[Said], size: int) -> None:
+        self._actor, self._heard, self._said = actor, heard, said
+        made = [frame_of(one.prefix, one.size) for one in heard]
+        self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
+        self.prefixes = [words_of(one.prefix[: one.alike]) for one in heard]
+        self.link = np.zeros(size, dtype=np.int64)
+        self.inputs = np.zeros((len(heard), kernels.INPUT_SIZE), dtype=np.int64)
+        self.outputs = np.zeros((len(said), kernels.OUTPUT_SIZE), dtype=np.int64)
         self.words = np.zeros(4, dtype=np.int64)
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
-        self.polled = self.targets = np.zeros(0, dtype=np.int64)
-        self._hearers: list[tuple[Outgoing, int]] = []
-        self._origin = INSIDE
-        link[kernels.DATA] = kernels.HEADER_BYTES + alike
-        link[kernels.LENGTH] = kernels.HEADER_BYTES + len(prefix) + 8 * size
-        link[kernels.OUT_LENGTH] = kernels.HEADER_BYTES + out_bytes
-        link[kernels.STEP], link[kernels.BEHIND] = STEP_NS, BEHIND_NS
+        self.polled = np.zeros(0, dtype=np.int64)
+        self.targets: list[Array] = []
+        self._hearers: list[list[tuple[Outgoing, int]]] = []
+        self._origins: list[Origin] = []
+        for one, row in zip(heard, self.inputs, strict=True):
+            row[kernels.DATA] = kernels.HEADER_BYTES + one.alike
+            row[kernels.LENGTH] = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
+        for told, row in zip(said, self.outputs, strict=True):
+            row[kernels.OUT_HEAD] = MESSAGE | told.outlet.number << 32
+            row[kernels.OUT_LENGTH] = kernels.HEADER_BYTES + told.size
+        self.link[kernels.STEP], self.link[kernels.BEHIND] = STEP_NS, BEHIND_NS
 
     def ready(self) -> bool:
         """Tell the kernel how the actor is; return whether it may do anything for it now."""
@@ -106,6 +167,15 @@ class PlainMessages:
         """
         raise NotImplementedError
 
+    def origin(self, at: int) -> Origin:
+        """Return the origin of the last message that was read of a topic, as the kernel left it.
+
+        Args:
+            at: which topic.
+        """
+        _, counted, sent_ns = self.inputs[at, kernels.READ :].tolist()
+        return self._origins[at]._replace(sent=counted, sent_ns=sent_ns)
+
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
 
@@ -114,32 +184,51 @@ class PlainMessages:
             waited: its connections.
             until_ns: until when to wait, ns of the monotonic clock.
         """
-        origin, link = self._sources.only, self.link
+        link = self.link
         before, now, after = time.monotonic_ns(), self._actor.now_ns(), time.monotonic_ns()
-        if after - before > _CLOSE_NS:
+        if after - before > _CLOSE_NS or not self._actor.node.active:
             # Interrupted: how far one is ahead of the other would be wrong by as much.
             return False
         link[kernels.AHEAD] = now - (before + after) // 2
-        hearers = lane.plain_hearers(self._outlet.topic) if self._outlet.is_on_lane_alone else []
-        if not (hearers and origin and self._actor.node.active):
+        if not (self._prepare_to_send(lane) and self._prepare_to_read(lane, waited)):
             return False
-        speaker = lane.speaker(self._topic, origin.via)
-        if speaker is None:
-            return False
-        connection, code = speaker
-        others = [number for number in waited if number != connection]
-        self.polled = np.array([connection, *others], dtype=np.int64) | kernels.WAITS_TO_READ
-        numbers = [number for to, code_ in hearers for number in (to.connection.fileno(), code_)]
-        self.targets = np.array(numbers, dtype=np.int64)
-        self._hearers, self._origin = hearers, origin
         link[kernels.UNTIL] = until_ns
-        link[kernels.HEAD] = MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
-        link[kernels.NUMBER], link[kernels.OUT_NUMBER] = origin.number, self._outlet.published
-        link[kernels.OUT_HEAD] = MESSAGE | self._outlet.number << 32
-        link[kernels.SENT] = lane.sent(self._outlet.number)
         link[kernels.OLDEST] = self._actor.age_limit_ns
-        link[kernels.IDLE] = link[kernels.READS] = link[kernels.UNSENT] = 0
+        link[kernels.IDLE] = link[kernels.READS] = 0
         return self.ready()
+
+    def _prepare_to_send(self, lane: Lane) -> bool:
+        """Find who hears; return whether these are on the lane alone."""
+        self._hearers = []
+        self.targets = []
+        for one, row in zip(self._said, self.outputs, strict=True):
+            outlet = one.outlet
+            hearers = lane.plain_hearers(outlet.topic) if outlet.is_on_lane_alone else []
+            if not hearers:
+                return False
+            numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
+            self._hearers.append(hearers)
+            self.targets.append(np.array(numbers, dtype=np.int64))
+            row[kernels.OUT_NUMBER] = outlet.published
+            row[kernels.SENT], row[kernels.UNSENT] = lane.sent(outlet.number), 0
+        return True
+
+    def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
+        """Find who speaks; return whether that is one process for each topic."""
+        self._origins, first = [], []
+        for one, row in zip(self._heard, self.inputs, strict=True):
+            origin = one.sources.only
+            speaker = origin and lane.speaker(one.topic, origin.via)
+            if origin is None or speaker is None:
+                return False
+            connection, code = speaker
+            first.append(connection)
+            self._origins.append(origin)
+            row[kernels.HEAD] = MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
+            row[kernels.NUMBER], row[kernels.READ] = origin.number, 0
+        others = [number for number in waited if number not in first]
+        self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
+        return len(set(first)) == len(first)
 
     def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
@@ -152,27 +241,25 @@ class PlainMessages:
             Those that have something to read, and when it had to wait, ns of the monotonic clock.
         """
         code, link = self.run(), self.link
-        lane.note_sent(self._outlet.number, int(link[kernels.SENT]))
+        for at, (one, row) in enumerate(zip(self._said, self.outputs, strict=True)):
+            lane.note_sent(one.outlet.number, int(row[kernels.SENT]))
+            if row[kernels.UNSENT]:
+                self._send_again(lane, at)
+        for at, (heard, row) in enumerate(zip(self._heard, self.inputs, strict=True)):
+            if row[kernels.READ]:
+                heard.sources.heard(self.origin(at), int(row[kernels.READ]))
         reads = int(link[kernels.READS])
-        if reads:
-            numbers = link.tolist()
-            counted, sent_ns = numbers[kernels.COUNTED], numbers[kernels.SENT_NS]
-            last = self._origin._replace(sent=counted, sent_ns=sent_ns)
-            self._sources.heard(last, numbers[kernels.READ])
-            for age_ns in self.ages[:reads].tolist():
-                self._actor.ages.add(age_ns)
-        if link[kernels.UNSENT]:
-            self._send_again(lane)
+        for age_ns in self.ages[:reads].tolist():
+            self._actor.ages.add(age_ns)
         self.did(code, reads)
         ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
         return ready, int(link[kernels.IDLE])
 
-    def _send_again(self, lane: Lane) -> None:
-        """Send the last message to those whose connection did not take it."""
-        failed = int(self.link[kernels.UNSENT])
-        to = [one for at, one in enumerate(self._hearers) if failed >> at & 1]
+    def _send_again(self, lane: Lane, at: int) -> None:
+        """Send a topic's last message to those whose connection did not take it."""
+        one, row = self._said[at], self.outputs[at].tolist()
+        to = [who for i, who in enumerate(self._hearers[at]) if row[kernels.UNSENT] >> i & 1]
         begin = kernels.BEGINS_AT + kernels.HEADER_BYTES
-        end = kernels.BEGINS_AT + int(self.link[kernels.OUT_LENGTH])
-        message = self.out_frame.tobytes()[begin:end]
-        counts = self._outlet.number, self._outlet.published, int(self.link[kernels.SENT])
+        message = one.frame.tobytes()[begin : kernels.BEGINS_AT + row[kernels.OUT_LENGTH]]
+        counts = one.outlet.number, one.outlet.published, row[kernels.SENT]
         lane.send_to(to, *counts, message, False)

@@ -7,8 +7,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
+import numpy as np
+from std_msgs.msg import Float64MultiArray
+
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import Clutch, ControlArchitecture
+from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.other_hands import coupling_gain, heard_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -17,24 +21,33 @@ from hapticmech_ros.control.rendering_controller import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.device.motion_check import MotionCheck
+from hapticmech_ros.device.motion_kernels import MOTION
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.grasp import GRASP_SIZE
+from hapticmech_ros.nodes import control_kernels as own
+from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
 from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
+from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.messages import check_age
+from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.pauses import SenderPauses
+from hapticmech_ros.nodes.plain_messages import Heard, PlainCommand, PlainMessages, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, timeout_of
 from hapticmech_ros.nodes.transmissions import Transmissions
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (
     OperationalModelReading,
@@ -49,12 +62,83 @@ from hapticmech_ros.wire.topics import (
     POINT_MODEL,
 )
 
-# The point's pose is carried on by its twist over periods that the analysis has missed, by no more
-# than this: beyond it the twist says nothing.
-PREDICTION_LIMIT_S = 0.005
 CLUTCHED = "the button of the clutch is pressed"
 # After the last answers' stamps, which may be later than their samples' by up to a microsecond.
 ZERO_AFTER_NS = 2000
+
+
+class SampleAnswers(PlainMessages):
+    """Answers samples for a controller.
+
+    Args:
+        actor: the controller.
+        device: of the samples.
+        analyser: of the operational models.
+        outputs: topics of the answers, to device and mechanism.
+    """
+
+    def __init__(
+        self,
+        actor: TeleoperationController,
+        device: Sources,
+        analyser: Sources,
+        outputs: tuple[Outlet, Outlet],
+    ) -> None:
+        heard = []
+        for name, fields, sources in (
+            (DEVICE_STATE.name, DEVICE_FIELDS, device),
+            (POINT_MODEL.of(actor.point), OPERATIONAL_MODEL_FIELDS, analyser),
+        ):
+            prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
+            heard.append(Heard(topic, sources, prefix, fields.size, len(prefix)))
+        command = PlainCommand(actor.wrenches)
+        frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in outputs]
+        said = [
+            Said(outlet, frame, command.size)
+            for outlet, (frame, _) in zip(outputs, frames, strict=True)
+        ]
+        super().__init__(actor, heard, said, own.LINK_SIZE)
+        self._controller, self._commands = actor, frames
+        self._most = command.most
+        self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
+        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), np.zeros(MOTION.size)
+        self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
+        self._settings = self._locality = np.zeros(0)
+        self.link[own.PERIOD_NS] = nanoseconds(actor.period_s)
+
+    def ready(self) -> bool:
+        """Tell the kernel how the controller is; return whether it may do anything for it."""
+        found = self._controller.plainly(self.link, self._known, self._grasp)
+        if found is None:
+            return False
+        self._settings, self._locality = found
+        self.link[own.SAMPLE_NS] = 0
+        return True
+
+    def run(self) -> int:
+        """Call the kernel; return why it returned."""
+        actor, side = self._controller, self._controller.side
+        device, point = self._commands
+        self._answer = np.zeros(ANSWER.size)
+        return own.answer_samples(
+            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.frames[0], self.prefixes[0], self.values[0], actor.bounds.device.most),
+            *(self.frames[1], self.prefixes[1], self.values[1], actor.bounds.model.most),
+            *(*device, self.targets[0], *point, self.targets[1]),
+            *(self._most, self._known, self._grasp),
+            *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),
+            *(self._locality, self._answer, actor.motion.numbers, self._moved, self._wrenches),
+            *(actor.path.round_trip, self.ages),
+        )
+
+    def did(self, code: int, reads: int) -> None:
+        """Tell the controller what the kernel did."""
+        of_device, of_analyser = self.inputs[:, kernels.READ].tolist()
+        if of_analyser:
+            origin = self.origin(own.MODELS)
+            self._controller.heard_model(self.link, self._known, origin, of_analyser)
+        if of_device:
+            self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -64,6 +148,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     device and the mechanism get zero once, then nothing; then it engages anew, without a jump. When
     the mechanism is held elsewhere it goes on there, without a jump either. In lockstep it answers
     when device and rendering of the same time are there.
+
+    Attributes:
+        bounds: of what it reads.
+        side: the rendering controller.
+        motion: whether samples can be the device's motion.
+        engagements, grasps: so far.
+        loop_warning: what is wrong with the gains; empty if nothing is.
     """
 
     name = "teleoperation_controller"
@@ -76,7 +167,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         super().__init__(node, parameters)
         self.bounds = reading_bounds(self.limits)
         self._grasp = b""
-        self._side = self._new_side()
+        self.side = self._new_side()
         self._arrived: ControllerCommand | None = None
         self._rendered_ns = NEVER
         # Whether the device corrects commands; one that speaks CRTK only does not.
@@ -99,7 +190,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._losses = Losses(node.pauses, 1.0 / self.period_s, warn)
         self._device_pauses = SenderPauses("the device", period_ns)
         self._model_pauses = SenderPauses("the analyser or the mechanism", period_ns)
-        self._motion = MotionCheck(self.scene.device, self.period_s)
+        self.motion = MotionCheck(self.scene.device, self.period_s)
         self._crtk = CrtkDevice(
             self,
             self.bounds.twist,
@@ -131,6 +222,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
         self._buttons = ButtonInput(self)
+        commands = self._outputs.to_device, self._outputs.to_point
+        self._plain = SampleAnswers(self, device, analyser, commands)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.tell)
 
@@ -139,7 +232,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         return ControlArchitecture(self.scene)
 
     @cached_property
-    def _path(self) -> DevicePath:
+    def path(self) -> DevicePath:
+        """The way to the device."""
         return DevicePath(self.scene, self.node.get_logger().warning)
 
     @property
@@ -156,7 +250,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _tune(self) -> None:
         """Let gains pass to those that parameters, and the way to the device, ask for."""
         time_s = None if self._clutch is None else self._time_s(self.now_ns())
-        self._path.tune(self._control, self._tuned, self.parameters.soften, time_s)
+        self.path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def validate_parameters(self, parameters: ControllerParameters) -> None:
         """Refuse gains that are none, and what is less safe than the scene allows."""
@@ -181,7 +275,7 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def _fault(self, now_ns: int) -> str:
         """Return why nothing may be rendered; empty if it may."""
-        return self._rivals(now_ns) or self._motion.fault
+        return self._rivals(now_ns) or self.motion.fault
 
     def _time_s(self, now_ns: int) -> float:
         return (now_ns - self._epoch_ns) / NANOSECONDS
@@ -200,11 +294,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._epoch_ns = self.now_ns()
         for sources in self._single:
             sources.forget()
-        self._path.restart()
-        self._motion.restart()
+        self.path.restart()
+        self.motion.restart()
+        self.wait_by(self._plain)
 
     def deactivate(self) -> None:
         """Let go of device and mechanism."""
+        self.wait_by(None)
         self._disengage("deactivated", self._log.stopped)
 
     def reseat(self) -> None:
@@ -213,7 +309,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         # Made when it is asked for.
         self.__dict__.pop("_control", None)
         self.apply_parameters(self.parameters)
-        self._side = self._new_side()
+        self.side = self._new_side()
         self._devices, self._models = Stamped(), Stamped()
         self._transmissions.reseat()
         self.activate()
@@ -245,10 +341,10 @@ class TeleoperationController(Actor[ControllerParameters]):
             "lost_while_sender_paused": str(self._losses.sender_paused),
             "grasps": str(self.grasps),
             "fault": fault,
-            "motion_faults": str(self._motion.faults),
+            "motion_faults": str(self.motion.faults),
             **({"coupling_fault": doubtful} if self.other_points else {}),
-            **self._path.figures(self._tuned, self.parameters.soften, self.loop_warning),
-            "lost_on_connection": str(self._side.lost),
+            **self.path.figures(self._tuned, self.parameters.soften, self.loop_warning),
+            "lost_on_connection": str(self.side.lost),
         }
         return engaged and not doubtful, sentence, figures
 
@@ -261,7 +357,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _on_device_state(self, values: Array, now_ns: int) -> None:
         inputs = read_device(values, self.bounds.device)
         stamp, device = inputs.stamp_ns, inputs.measured
-        heard = self.lockstep or self._path.heard(inputs, now_ns, self.age_limit_ns)
+        heard = self.lockstep or self.path.heard(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
         self._device_pauses.heard(stamp, self._of_device.latest, now_ns)
         if self.lockstep:
@@ -270,7 +366,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         elif not heard:
             self._last_ns = now_ns  # a sign of life, but older than what was answered
         else:
-            if self._path.changed(self._time_s(now_ns)):
+            if self.path.changed(self._time_s(now_ns)):
                 self._tune()
             self._answer(device, stamp, now_ns)
 
@@ -296,20 +392,20 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _on_crtk(self, device: Array, stamp: int, now_ns: int) -> None:
         """Answer a device that speaks CRTK only."""
         self._local = False
-        self._path.obeyed = True
-        if self._path.is_next(stamp, now_ns):
+        self.path.obeyed = True
+        if self.path.is_next(stamp, now_ns):
             self._answer(device, stamp, now_ns)
 
     def _answer(self, device: Array, stamp: int, now_ns: int) -> None:
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
-        self._motion.look(device, stamp)
+        self.motion.look(device, stamp)
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return
-        if self._path.paced:
-            self._path.put(device, stamp)
+        if self.path.paced:
+            self.path.put(device, stamp)
             return
         if self._opened():
             return
@@ -332,8 +428,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return
-        found = self._path.take()
-        pause = self._path.turn(now_ns)
+        found = self.path.take()
+        pause = self.path.turn(now_ns)
         lost = [POINT_MODEL.of(self.point)] if pause > self.timeout_ns else []
         silent = (pause, self._model_pauses) if lost else (now_ns - self._last_ns, None)
         if now_ns - self._last_ns > self.timeout_ns:
@@ -349,25 +445,25 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _answer_to(
         self, device: Array, model: OperationalModelReading, stamp: int, now_ns: int
     ) -> None:
-        paced = self._path.paced and not self.lockstep
+        paced = self.path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
         ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
         operational_model, clutch = model.operational_model, self._clutch
         time_s = self._time_s(now_ns)
         if clutch is None:
             clutch = self._control.engage(time_s, device, operational_model, ahead)
-            self._side, self._arrived = self._new_side(self._side), None
+            self.side, self._arrived = self._new_side(self.side), None
             self._rendered_ns = NEVER
             self.engagements += 1
             self._last_fault = ""
             self._log.engaged(self._losses.explained_now(now_ns))
-        elif not (self._path.obeyed or self.lockstep):
+        elif not (self.path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
         elif model.grasp != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             clutch = self._control.engage(time_s, device, operational_model, ahead, self._carried)
-            self._side.held_elsewhere()
+            self.side.held_elsewhere()
             self.grasps += 1
         self._grasp = model.grasp
         self._clutch = self._control.with_slip(time_s, clutch, device, operational_model)
@@ -375,9 +471,9 @@ class TeleoperationController(Actor[ControllerParameters]):
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
         )
         # Over a network, and until the device obeys, each answer says how it depends on the device.
-        often = paced or not self._path.obeyed
+        often = paced or not self.path.obeyed
         with_model = self._local and (often or self._outputs.wants_gain(stamp))
-        answer = self._side.tick(inputs, self._clutch, self._local, with_model)
+        answer = self.side.tick(inputs, self._clutch, self._local, with_model)
         if with_model and self.other_points:
             self._outputs.coupling(self._coupled(inputs, self._clutch, now_ns), stamp)
         self._told_ns = stamp, model.stamp_ns if paced else stamp
@@ -396,6 +492,74 @@ class TeleoperationController(Actor[ControllerParameters]):
             if name in found
         }
 
+    def plainly(self, link: Array, known: Array, grasp: Array) -> tuple[Array, Array] | None:
+        """Return settings (59,) and locality (3,) if samples may be answered by the kernel now.
+
+        That is while it renders, and nothing but the inputs changes from one sample to the next.
+
+        Args:
+            link: (24,) what Python and kernel tell each other, to fill.
+            known: (139,) to fill: the operational model as it was heard last.
+            grasp: (7,) to fill: where it has the point.
+        """
+        clutch, model, control = self._clutch, self._model.value, self._control
+        if clutch is None or clutch.is_closing or model is None or not model.commanded:
+            return None
+        ours = self._local and self.path.obeyed and self.path.is_settled and not self.path.paced
+        simple = self.side.is_ideal and not (control.answers_in_python or control.is_ramping)
+        if not (ours and simple and self._outputs.are_plain and model.grasp == self._grasp):
+            return None
+        pressed = self._buttons.is_pressed(self.parameters.clutch_button)
+        if self.lockstep or pressed or self._fault(self.now_ns()):
+            return None
+        numbers = (
+            *(self.timeout_ns, self._epoch_ns, nanoseconds(self.period_s), self._last_ns),
+            *(self._model.stamp_ns, self._rendered_ns, *self.path.last),
+            *(self._outputs.gain_from_ns, self.motion.stamp_ns),
+            *(*self._device_pauses.last[1:], *self._model_pauses.last[1:], 0, 0),
+        )
+        link[kernels.OWN :] = numbers
+        link[kernels.VIEW] = self._outputs.until_view
+        known[:] = model.operational_model
+        grasp[:] = np.frombuffer(model.grasp)
+        settings = control.settings_at(self._time_s(self.now_ns()), clutch)
+        return settings, self.side.locality(True, False)
+
+    def heard_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
+        """Take the last operational model that the kernel has heard.
+
+        Args:
+            link: (24,) what Python and kernel tell each other.
+            known: (139,) the model.
+            origin: whom it comes from.
+            now_ns: when it came, ns.
+        """
+        stamp_ns = int(link[own.MODEL_NS])
+        before = self._model.value
+        if before is not None:
+            found = before._replace(stamp_ns=stamp_ns, operational_model=known.copy())
+            self._model.put(found, stamp_ns)
+        self._model_pauses.went_on(stamp_ns, origin, now_ns)
+
+    def answered(self, link: Array, answer: Array, origin: Origin) -> None:
+        """Note what the kernel has answered.
+
+        Args:
+            link: (24,) what Python and kernel tell each other.
+            answer: (answer,) the last one; see ``loop_layout``.
+            origin: of the sample.
+        """
+        numbers = link.tolist()
+        stamp_ns, now_ns = numbers[own.SAMPLE_NS], numbers[own.LAST]
+        self._last_ns = self._state_ns = now_ns
+        self._rendered_ns = numbers[own.RENDERED]
+        self.path.last = numbers[own.NEWEST], numbers[own.ARRIVED]
+        self.motion.stamp_ns = numbers[own.MOVED]
+        self._device_pauses.went_on(stamp_ns, origin, now_ns)
+        self.side.last = ControllerCommand(answer, stamp_ns)
+        self._told_ns = stamp_ns, stamp_ns
+        self._outputs.answers += numbers[own.ANSWERS]
+
     def _opened(self) -> bool:
         """Disengage while the clutch's button is pressed; return whether it is."""
         pressed = self._buttons.is_pressed(self.parameters.clutch_button)
@@ -406,7 +570,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     @property
     def _carried(self) -> Array:
         """The device's wrench (6,) as it was answered last."""
-        last = self._side.last
+        last = self.side.last
         return NO_WRENCH if last is None else last.wrenches[0]
 
     def _ahead(self, apart_ns: int) -> float:
@@ -420,7 +584,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             apart_ns: from the time of the state to that of the sample, ns.
         """
         ahead = apart_ns // nanoseconds(self.period_s) * self.period_s
-        return min(max(ahead, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
+        return min(max(ahead, -own.PREDICTION_LIMIT_S), own.PREDICTION_LIMIT_S)
 
     def _elapsed(self, stamp_ns: int) -> float:
         """Return how long (s) it is from the last rendering to this one, in whole periods."""
@@ -434,7 +598,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         In lockstep the device waits for a command with each sample: the last one is said again.
         There, over a network and until the device obeys, a gain goes before its command.
         """
-        outputs, side = self._outputs, self._side
+        outputs, side = self._outputs, self.side
         if self.lockstep:
             self._arrived = answer = answer or self._arrived or ControllerCommand.nothing(stamp_ns)
         told, _ = side.command_mechanism()
@@ -442,7 +606,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             outputs.mechanism(told, mechanism_ns)
             return
         with_gain = self.lockstep or answer.is_modelled
-        if with_gain and (self.lockstep or self._path.paced or not self._path.obeyed):
+        if with_gain and (self.lockstep or self.path.paced or not self.path.obeyed):
             outputs.gain(answer, stamp_ns)
             with_gain = False
         answered_ns = stamp_ns if self.lockstep else answer.answered_ns
@@ -491,7 +655,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if self.lockstep:
             self._models.put(found, found.stamp_ns)
             self._answer_pair(found.stamp_ns)
-        elif self._path.paced:
+        elif self.path.paced:
             self._answer_paced(found, now_ns)
         elif now_ns - self._last_ns > self.timeout_ns:
             # The device says nothing that could be answered: the mechanism is told now.

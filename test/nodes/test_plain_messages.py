@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,23 +16,34 @@ import pytest
 
 from benchmarks.reliability.fake_graph import Host
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes import analysis_kernels
+from hapticmech_ros.nodes import analysis_kernels, device_kernels
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
 from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
+from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
+from hapticmech_ros.operational import Analyser
+from hapticmech_ros.operational.past_rates import PastRates
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire import kernels
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
+from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.readings import read_device
 from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.topics import DEVICE_COMMAND
 from hapticmech_ros.wire.wrench import encode_wrench
 
 STATES, MODELS = "/mechanism/state Float64MultiArray", "/analysis/handle/operational_model {}"
 MODELS = MODELS.format("Float64MultiArray")
 COMMANDS = "/mechanism/handle/servo_cf WrenchStamped"
+DEVICE_STATES = "/device/state Float64MultiArray"
+DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
+HEARD = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES
 MS = 1_000_000
 
 
@@ -46,7 +58,7 @@ class LaneHost(Host):
 
     def create_publisher(self, kind: Any, name: str, qos: Any) -> Any:
         topic = self.resolve_topic_name(name)
-        heard = topic in (STATES.split()[0], MODELS.split()[0])
+        heard = topic in [name.split()[0] for name in HEARD]
         return SimpleNamespace(
             topic_name=topic,
             publish=lambda message: None,
@@ -54,18 +66,49 @@ class LaneHost(Host):
         )
 
 
+class Peer:
+    """A process that an actor speaks to and hears.
+
+    Args:
+        folder: of the lane.
+        heard: topic that it hears; empty for none.
+        spoken: topic that it speaks on; empty for none.
+    """
+
+    def __init__(self, folder: Path, heard: str, spoken: str) -> None:
+        self.lane, self.got = Lane(folder), []
+        self.heard, self.spoken = heard, spoken
+        if heard:
+            self.lane.listen(heard, lambda message, origin: self.got.append(message))
+
+    def speak(self, message: bytes, outlet: int = 1) -> None:
+        """Send a message."""
+        self.lane.send(self.spoken, outlet, 0, message, False)
+
+    def has_met(self, lane: Lane) -> bool:
+        """Return whether both have found each other."""
+        is_heard = not self.spoken or bool(self.lane.readers(self.spoken))
+        return is_heard and (not self.heard or bool(lane.readers(self.heard)))
+
+    def answers(self) -> list[bytes]:
+        """Return what it has got by now."""
+        for one in self.lane.collect(whole=False):
+            one.listener(one.message, one.origin)
+        found, self.got[:] = list(self.got), []
+        return found
+
+
 class Process:
-    """An actor's process, and a peer who speaks to it and hears it.
+    """An actor's process, and peers who speak to it and hear it.
 
     Args:
         kind: of the actor.
         scene: its scene.
         folder: of the lane.
-        heard: topic that the peer hears.
-        spoken: topic that it speaks on.
+        peers: what each hears and speaks on.
     """
 
-    def __init__(self, kind: Any, scene: str, folder: Path, heard: str, spoken: str) -> None:
+    def __init__(self, kind: Any, scene: str, folder: Path, *peers: tuple[str, str]) -> None:
         self.exchange = Exchange()
         self.exchange.lane = Lane(folder)
         graph = SimpleNamespace(
@@ -83,8 +126,7 @@ class Process:
             )
         )
         host.actor = self.actor = kind(host, kind.parameters_type(scene=scene))
-        self.peer, self.got, self._spoken = Lane(folder), [], spoken
-        self.peer.listen(heard, lambda message, origin: self.got.append(message))
+        self.peers = [Peer(folder, *one) for one in peers]
         host.begin()
         self.wait = self.exchange.lane.wait
         self.meet()
@@ -93,17 +135,12 @@ class Process:
         """Let both find each other."""
         end = time.monotonic() + 5.0
         lane = self.exchange.lane
-        while not (lane.readers(self.heard) and self.peer.readers(self._spoken)):
+        while not all(peer.has_met(lane) for peer in self.peers):
             assert time.monotonic() < end
-            for one in (lane, self.peer):
+            for one in (lane, *(peer.lane for peer in self.peers)):
                 one._looked_ns = -lane_module.LOOK_NS
                 one.look()
                 one.collect()
-
-    @property
-    def heard(self) -> str:
-        """The topic that the peer hears."""
-        return next(iter(self.peer._heard))
 
     def settle(self, send: Callable[[], None]) -> None:
         """Send until a kernel does the work: both ways are used for a while at first."""
@@ -123,8 +160,8 @@ class Process:
         return got
 
     def speak(self, message: bytes, outlet: int = 1) -> None:
-        """Send a message."""
-        self.peer.send(self._spoken, outlet, 0, message, False)
+        """Send a message, as the first peer."""
+        self.peers[0].speak(message, outlet)
 
     def go(self, ns: int) -> None:
         """Let the process wait for some time, ns, and do what it is to do."""
@@ -135,16 +172,14 @@ class Process:
             self.host.act(self.host.now_ns())
 
     def answers(self) -> list[bytes]:
-        """Return what the peer has got by now."""
-        for one in self.peer.collect(whole=False):
-            one.listener(one.message, one.origin)
-        found, self.got[:] = list(self.got), []
-        return found
+        """Return what the first peer has got by now."""
+        return self.peers[0].answers()
 
     def close(self) -> None:
         """Leave the lane."""
         self.exchange.close()
-        self.peer.close()
+        for peer in self.peers:
+            peer.lane.close()
 
 
 @pytest.fixture
@@ -185,7 +220,7 @@ class States:
 
 @pytest.fixture
 def analysed(folder: Path) -> Iterator[tuple[Process, States]]:
-    process = Process(NullspaceAnalyser, "five_bar", folder, MODELS, STATES)
+    process = Process(NullspaceAnalyser, "five_bar", folder, (MODELS, STATES))
     states = States(Simulator(process.actor.scene))
     process.settle(lambda: process.speak(states.next()))
     process.answers()
@@ -307,7 +342,7 @@ def test_where_the_answers_numbers_are_is_one_table() -> None:
 
 @pytest.fixture
 def moving(folder: Path) -> Iterator[Process]:
-    process = Process(MechanismSimulator, "five_bar", folder, STATES, COMMANDS)
+    process = Process(MechanismSimulator, "five_bar", folder, (STATES, COMMANDS))
     yield process
     process.close()
 
@@ -352,6 +387,226 @@ def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
     assert work > 0.0
     moving.until(lambda: actor._ticks > ticks + 50)
     assert actor.state.account.work_in == work
+
+
+class Inputs:
+    """What a device and an analyser tell, one sample and one model after another.
+
+    Args:
+        scene: whose.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        simulator = Simulator(scene)
+        self._analyser = Analyser(simulator.mechanism, scene.operational_points[0].name)
+        state = simulator.initial_state()
+        self._writer = OperationalModelWriter(self._analyser, PastRates(0, MS, state.v.size))
+        self._state, self._grasps = state, flat_grasps(scene)
+        self._device = FlatArray(DEVICE_FIELDS)
+        self._model = FlatArray(OPERATIONAL_MODEL_FIELDS)
+        self._rng, self._tick = np.random.default_rng(2), 0
+        self.stamp_ns = time.time_ns()
+
+    def next(self, late: int = 0) -> tuple[bytes, bytes]:
+        """Return a sample and a model that is ``late`` periods older."""
+        self._tick += 1
+        self.stamp_ns += MS
+        # Slowly to and fro, and pushed.
+        phase = 0.01 * self._tick
+        values = np.zeros(DEVICE_FIELDS.size)
+        values[:2] = divmod(self.stamp_ns, 1000 * MS)
+        values[DEVICE_FIELDS.slice("position")] = 0.001 * np.sin(phase), 0.0, 0.0
+        values[DEVICE_FIELDS.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
+        values[DEVICE_FIELDS.slice("twist")][0] = 0.01 * np.cos(phase)
+        values[DEVICE_FIELDS.slice("hand_wrench")] = 0.1 * self._rng.normal(size=6)
+        values[DEVICE_FIELDS.start("obeys")] = 1.0
+        state = self._state
+        told = WireState(
+            self.stamp_ns - late * MS,
+            *(state.active, state.q, 0.01 * self._rng.normal(size=state.v.size)),
+            *(np.zeros((1, 6)), self._grasps, (True,)),
+        )
+        self._writer.evaluate(told)
+        return self._device.encode(values), self._model.encode(self._writer.values)
+
+
+@pytest.fixture
+def rendering(folder: Path) -> Iterator[tuple[Process, Inputs]]:
+    peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, "")
+    process = Process(TeleoperationController, "five_bar", folder, *peers)
+    actor, inputs = process.actor, Inputs(process.actor.scene)
+    # Samples are a millisecond apart by their stamps, whenever they come.
+    actor.age_limit_ns = actor.timeout_ns = 1 << 62
+    device, analyser, _ = process.peers
+
+    def both() -> None:
+        sample, model = inputs.next()
+        analyser.speak(model)
+        device.speak(sample)
+
+    process.settle(both)
+    process.go(20 * MS)
+    yield process, inputs
+    process.close()
+
+
+def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
+    """Return what a controller remembers from one sample to the next: whose, its name, and it."""
+    whose = (
+        (actor, "_last_ns", "_state_ns", "_rendered_ns", "_told_ns"),
+        (actor._outputs, "answers", "_gain_ns"),
+        (actor.path, "last"),
+        (actor.motion, "stamp_ns"),
+        (actor._device_pauses, "_via", "_count", "_stamp_ns"),
+        (actor._model_pauses, "_via", "_count", "_stamp_ns"),
+        (actor._model, "value", "stamp_ns"),
+        (actor.side, "last"),
+    )
+    return [(one, name, getattr(one, name)) for one, *names in whose for name in names]
+
+
+def arrays_of(actor: Any) -> list[Any]:
+    """Return the arrays in which it remembers the rest."""
+    return [actor.side.account, actor.side.queue, actor.side.past, actor.motion.numbers]
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_samples_are_answered_as_python_answers_them(
+    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch, late: int
+) -> None:
+    process, inputs = rendering
+    actor, (device, analyser, mechanism) = process.actor, process.peers
+    plain, kept = [inputs.next(late) for _ in range(40)], remembered(actor)
+    arrays = [one.copy() for one in arrays_of(actor)]
+    device.answers()
+    mechanism.answers()
+    found, ended = [], []
+    for by_kernel in (True, False):
+        for one, name, value in kept:
+            setattr(one, name, value)
+        for array, old in zip(arrays_of(actor), arrays, strict=True):
+            array[:] = old
+        process.exchange.lane.wait = process.wait if by_kernel else None
+        codes = by_the_kernel(process, monkeypatch)
+        to_device, to_mechanism, done = [], [], actor._outputs.answers
+        for sample, model in plain:
+            heard = actor._model_pauses.looked_ns
+            analyser.speak(model)
+            process.until(lambda heard=heard: actor._model_pauses.looked_ns != heard)
+            device.speak(sample)
+            done += 1
+            to_device += process.until(lambda done=done: actor._outputs.answers == done)
+            to_mechanism += mechanism.answers()
+        to_device += device.answers()
+        to_mechanism += mechanism.answers()
+        assert bool(codes) == by_kernel
+        monkeypatch.undo()
+        found.append((to_device, to_mechanism))
+        ended.append([one.copy() for one in arrays_of(actor)])
+    assert len(found[0][0]) == len(found[0][1]) == len(plain)
+    assert found[0] == found[1]
+    for by_kernel, by_python in zip(*ended, strict=True):
+        assert by_kernel.tobytes() == by_python.tobytes()
+
+
+GAINS = "/device/local_feedback_gain Float64MultiArray"
+
+
+@pytest.fixture
+def driven(folder: Path) -> Iterator[Process]:
+    process = Process(HapticDevice, "five_bar", folder, (DEVICE_STATES, DEVICE_COMMANDS))
+    # Whatever else runs here.
+    process.actor.timeout_ns = 10_000 * MS
+    yield process
+    process.close()
+
+
+class Logged:
+    """What happens to a driver, in order: names, arguments, and the time, ns."""
+
+    def __init__(self, process: Process) -> None:
+        self.events: list[tuple[str, tuple[Any, ...], int]] = []
+        self.by_kernel = 0
+        actor, note = process.actor, self.events.append
+        tick, obey, take, moved = actor.tick, actor._obey, actor.loop.take, actor.moved
+
+        def ticked(periods: int, deadline_ns: int) -> None:
+            note(("tick", (periods, deadline_ns), process.host.now_ns()))
+            tick(periods, deadline_ns)
+
+        def obeyed(form: Any, wrench: Any, stamp_ns: int, now_ns: int) -> None:
+            note(("_obey", (form, wrench.copy(), stamp_ns, now_ns), now_ns))
+            obey(form, wrench, stamp_ns, now_ns)
+
+        def taken(values: Any, now_ns: int, *rest: Any) -> None:
+            note(("take", (values.copy(), now_ns, *rest), now_ns))
+            take(values, now_ns, *rest)
+
+        def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
+            # A message ends the run: see below.
+            steps, heard = int(link[device_kernels.DONE]), int(link[device_kernels.HEARD])
+            last = int(link[device_kernels.NEXT]) - actor.period_ns
+            self.by_kernel += steps
+            for step in range(steps):
+                deadline = last - (steps - 1 - step) * actor.period_ns
+                note(("tick", (1, deadline), deadline))
+            if heard != actor._command.stamp_ns:
+                stamp = int(link[device_kernels.ANSWERED])
+                note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, heard), heard))
+            moved(link, commands, *rest)
+
+        actor.tick, actor._obey, actor.loop.take = ticked, obeyed, taken
+        actor.moved = kernel_moved
+        process.wait.ages = np.zeros(1, dtype=np.int64)
+
+    def replayed(self, scene: str) -> dict[int, bytes]:
+        """Return what a driver publishes by Python alone, to which the same happens; by stamp."""
+        found: dict[int, bytes] = {}
+        graph = SimpleNamespace(
+            exchange=Exchange(), namespace="", now_ns=0, pushing=(), within=defaultdict(list)
+        )
+        graph.subscriptions = defaultdict(list)
+        graph.sent = lambda topic, kind, message: (
+            found.update({stamp_in(message): message}) if topic == DEVICE_STATES.split()[0] else 0
+        )
+        host = Host(graph, HapticDevice.name)
+        graph.now_ns = self.events[0][2]
+        host.actor = actor = HapticDevice(host, HapticDevice.parameters_type(scene=scene))
+        actor.timeout_ns = 10_000 * MS
+        host.begin()
+        for name, given, graph.now_ns in self.events:
+            getattr(actor.loop if name == "take" else actor, name)(*given)
+        return found
+
+
+def stamp_in(message: bytes) -> int:
+    return read_device(FlatArray(DEVICE_FIELDS).decode(message)).stamp_ns
+
+
+def test_the_device_moves_as_pythons_does(driven: Process) -> None:
+    actor, (peer,), rng = driven.actor, driven.peers, np.random.default_rng(3)
+    log, got, newest = Logged(driven), [], 0
+    encoder, told = FlatArray(GAIN_FIELDS), 0
+    end = time.monotonic() + 20.0
+    while log.by_kernel < 300:
+        assert time.monotonic() < end
+        driven.go(MS // 2)
+        got += driven.answers()
+        if got and (stamp := stamp_in(got[-1])) != newest:
+            newest, told = stamp, told + 1
+            if told % 20 == 0:
+                model = np.repeat((0.05, 2.0, 0.2), 36) * rng.normal(size=108)
+                gain = LocalFeedbackGain(stamp, stamp, 1e-6 * told, model)
+                peer.lane.send(GAINS, 2, 0, encoder.encode(pack_gain(gain)), False)
+            wrench = np.array((0.5, 0.5, 0.0, 0.0, 0.0, 0.02)) * rng.normal(size=6)
+            peer.speak(encode_wrench(wrench, stamp))
+    expected = log.replayed("five_bar")
+    assert log.by_kernel >= 300
+    assert all(expected[stamp_in(one)] == one for one in got)
+    sample = read_device(FlatArray(DEVICE_FIELDS).decode(got[-1]))
+    assert sample.round_trip > 0.0
+    assert np.linalg.norm(sample.measured[7:13]) > 1e-4
+    assert actor.latency.count > 100
 
 
 def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:

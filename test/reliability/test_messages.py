@@ -315,7 +315,7 @@ def test_a_device_whose_state_is_none_goes_back_to_where_it_was(graph, bad):
 
 def test_a_controller_whose_answer_is_none_lets_go_of_both_and_engages_anew(graph):
     controller = graph.actor(CONTROLLER)
-    side = controller._side
+    side = controller.side
     engaged = controller.engagements
     real = side.tick
 
@@ -328,7 +328,7 @@ def test_a_controller_whose_answer_is_none_lets_go_of_both_and_engages_anew(grap
     graph.run(0.003)
     assert controller.failures.count == 1
     assert "wrench is not sent" in controller.failures.last
-    assert controller._side is not side
+    assert controller.side is not side
     graph.run(0.3)
     assert controller.engagements > engaged
     assert well(graph)

@@ -1,0 +1,252 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Kernel that moves a device on at its deadlines, under the commands that come meanwhile."""
+
+from __future__ import annotations
+
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.control.account_kernels import SAMPLE_SIZE
+from hapticmech_ros.control.device_side_kernels import (
+    account_for_actuators,
+    allow,
+    correct,
+    take_energy,
+)
+from hapticmech_ros.control.hand_lead_kernels import remember
+from hapticmech_ros.device.driver_kernels import command_device, compensate
+from hapticmech_ros.device.kernels import (
+    APPLIED,
+    BODY,
+    PUBLISHED_SIZE,
+    REPORTED,
+    SPEED,
+    move_device,
+)
+from hapticmech_ros.nodes.lane_kernels import (
+    AHEAD,
+    MONOTONIC,
+    NOT_SENT,
+    NOTHING,
+    OTHER,
+    OWN,
+    READS,
+    REALTIME,
+    SECOND,
+    TIME_IS_UP,
+    TO_ACT,
+    TO_LOOK_AT,
+    TO_READ,
+    TO_SAY,
+    UNSENT,
+    UNTIL,
+    is_set,
+    look_is_due,
+    note_read,
+    peek,
+    read_command,
+    send_to_all,
+    take,
+    time_of,
+    wait_until,
+)
+from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
+
+# The next deadline and the period, ns, by the node's time; how long a command stands, and how long
+# what says how it depends on the device, ns; since when a command stands, and the one before, and
+# which samples they answer, ns; the newest stamp, and when it came; how many steps were done; how
+# many periods the hand has held, or -1; since when it is known how commands depend on the device;
+# how many samples are remembered; and how many round trips may be noted, and were.
+NEXT, PERIOD, TIMEOUT, FRESH, HEARD, HEARD_BEFORE, ANSWERED, ANSWERED_BEFORE = range(OWN, OWN + 8)
+NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
+LINK_SIZE = OWN + 16
+# Who answers one sample several times tells the answers apart by nanoseconds.
+MICROSECOND = 1000
+_FIRST, _TOLERANCE = 2, 1e-3
+_QUATERNION = _FIRST + 3
+
+
+@inner
+def row_of(stamps: Array, count: int, stamp: int) -> int:
+    """Return the row of the sample with a stamp (ns), or -1; see :func:`find_sample`."""
+    rows = stamps.size
+    for back in range(1, min(count, rows) + 1):
+        row = (count - back) % rows
+        if stamps[row] == stamp // MICROSECOND:
+            return int(row)
+    return -1
+
+
+@kernel("int64(int64[::1], int64, int64)")
+def find_sample(stamps: Array, count: int, stamp: int) -> int:
+    """Return the row of the newest sample of a microsecond, or -1.
+
+    Args:
+        stamps: (n,) of the samples, microseconds; one row after the other, again and again.
+        count: how many samples there were.
+        stamp: ns.
+    """
+    return int(row_of(stamps, count, stamp))
+
+
+@inner
+def remember_sample(
+    link: Array, stamps: Array, samples: Array, hand: Array, stamp: int, sample: Array
+) -> None:
+    """Remember a sample (19,); see ``local_loop``.
+
+    Args:
+        link: see above.
+        stamps: (n,) as of :func:`find_sample`.
+        samples: (n, 19) the samples.
+        hand: (22,) the hand's last wrenches.
+        stamp: ns.
+        sample: (19,) of the device.
+    """
+    row = link[REMEMBERS] % stamps.size
+    stamps[row] = stamp // MICROSECOND
+    put(samples[row], sample)
+    remember(hand, link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
+    link[REMEMBERS] += 1
+
+
+@kernel(
+    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
+    " int64[::1], int64[::1], int64[::1], float64[::1], float64[::1], float64[:, ::1],"
+    " int64[::1], float64[::1], float64[::1], int64[::1],"
+    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64,"
+    " float64[::1], int64[::1])",
+    waits=True,
+)
+def drive_at_deadlines(
+    link: Array,
+    inputs: Array,
+    outputs: Array,
+    words: Array,
+    polled: Array,
+    frame: Array,
+    prefix: Array,
+    plain: Array,
+    values: Array,
+    most: Array,
+    commands: Array,
+    out_frame: Array,
+    out: Array,
+    out_most: Array,
+    targets: Array,
+    device: Array,
+    state: Array,
+    later: Array,
+    account: Array,
+    safety: Array,
+    stamps: Array,
+    samples: Array,
+    hand: Array,
+    model: Array,
+    others: Array,
+    period: float,
+    given: float,
+    trips: Array,
+    ages: Array,
+) -> int:
+    """Take commands as they come, and do a step at each deadline.
+
+    Args:
+        link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
+        inputs: (1, 7) likewise, of the commands.
+        outputs: (1, 5) likewise, of the samples.
+        words: (4,) to work with.
+        polled: (n,) struct pollfd of all connections, that of the controller's process first.
+        frame: (words,) for the message that has come.
+        prefix: (words,) the bytes before a command's stamp.
+        plain: (2,) those between its stamp and its wrench.
+        values: (6,) a view of the wrench in ``frame``.
+        most: (6,) largest magnitude of each of its numbers.
+        commands: (2, 6) the command that stands, and the one before.
+        out_frame: (words,) for the sample.
+        out: (29,) a view of the data in ``out_frame``.
+        out_most: (29,) largest magnitude of each number.
+        targets: (2 n,) to whom it is sent.
+        device: (numbers,) see ``device_layout``.
+        state: (107,) of the device, changed.
+        later: (107,) to work with.
+        account: (account,) of the device; see ``loop_layout``.
+        safety: (numbers,) its envelope; see ``safety_layout``.
+        stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
+        samples: (n, 19) these.
+        hand: (22,) the hand's last wrenches.
+        model: (108,) how commands depend on the device: G, K and B.
+        others: (19,) zeros.
+        period: s.
+        given: E_m as it is told, J; NaN while nobody tells it.
+        trips: (n,) to fill: s, of samples and their answers.
+        ages: (n,) to fill: of the commands, ns.
+
+    Returns:
+        Why it returns.
+    """
+    while link[READS] < ages.size:
+        deadline = link[NEXT] - link[AHEAD]
+        now = time_of(MONOTONIC, words)
+        if now < deadline:
+            if now >= link[UNTIL]:
+                break
+            found = wait_until(min(deadline, link[UNTIL]), link, words, polled, 1)
+            if found == NOTHING:
+                continue
+            if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
+                return TO_READ
+            time, counted, sent = words[0], words[2], words[3]
+            stamp = read_command(link, frame, plain, values, most, time)
+            overtaken = stamp < link[NEWEST] or stamp == time
+            if stamp == UNSOUND or overtaken or link[TRIPS] == link[MOST_TRIPS]:
+                return TO_READ
+            take(polled[0], frame)
+            put(commands[0], values)
+            link[HEARD], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
+            if row_of(stamps, link[REMEMBERS], stamp) >= 0:
+                trips[link[TRIPS]] = (time - stamp) / 1e9
+                link[TRIPS] += 1
+            note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
+            continue
+        now_real, time = time_of(REALTIME, words), now + link[AHEAD]
+        if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
+            return TO_ACT
+        known = link[NEXT] - link[PERIOD] - 1
+        before = 1 if link[HEARD] > known else 0
+        heard, answered = link[HEARD + before], link[ANSWERED + before]
+        silent = max(time - link[HEARD], time - link[HEARD_BEFORE], known - heard)
+        if silent > link[TIMEOUT]:
+            return TO_ACT
+        sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
+        put(sample, state[:SAMPLE_SIZE])
+        put(asked, commands[before])
+        row = row_of(stamps, link[REMEMBERS], answered)
+        if row >= 0 and time - link[GAIN_NS] <= link[FRESH]:
+            newest = samples[(link[REMEMBERS] - 1) % stamps.size]
+            correct(commands[before], model, samples[row], newest, hand, period, others, asked)
+        compensate(device, state[SPEED:REPORTED], added)
+        account_for_actuators(account, sample, state[APPLIED:BODY])
+        take_energy(account, given)
+        allow(account, safety, asked, sample, added)
+        command_device(device, state, asked)
+        move_device(device, state, link[HELD], later)
+        put(state, later)
+        link[HELD] += int(link[HELD] >= 0)
+        put(commands[1], commands[0])
+        link[HEARD_BEFORE], link[ANSWERED_BEFORE] = link[HEARD], link[ANSWERED]
+        stamp = link[NEXT]
+        link[NEXT] += link[PERIOD]
+        link[DONE] += 1
+        out[0], out[1] = stamp // SECOND, stamp % SECOND
+        put(out[_FIRST : _FIRST + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
+            return TO_SAY
+        send_to_all(outputs[0], words, out_frame, targets, now_real)
+        remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
+        if outputs[0, UNSENT] != 0:
+            return NOT_SENT
+        if look_is_due(link):
+            return TO_LOOK_AT
+    return TIME_IS_UP
