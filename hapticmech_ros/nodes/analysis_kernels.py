@@ -8,7 +8,6 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
-    NOT_SENT,
     NOTHING,
     OLDEST,
     OTHER,
@@ -17,8 +16,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
-    UNSENT,
+    TO_SEND,
     UNTIL,
+    is_to_be_sent,
     look_is_due,
     note_read,
     peek,
@@ -72,7 +72,7 @@ def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: A
 
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
-    " int64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " int64[::1], int64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " int64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64,"
     " float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
@@ -87,6 +87,7 @@ def answer_states(
     polled: Array,
     frame: Array,
     prefix: Array,
+    copies: Array,
     values: Array,
     most: Array,
     active: Array,
@@ -117,12 +118,13 @@ def answer_states(
 
     Args:
         link: (18,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 7) likewise, of the states.
-        outputs: (1, 5) likewise, of the answers.
-        words: (4,) to work with.
+        inputs: (1, 8) likewise, of the states.
+        outputs: (1, 6) likewise, of the answers.
+        words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         frame: (words,) for the message that has come.
         prefix: (words,) the bytes before a state's data.
+        copies: (n, words) to fill, with messages that the middleware will bring too.
         values: (n,) a view of the data in ``frame``.
         most: (n,) largest magnitude of each number of a state.
         active: (closures,) flags of closures.
@@ -191,15 +193,15 @@ def answer_states(
         if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(polled[0], frame)
+        take(inputs[0], words, polled[0], frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link[FIRST]) / 1e9
         out[COUNT] = count_rigid(counter, observation[: rows.size], since)
         send_to_all(outputs[0], words, out_frame, targets, real)
         note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp
-        if outputs[0, UNSENT] != 0:
-            return NOT_SENT
         if look_is_due(link):
             return TO_LOOK_AT
+        if is_to_be_sent(outputs[0]):
+            return TO_SEND
     return TIME_IS_UP

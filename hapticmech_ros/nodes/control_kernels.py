@@ -23,7 +23,6 @@ from hapticmech_ros.control.loop_layout import FORCE_LOCAL
 from hapticmech_ros.device.motion_kernels import SOUND, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
-    NOT_SENT,
     NOTHING,
     OLDEST,
     OTHER,
@@ -32,9 +31,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
     TO_READ,
-    UNSENT,
+    TO_SEND,
     UNTIL,
     VIEW,
+    is_to_be_sent,
     note_read,
     peek,
     send_to_all,
@@ -150,8 +150,8 @@ def keeps(wrench: Array, most: Array) -> bool:
 
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
-    " int64[::1], int64[::1], float64[::1], float64[::1],"
-    " int64[::1], int64[::1], float64[::1], float64[::1],"
+    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
+    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
     " int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1], float64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
@@ -166,10 +166,12 @@ def answer_samples(
     polled: Array,
     state_frame: Array,
     state_prefix: Array,
+    state_copies: Array,
     state: Array,
     state_most: Array,
     model_frame: Array,
     model_prefix: Array,
+    model_copies: Array,
     model: Array,
     model_most: Array,
     device_frame: Array,
@@ -199,17 +201,19 @@ def answer_samples(
 
     Args:
         link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (2, 7) likewise, of the samples and the models.
-        outputs: (2, 5) likewise, of the commands to device and mechanism.
-        words: (4,) to work with.
+        inputs: (2, 8) likewise, of the samples and the models.
+        outputs: (2, 6) likewise, of the commands to device and mechanism.
+        words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
             process first.
         state_frame: (words,) for the sample that has come.
         state_prefix: (words,) the bytes before its data.
+        state_copies: (n, words) to fill, with those that the middleware will bring too.
         state: (29,) a view of the data in ``state_frame``.
         state_most: (29,) largest magnitude of each number.
         model_frame: (words,) for the model that has come.
         model_prefix: (words,) the bytes before its data.
+        model_copies: (n, words) as ``state_copies``.
         model: (151,) a view of the data in ``model_frame``.
         model_most: (151,) largest magnitude of each number.
         device_frame: (words,) for the command to the device.
@@ -254,7 +258,7 @@ def answer_samples(
             stamp = plain_model(link, model, model_most, grasp, time)
             if stamp == UNSOUND or has_paused(link, OF_ANALYSER, stamp, counted):
                 return TO_READ
-            take(polled[MODELS], model_frame)
+            take(inputs[MODELS], words, polled[MODELS], model_frame, model_copies)
             put(known, model[MODEL : MODEL + known.size])
             link[MODEL_NS] = stamp
             note_sender(link, OF_ANALYSER, stamp, counted)
@@ -298,7 +302,7 @@ def answer_samples(
             put(account, before)
             return TO_READ
         # From here on it is answered.
-        take(polled[STATES], state_frame)
+        take(inputs[STATES], words, polled[STATES], state_frame, state_copies)
         write_stamp(device_frame, stamp)
         send_to_all(outputs[TO_DEVICE], words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
@@ -312,6 +316,6 @@ def answer_samples(
         link[MOVED], link[RENDERED], link[SAMPLE_NS] = stamp, link[MODEL_NS], stamp
         link[ANSWERS] += 1
         link[VIEW] -= int(link[VIEW] > 0)
-        if outputs[TO_DEVICE, UNSENT] != 0 or outputs[TO_POINT, UNSENT] != 0:
-            return NOT_SENT
+        if is_to_be_sent(outputs[TO_DEVICE]) or is_to_be_sent(outputs[TO_POINT]):
+            return TO_SEND
     return TIME_IS_UP

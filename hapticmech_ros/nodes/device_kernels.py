@@ -26,7 +26,6 @@ from hapticmech_ros.device.kernels import (
 from hapticmech_ros.nodes.lane_kernels import (
     AHEAD,
     MONOTONIC,
-    NOT_SENT,
     NOTHING,
     OTHER,
     OWN,
@@ -38,9 +37,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_LOOK_AT,
     TO_READ,
     TO_SAY,
-    UNSENT,
+    TO_SEND,
     UNTIL,
     is_set,
+    is_to_be_sent,
     look_is_due,
     note_read,
     peek,
@@ -112,7 +112,8 @@ def remember_sample(
 
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
-    " int64[::1], int64[::1], int64[::1], float64[::1], float64[::1], float64[:, ::1],"
+    " int64[::1], int64[::1], int64[:, ::1], int64[::1], float64[::1], float64[::1],"
+    " float64[:, ::1],"
     " int64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64,"
@@ -127,6 +128,7 @@ def drive_at_deadlines(
     polled: Array,
     frame: Array,
     prefix: Array,
+    copies: Array,
     plain: Array,
     values: Array,
     most: Array,
@@ -154,12 +156,13 @@ def drive_at_deadlines(
 
     Args:
         link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 7) likewise, of the commands.
-        outputs: (1, 5) likewise, of the samples.
-        words: (4,) to work with.
+        inputs: (1, 8) likewise, of the commands.
+        outputs: (1, 6) likewise, of the samples.
+        words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
         prefix: (words,) the bytes before a command's stamp.
+        copies: (n, words) to fill, with messages that the middleware will bring too.
         plain: (2,) those between its stamp and its wrench.
         values: (6,) a view of the wrench in ``frame``.
         most: (6,) largest magnitude of each of its numbers.
@@ -202,7 +205,7 @@ def drive_at_deadlines(
             overtaken = stamp < link[NEWEST] or stamp == time
             if stamp == UNSOUND or overtaken or link[TRIPS] == link[MOST_TRIPS]:
                 return TO_READ
-            take(polled[0], frame)
+            take(inputs[0], words, polled[0], frame, copies)
             put(commands[0], values)
             link[HEARD], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
             if row_of(stamps, link[REMEMBERS], stamp) >= 0:
@@ -245,8 +248,8 @@ def drive_at_deadlines(
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
-        if outputs[0, UNSENT] != 0:
-            return NOT_SENT
         if look_is_due(link):
             return TO_LOOK_AT
+        if is_to_be_sent(outputs[0]):
+            return TO_SEND
     return TIME_IS_UP

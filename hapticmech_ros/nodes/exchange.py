@@ -168,13 +168,16 @@ class Outlet:
         return self._published
 
     @property
-    def is_on_lane_alone(self) -> bool:
-        """Whether a message would go to listeners on the lane, and to nobody else."""
+    def way(self) -> bool | None:
+        """Whether a message would go to the middleware beside the lane.
+
+        None if it would not go there alone: not to the lane, or also within the process.
+        """
         lane, now = self._exchange.lane, time.monotonic_ns()
         readers = lane.readers(self.topic) if lane and self.topic else 0
         if not readers or readers != self._on_lane or self._stays or self._line.listeners:
-            return False
-        return now >= self._settled_ns and self._count(now) <= readers
+            return None
+        return now < self._settled_ns or self._count(now) > readers
 
     def ways(self) -> str:
         """Return by which ways a message goes now, in words."""

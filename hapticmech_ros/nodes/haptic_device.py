@@ -73,7 +73,8 @@ class DeviceTicks(PlainMessages):
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
         return own.drive_at_deadlines(
             *(self.link, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self._command.between, self.values[0]),
+            *(self.frames[0], self.prefixes[0], self.copies[0]),
+            *(self._command.between, self.values[0]),
             *(self._command.most, self._commands),
             *(self._frame, self._out, self._most, self.targets[0]),
             *(self._device.data, self._state, self._later),

@@ -23,26 +23,28 @@ UNTIL, AHEAD, STEP, OLDEST, BEHIND, VIEW, IDLE, READS = range(8)
 # Those of each topic that is read. What Python tells: the first word of a plain message's header,
 # how often its publisher has used the middleware, its length, and where its data begin, bytes. What
 # the kernel tells, of the last one that it read: when that was, ns of the node's time, 0 for none;
-# how its publisher counts it, and when it was sent.
-HEAD, NUMBER, LENGTH, DATA, READ, COUNTED, SENT_NS = range(7)
-INPUT_SIZE = 7
+# how its publisher counts it, and when it was sent; and how many the middleware will bring too.
+HEAD, NUMBER, LENGTH, DATA, READ, COUNTED, SENT_NS, COPIED = range(8)
+INPUT_SIZE = 8
 # Those of each topic that is sent. What Python tells: the first word of the header, how often the
-# middleware was used, the message's length, and how many were sent. What the kernel tells: to whom
-# the last one could not be sent, a bit each.
-OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, UNSENT = range(5)
-OUTPUT_SIZE = 5
+# middleware was used, the message's length, how many were sent, and 1 if the middleware is to carry
+# them too. What the kernel tells: to whom the last one could not be sent, a bit each.
+OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, BOTH, UNSENT = range(6)
+OUTPUT_SIZE = 6
 # From here on a node's kernel has numbers of its own.
 OWN = 8
 # Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
-# was sent last is to be looked at, or was not sent to all; and Python has to act at a deadline, or
-# to say what the kernel did not dare to.
-TIME_IS_UP, TO_READ, TO_LOOK_AT, NOT_SENT, TO_ACT, TO_SAY = range(6)
+# was sent last is to be looked at, or to go to more than the kernel could reach; and Python has to
+# act at a deadline, or to say what the kernel did not dare to.
+TIME_IS_UP, TO_READ, TO_LOOK_AT, TO_SEND, TO_ACT, TO_SAY = range(6)
 # Of a message on the lane, before its bytes; and where in an array of words it begins, so that the
 # numbers in it, which follow four bytes of encapsulation, are at whole words.
 HEADER_BYTES, BEGINS_AT = 32, 4
 MONOTONIC, REALTIME = 1, 0
 SECOND = 1_000_000_000
 _IN, _ANSWER_AT = 1, 48
+# Of a header's first word whether the middleware carries the message too.
+_BOTH_AT = 8
 # Of a struct pollfd: that it waits for something to read.
 WAITS_TO_READ = _IN << 32
 # Of a WrenchStamped: the word with its seconds and nanoseconds, behind header and encapsulation.
@@ -63,7 +65,7 @@ _clock_gettime = c_function("clock_gettime", "int32(int32, intp)")
 
 @inner
 def time_of(clock: int, words: Array) -> int:
-    """Return a clock's time, ns; ``words`` (4,) are worked with."""
+    """Return a clock's time, ns; the first of ``words`` are worked with."""
     _clock_gettime(clock, words.ctypes.data)
     return int(words[0] * SECOND + words[1])
 
@@ -75,7 +77,7 @@ def wait_until(end: int, link: Array, words: Array, polled: Array, plain: int) -
     Args:
         end: when.
         link: what Python and kernel tell each other; see above.
-        words: (4,) to work with.
+        words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of plain messages first.
         plain: how many these are.
 
@@ -113,13 +115,14 @@ def peek(
 ) -> bool:
     """Copy the message that has come, and leave it there; return whether it is a plain one.
 
-    Then the node's time, the machine's, the message's number and when it was sent are the words.
-    It is none if it was long under way, or the machine's clock was set.
+    Then the node's time, the machine's, the message's number, when it was sent, and how often its
+    publisher has used the middleware are the words. It is none if it was long under way, or the
+    machine's clock was set.
 
     Args:
         link: what Python and kernel tell each other; see above.
         topic: likewise, of the topic.
-        words: (4,) to fill.
+        words: (5,) to fill.
         connection: struct pollfd of what is read.
         frame: (words,) for the message, from :data:`BEGINS_AT` on.
         prefix: (words,) the bytes between header and data.
@@ -129,7 +132,9 @@ def peek(
     if size != topic[LENGTH]:
         return False
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
-    if words[0] != topic[HEAD] or words[1] != topic[NUMBER]:
+    both = words[0] >> _BOTH_AT & 1
+    words[4] = words[1]
+    if words[0] != topic[HEAD] | both << _BOTH_AT or words[1] != topic[NUMBER] + both:
         return False
     if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic[DATA] - HEADER_BYTES) != 0:
         return False
@@ -148,9 +153,21 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 
 @inner
-def take(connection: int, frame: Array) -> None:
-    """Take a message away that was peeked at."""
+def take(topic: Array, words: Array, connection: int, frame: Array, copies: Array) -> None:
+    """Take a message away that was peeked at.
+
+    Args:
+        topic: what Python and kernel tell each other of the topic.
+        words: (5,) as :func:`peek` left them.
+        connection: struct pollfd of what is read.
+        frame: (words,) the message.
+        copies: (n, words) of messages that the middleware will bring too, to fill.
+    """
     _recv(connection & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
+    if words[4] != topic[NUMBER]:
+        _memcpy(copies[topic[COPIED]].ctypes.data, frame.ctypes.data, 8 * frame.size)
+        topic[NUMBER] = words[4]
+        topic[COPIED] += 1
 
 
 @inner
@@ -179,16 +196,17 @@ def send_to_all(topic: Array, words: Array, frame: Array, targets: Array, real: 
 
     Args:
         topic: what Python and kernel tell each other of the topic.
-        words: (4,) to work with.
+        words: (5,) to work with.
         frame: (words,) the message, from :data:`BEGINS_AT` on.
         targets: (2 n,) connections, each with the topic's number there.
         real: the machine's time, ns.
     """
     at, length = frame.ctypes.data + BEGINS_AT, topic[OUT_LENGTH]
     topic[SENT] += 1
+    topic[OUT_NUMBER] += topic[BOTH]
     words[1], words[2], words[3] = topic[OUT_NUMBER], topic[SENT], real
     for i in range(targets.size // 2):
-        words[0] = topic[OUT_HEAD] | targets[2 * i + 1] << 16
+        words[0] = topic[OUT_HEAD] | topic[BOTH] << _BOTH_AT | targets[2 * i + 1] << 16
         _memcpy(at, words.ctypes.data, HEADER_BYTES)
         if _send(targets[2 * i], at, length, _DONT_WAIT | _NO_SIGNAL) != length:
             topic[UNSENT] |= 1 << i
@@ -223,6 +241,12 @@ def read_command(
 def write_stamp(frame: Array, stamp: int) -> None:
     """Stamp a WrenchStamped in a frame, ns."""
     frame[_STAMP_AT] = stamp // SECOND | stamp % SECOND << 32
+
+
+@inner
+def is_to_be_sent(topic: Array) -> bool:
+    """Return whether what was sent last is to go to more than the kernel could reach."""
+    return bool(topic[BOTH] != 0 or topic[UNSENT] != 0)
 
 
 @inner

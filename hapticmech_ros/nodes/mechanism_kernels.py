@@ -10,7 +10,6 @@ from hapticmech_ros.control.loop_layout import ON_MECHANISM
 from hapticmech_ros.nodes.lane_kernels import (
     AHEAD,
     MONOTONIC,
-    NOT_SENT,
     NOTHING,
     OTHER,
     OWN,
@@ -22,9 +21,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_LOOK_AT,
     TO_READ,
     TO_SAY,
-    UNSENT,
+    TO_SEND,
     UNTIL,
     is_set,
+    is_to_be_sent,
     look_is_due,
     note_read,
     peek,
@@ -71,7 +71,7 @@ def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
 
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
-    " int64[::1], int64[::1], float64[::1],"
+    " int64[::1], int64[:, ::1], int64[::1], float64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
     " int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
@@ -85,6 +85,7 @@ def move_at_deadlines(
     polled: Array,
     frame: Array,
     prefix: Array,
+    copies: Array,
     plain: Array,
     values: Array,
     most: Array,
@@ -110,12 +111,13 @@ def move_at_deadlines(
 
     Args:
         link: (21,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 7) likewise, of the commands.
-        outputs: (1, 5) likewise, of the states.
-        words: (4,) to work with.
+        inputs: (1, 8) likewise, of the commands.
+        outputs: (1, 6) likewise, of the states.
+        words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
         prefix: (words,) the bytes before a command's stamp.
+        copies: (n, words) to fill, with messages that the middleware will bring too.
         plain: (2,) those between its stamp and its wrench.
         values: (6,) a view of the wrench in ``frame``.
         most: (6,) largest magnitude of each of its numbers.
@@ -158,7 +160,7 @@ def move_at_deadlines(
             newer = stamp >= link[NEWEST] and stamp > link[SINCE] and stamp != time
             if stamp == UNSOUND or not newer:
                 return TO_READ
-            take(polled[0], frame)
+            take(inputs[0], words, polled[0], frame, copies)
             put(commands[0], values)
             link[HEARD], link[NEWEST], link[ARRIVED] = time, stamp, time
             note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
@@ -193,8 +195,8 @@ def move_at_deadlines(
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
-        if outputs[0, UNSENT] != 0:
-            return NOT_SENT
         if look_is_due(link):
             return TO_LOOK_AT
+        if is_to_be_sent(outputs[0]):
+            return TO_SEND
     return TIME_IS_UP

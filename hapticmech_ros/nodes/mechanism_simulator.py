@@ -148,7 +148,8 @@ class MechanismTicks(PlainMessages):
         simulator.stepper.prepare()
         return own.move_at_deadlines(
             *(self.link, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self._command.between, self.values[0]),
+            *(self.frames[0], self.prefixes[0], self.copies[0]),
+            *(self._command.between, self.values[0]),
             self._command.most,
             self._commands,
             self._frame,

@@ -106,7 +106,7 @@ class StateAnswers(PlainMessages):
         self._observation = np.empty(analyser.layout.size)
         return own.answer_states(
             *(self.link, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.values[0]),
+            *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             self._most,
             np.array(actor.closed, dtype=float),
             actor.grasp,

@@ -3,9 +3,9 @@
 """What a node's kernel does while its process waits: plain messages, without Python.
 
 A message is plain if it comes over the lane from the one publisher of its topic that has sent them
-so far, and keeps all rules; what is sent goes to the lane's listeners alone. Whatever is not so,
-the kernel leaves to Python, which does all that it would do without a kernel: see
-:mod:`.lane_kernels`.
+so far, and keeps all rules; what is sent goes to the lane's listeners, and to those outside once
+the kernel has returned. Whatever is not so, the kernel leaves to Python, which does all that it
+would do without a kernel: see :mod:`.lane_kernels`.
 """
 
 from __future__ import annotations
@@ -121,9 +121,9 @@ class PlainMessages:
 
     Attributes:
         link: (size,) what Python and kernel tell each other; see :mod:`.lane_kernels`.
-        inputs, outputs: (n, 7) and (m, 5) likewise, of each topic.
-        frames, values, prefixes: of each topic that is read words for a message, a view of its
-            data, and what all messages begin with.
+        inputs, outputs: (n, 8) and (m, 6) likewise, of each topic.
+        frames, values, prefixes, copies: of each topic that is read words for a message, a view of
+            its data, what all messages begin with, and words for those that the middleware brings.
         targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
         words, polled, ages: for the kernel.
     """
@@ -136,7 +136,8 @@ class PlainMessages:
         self.link = np.zeros(size, dtype=np.int64)
         self.inputs = np.zeros((len(heard), kernels.INPUT_SIZE), dtype=np.int64)
         self.outputs = np.zeros((len(said), kernels.OUTPUT_SIZE), dtype=np.int64)
-        self.words = np.zeros(4, dtype=np.int64)
+        self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
+        self.words = np.zeros(5, dtype=np.int64)
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
         self.polled = np.zeros(0, dtype=np.int64)
         self.targets: list[Array] = []
@@ -173,8 +174,9 @@ class PlainMessages:
         Args:
             at: which topic.
         """
-        _, counted, sent_ns = self.inputs[at, kernels.READ :].tolist()
-        return self._origins[at]._replace(sent=counted, sent_ns=sent_ns)
+        row = self.inputs[at].tolist()
+        number, counted, sent_ns = row[kernels.NUMBER], row[kernels.COUNTED], row[kernels.SENT_NS]
+        return self._origins[at]._replace(number=number, sent=counted, sent_ns=sent_ns)
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
@@ -198,14 +200,16 @@ class PlainMessages:
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
-        """Find who hears; return whether these are on the lane alone."""
+        """Find who hears; return whether somebody does on the lane."""
         self._hearers = []
         self.targets = []
         for one, row in zip(self._said, self.outputs, strict=True):
             outlet = one.outlet
-            hearers = lane.plain_hearers(outlet.topic) if outlet.is_on_lane_alone else []
-            if not hearers:
+            way = outlet.way
+            hearers = [] if way is None else lane.plain_hearers(outlet.topic)
+            if way is None or not hearers:
                 return False
+            row[kernels.BOTH] = way
             numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
             self._hearers.append(hearers)
             self.targets.append(np.array(numbers, dtype=np.int64))
@@ -225,7 +229,8 @@ class PlainMessages:
             first.append(connection)
             self._origins.append(origin)
             row[kernels.HEAD] = MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
-            row[kernels.NUMBER], row[kernels.READ] = origin.number, 0
+            row[kernels.NUMBER] = origin.number
+            row[kernels.READ] = row[kernels.COPIED] = 0
         others = [number for number in waited if number not in first]
         self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
@@ -241,13 +246,13 @@ class PlainMessages:
             Those that have something to read, and when it had to wait, ns of the monotonic clock.
         """
         code, link = self.run(), self.link
-        for at, (one, row) in enumerate(zip(self._said, self.outputs, strict=True)):
-            lane.note_sent(one.outlet.number, int(row[kernels.SENT]))
-            if row[kernels.UNSENT]:
-                self._send_again(lane, at)
+        for at, one in enumerate(self._said):
+            self._send_on(lane, one, self.outputs[at].tolist(), self._hearers[at])
         for at, (heard, row) in enumerate(zip(self._heard, self.inputs, strict=True)):
             if row[kernels.READ]:
                 heard.sources.heard(self.origin(at), int(row[kernels.READ]))
+            for copy in self.copies[at][: row[kernels.COPIED]]:
+                lane.copied.append((heard.topic, self._bytes(copy, int(row[kernels.LENGTH]))))
         reads = int(link[kernels.READS])
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)
@@ -255,11 +260,31 @@ class PlainMessages:
         ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
         return ready, int(link[kernels.IDLE])
 
-    def _send_again(self, lane: Lane, at: int) -> None:
-        """Send a topic's last message to those whose connection did not take it."""
-        one, row = self._said[at], self.outputs[at].tolist()
-        to = [who for i, who in enumerate(self._hearers[at]) if row[kernels.UNSENT] >> i & 1]
+    def _send_on(
+        self, lane: Lane, one: Said, row: Sequence[int], hearers: list[tuple[Outgoing, int]]
+    ) -> None:
+        """Send a topic's last message to all whom the kernel could not reach.
+
+        Args:
+            lane: of the process.
+            one: the topic.
+            row: what the kernel tells of it.
+            hearers: who hears it on the lane.
+        """
+        number, sent, both = one.outlet.number, row[kernels.SENT], bool(row[kernels.BOTH])
+        is_new = sent > lane.sent(number)
+        lane.note_sent(number, sent)
+        if not is_new or not (both or row[kernels.UNSENT]):
+            return
+        message = self._bytes(one.frame, row[kernels.OUT_LENGTH])
+        to = [who for i, who in enumerate(hearers) if row[kernels.UNSENT] >> i & 1]
+        if to:
+            lane.send_to(to, number, row[kernels.OUT_NUMBER], sent, message, both)
+        if both:
+            one.outlet.publish_outside(message)
+
+    @staticmethod
+    def _bytes(frame: Array, length: int) -> bytes:
+        """Return the message in a frame; ``length`` is with the lane's header."""
         begin = kernels.BEGINS_AT + kernels.HEADER_BYTES
-        message = one.frame.tobytes()[begin : kernels.BEGINS_AT + row[kernels.OUT_LENGTH]]
-        counts = one.outlet.number, one.outlet.published, row[kernels.SENT]
-        lane.send_to(to, *counts, message, False)
+        return frame.tobytes()[begin : kernels.BEGINS_AT + length]

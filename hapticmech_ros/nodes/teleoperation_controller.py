@@ -122,8 +122,10 @@ class SampleAnswers(PlainMessages):
         self._answer = np.zeros(ANSWER.size)
         return own.answer_samples(
             *(self.link, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.values[0], actor.bounds.device.most),
-            *(self.frames[1], self.prefixes[1], self.values[1], actor.bounds.model.most),
+            *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
+            actor.bounds.device.most,
+            *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
+            actor.bounds.model.most,
             *(*device, self.targets[0], *point, self.targets[1]),
             *(self._most, self._known, self._grasp),
             *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),

@@ -48,7 +48,17 @@ MS = 1_000_000
 
 
 class LaneHost(Host):
-    """Hosts one actor by the machine's clock, on a lane; outside nobody listens."""
+    """Hosts one actor by the machine's clock, on a lane.
+
+    Attributes:
+        outside: how many listen that are not on the lane.
+        carried: what the middleware was given, by topic.
+    """
+
+    def __init__(self, graph: Any, name: str) -> None:
+        super().__init__(graph, name)
+        self.outside = 0
+        self.carried: dict[str, list[bytes]] = defaultdict(list)
 
     def lane_kind(self, message_type: Any) -> str:
         return message_type.__name__
@@ -61,8 +71,8 @@ class LaneHost(Host):
         heard = topic in [name.split()[0] for name in HEARD]
         return SimpleNamespace(
             topic_name=topic,
-            publish=lambda message: None,
-            get_subscription_count=lambda: int(heard),
+            publish=self.carried[topic].append,
+            get_subscription_count=lambda: heard * (1 + self.outside),
         )
 
 
@@ -78,12 +88,14 @@ class Peer:
     def __init__(self, folder: Path, heard: str, spoken: str) -> None:
         self.lane, self.got = Lane(folder), []
         self.heard, self.spoken = heard, spoken
+        self.number = 0
         if heard:
             self.lane.listen(heard, lambda message, origin: self.got.append(message))
 
-    def speak(self, message: bytes, outlet: int = 1) -> None:
-        """Send a message."""
-        self.lane.send(self.spoken, outlet, 0, message, False)
+    def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
+        """Send a message; ``both`` as if through the middleware too."""
+        self.number += both
+        self.lane.send(self.spoken, outlet, self.number, message, both)
 
     def has_met(self, lane: Lane) -> bool:
         """Return whether both have found each other."""
@@ -159,9 +171,9 @@ class Process:
             got += self.answers()
         return got
 
-    def speak(self, message: bytes, outlet: int = 1) -> None:
+    def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
         """Send a message, as the first peer."""
-        self.peers[0].speak(message, outlet)
+        self.peers[0].speak(message, outlet, both)
 
     def go(self, ns: int) -> None:
         """Let the process wait for some time, ns, and do what it is to do."""
@@ -241,10 +253,15 @@ def by_the_kernel(process: Process, monkeypatch: pytest.MonkeyPatch) -> list[int
     return codes
 
 
+@pytest.mark.parametrize("both", [False, True])
 def test_states_are_answered_as_python_answers_them(
-    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch, both: bool
 ) -> None:
     process, states = analysed
+    # Whether the middleware carries all as well: somebody listens there.
+    process.host.outside = int(both)
+    process.until(lambda: process.actor._publish_model.way == both)
+    state, model = STATES.split()[0], MODELS.split()[0]
     process.actor.age_limit_ns = 1 << 62
     plain, lane = [states.next() for _ in range(40)], process.exchange.lane
     before = process.actor.past.arrays, process.actor.counter.numbers.copy()
@@ -260,13 +277,20 @@ def test_states_are_answered_as_python_answers_them(
         lane.wait = process.wait if by_kernel else None
         codes = by_the_kernel(process, monkeypatch)
         analyses, got = process.actor.analyses, []
+        process.host.carried[model].clear()
         for done, message in enumerate(plain, analyses + 1):
-            process.speak(message)
+            process.speak(message, both=both)
             got += process.until(lambda done=done: process.actor.analyses == done)
         got += process.answers()
         assert bool(codes) == by_kernel
+        assert process.host.carried[model] == (got if both else [])
+        # What the middleware brings of it is known.
+        assert all(process.exchange._line(state).had(message) == both for message in plain)
+        process.exchange._line(state).underway.clear()
+        assert process.actor._mechanisms.latest.number == process.peers[0].number
         monkeypatch.undo()
         found.append(got)
+    assert process.exchange.lane.sent(process.actor._publish_model.number) > 2 * len(plain)
     assert len(found[0]) == len(plain)
     assert found[0] == found[1]
 
