@@ -9,10 +9,13 @@ bug that was fixed, is no part of one.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 from zlib import crc32
 
+import pytest
+
 Case = TypeVar("Case")
+Test = TypeVar("Test", bound=Any)
 # Set by conftest.py before any test is read.
 LONG = False
 
@@ -20,6 +23,11 @@ LONG = False
 def only_long(*cases: Case) -> list[Case]:
     """Return cases with ``--long``, and none without: others of the same law are in every run."""
     return list(cases) if LONG else []
+
+
+def long_ones(test: Test) -> Test:
+    """Mark a test that is done with ``--long`` only: others assert the same at less cost."""
+    return test if LONG else pytest.mark.skip(reason="with --long only")(test)
 
 
 def sampled(cases: Iterable[Case], of: object = "", every: int = 5) -> list[Case]:

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import hapticmech_ros
+from sampling import long_ones
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -34,6 +35,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out / "html"
 
 
+@long_ones
 def test_every_page_is_in_the_site_and_is_reached(site: Path) -> None:
     pages = [*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md")]
     index = (site / "docs" / "index.html").read_text(encoding="utf-8")
@@ -44,6 +46,7 @@ def test_every_page_is_in_the_site_and_is_reached(site: Path) -> None:
         assert name == Path("docs/index.html") or f'href="{shown}"' in index, name
 
 
+@long_ones
 def test_every_public_name_has_an_entry(site: Path) -> None:
     page = (site / "docs" / "api.html").read_text(encoding="utf-8")
     entries = set(re.findall(r'id="(hapticmech_ros[\w.]*)"', page))

@@ -32,7 +32,7 @@ UNDERWAY_NS = 2 * NANOSECONDS
 CENSUS_NS = 20_000_000
 # After a change on the lane the middleware carries messages too for so long: it may know of a
 # listener that comes or goes only then.
-SETTLES_NS = NANOSECONDS
+SETTLES_NS = NANOSECONDS // 4
 # Of messages that wait for the loop to have time.
 MOST_LATER = 200
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.drivers import KINDS, Kind, felt
+from sampling import sampled
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", sampled(KINDS, every=2), ids=lambda kind: kind.name)
 def test_each_driver_engages_and_the_mechanism_is_felt(kind: Kind) -> None:
     found = felt(kind)
     # A controller that has a pose and a model has all it needs: a few periods of the driver's.

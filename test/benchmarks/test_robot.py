@@ -14,7 +14,7 @@ from benchmarks.robot.trial import Measured, Stage
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.law import OperationalLaw
-from sampling import sampled
+from sampling import long_ones, sampled
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
@@ -84,6 +84,7 @@ def test_what_is_worse_than_the_best_so_far_ends_early_and_alone():
     assert stage.path_error(others(quick=True)[IMPEDANCE][0], whole) == float("inf")
 
 
+@long_ones
 def test_from_where_directions_count_as_rigid_changes_little():
     """s_off from 0.1 to 0.4, with friction on the path that this law was once behind on."""
     task = wrist_path(*(np.array(end) for end in PATHS[3]))

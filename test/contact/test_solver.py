@@ -24,6 +24,7 @@ from oracles.touching import (
     shape,
     valley,
 )
+from sampling import only_long
 
 NAMES = ("one", "two", "three")
 
@@ -152,7 +153,9 @@ def test_what_was_there_before_leaves_no_friction():
         assert np.linalg.norm(across, axis=1).max() < 0.1 * np.linalg.norm(forces, axis=1).max()
 
 
-@pytest.mark.parametrize("name", ["stack", "stiff stack", "corner, rough", "corner, sticking"])
+@pytest.mark.parametrize(
+    "name", ["stack", "corner, rough", *only_long("stiff stack", "corner, sticking")]
+)
 def test_forces_are_what_the_law_says(name):
     """Checked with the links' own rates, once they turn little in a step."""
     make, duration = HARD[name]

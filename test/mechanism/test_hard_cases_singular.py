@@ -17,10 +17,12 @@ from oracles import pendulum
 from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import chain, elbow, pin_end
 from oracles.running import run, simulator, total_energy, unaccounted, with_start
+from sampling import only_long
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
-BOTH = pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
+# The readable one does the same steps: see test_stepping.
+BOTH = pytest.mark.parametrize("kind", [Simulator, *only_long(ReadableSimulator)])
 
 
 def windows(kind=Simulator, gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):

@@ -13,6 +13,7 @@ from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.mechanism.stepping import ReadableSimulator
 from oracles.running import with_start
+from sampling import sampled
 
 SAMPLES = [random_mechanism(seed, planar) for seed in range(4) for planar in (False, True)]
 SAMPLES += [closed_chain(seed, kind) for seed, kind in enumerate(("weld", "revolute"))]
@@ -28,7 +29,7 @@ def stepped(simulator, steps, wrenches):
 
 
 @pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("scene", sampled(SCENES, every=3), ids=lambda scene: scene.name)
 def test_a_run_is_its_steps(scene, kind):
     """Samples, the end, and what was done on the way, whatever the distance of samples."""
     if kind is ReadableSimulator:
