@@ -400,6 +400,37 @@ def test_the_mechanism_moves_as_the_simulator_does(
     assert last.stamp_ns % MS == MS // 2
 
 
+def test_held_elsewhere_the_mechanism_moves_as_the_simulator_does_there(
+    moving: Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actor, wrench = moving.actor, np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
+
+    def speak() -> None:
+        moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000))
+
+    moving.settle(speak)
+    place = actor.place.copy()
+    actor.apply_parameters(actor.parameters.model_copy(update={"grasp": "link1 0.02 0.01 0"}))
+    actor.port.set_timeout(10_000 * MS)
+    codes = by_the_kernel(moving, monkeypatch)
+
+    def heard() -> bool:
+        speak()
+        return bool(actor.port.command.stands(time.time_ns()) and codes)
+
+    moving.until(heard)
+    begun = actor._ticks
+    moving.until(lambda: actor._ticks > begun + 10)
+    start = actor.state
+    moving.until(lambda: actor.state.time - start.time >= 0.05)
+    assert np.abs(actor.place - place).max() > 0.005
+    simulator, expected = Simulator(actor.simulator.scene), start
+    for _ in range(round((actor.state.time - start.time) / actor.period_s)):
+        expected = simulator.step(expected, wrench[None])
+    assert actor.state.q == pytest.approx(expected.q, abs=1e-12)
+    assert np.abs(actor.state.q - start.q).max() > 1e-6
+
+
 def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
     actor, wrench = moving.actor, np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
     moving.settle(lambda: moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000)))
