@@ -22,6 +22,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.cluster import ClusterError, cluster, versions
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.study import Design, Variation, run_study
+from sampling import long_ones
 from study.counting import FOLDER
 
 pytestmark = pytest.mark.skipif(
@@ -116,6 +117,7 @@ def test_rows_are_those_of_this_process_to_the_bit(workers, tmp_path):
     assert found.numbers.tobytes() == here.numbers.tobytes()
 
 
+@long_ones
 def test_a_worker_that_dies_costs_its_scene_alone(workers, tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER, str(tmp_path / "asked"))
     with cluster(workers) as executor:

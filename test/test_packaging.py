@@ -24,6 +24,8 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from ament_index_python.resources import get_resource
 
+from sampling import only_long
+
 PACKAGE = "hapticmech_ros"
 EXECUTABLES = [
     "composed",
@@ -147,7 +149,7 @@ def installed(site_packages: Path) -> Distribution:
     return found
 
 
-@pytest.fixture(scope="module", params=["copied", "symlinked"])
+@pytest.fixture(scope="module", params=["copied", *only_long("symlinked")])
 def workspace(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A colcon workspace with the package built in it, without and with --symlink-install."""
     place = tmp_path_factory.mktemp(request.param)

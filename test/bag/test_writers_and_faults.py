@@ -227,7 +227,7 @@ CASES = list(itertools.product(WRITERS, FAULTS))
 
 @pytest.mark.parametrize(
     ("writer", "fault"),
-    [case for name in FAULTS for case in sampled([c for c in CASES if c[1] == name], name, 6)],
+    [case for name in FAULTS for case in sampled([c for c in CASES if c[1] == name], name, 12)],
 )
 def test_a_bag_is_read_whole_or_refused(tmp_path: Path, writer: str, fault: str) -> None:
     bag = WRITERS[writer](tmp_path / "bag")

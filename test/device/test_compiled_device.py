@@ -176,7 +176,7 @@ def test_a_period_is_the_same_from_random_states(device, hand, planar):
     [
         (device, hand)
         for device in ("ideal", "positions", "weak", "rough", "heavy", "small")
-        for hand in sampled(("pushing", "spring", "at_once", "arm", "tapping"), device, 3)
+        for hand in sampled(("pushing", "spring", "at_once", "arm", "tapping"), device)
     ],
 )
 def test_a_second_is_the_same(device, hand):

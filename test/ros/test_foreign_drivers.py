@@ -129,7 +129,6 @@ def until(driver: Driver, condition: Any, what: str) -> None:
         driver.go_on()
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(
     ("sensor", "says", "rate", "turn"),
     [

@@ -14,6 +14,7 @@ from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.device_presets import device_presets
 from hapticmech_ros.scene.hand import ArmHand, Waypoint
 from hapticmech_ros.session import Session
+from sampling import sampled
 
 NAMES = sorted(device_presets())
 # Of these keys a preset need not say where its number is from.
@@ -54,7 +55,7 @@ def test_a_preset_fills_what_the_scene_leaves_out(name):
     assert Device() == Device.model_validate({})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sampled(NAMES, every=2))
 def test_every_preset_renders_a_scene_to_an_arm(planar, name):
     """With gains a fifth of the scene's, which even the lightest device bears."""
     planar["device"] = {"preset": name}
