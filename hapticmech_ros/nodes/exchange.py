@@ -24,9 +24,10 @@ from hapticmech_ros.nodes.sent_numbers import check_finite
 from hapticmech_ros.times import NANOSECONDS
 
 # How many messages may be on their way through the middleware to those who had them already, and
-# for how long: what comes later is somebody else's.
-MOST_UNDERWAY = 1024
-UNDERWAY_NS = 2 * NANOSECONDS
+# for how long: what comes later is somebody else's. A recorder without a processor may look at what
+# the middleware has brought after seconds only.
+MOST_UNDERWAY = 10_000
+UNDERWAY_NS = 10 * NANOSECONDS
 # How long an answer holds to the question of who listens: asked each time it would cost as much as
 # a message. Somebody new outside hears a topic at most so much later.
 CENSUS_NS = 20_000_000
@@ -64,18 +65,19 @@ class _Line:
 
     def __init__(self) -> None:
         self.listeners: list[Listener] = []
-        self.underway: dict[bytes, int] = {}
+        # By hash: so many messages of ten seconds would take as many megabytes.
+        self.underway: dict[int, int] = {}
 
     def note(self, message: bytes) -> None:
         """Note that the middleware will bring what was handed over."""
         underway = self.underway
-        underway[message] = time.monotonic_ns()
+        underway[hash(message)] = time.monotonic_ns()
         if len(underway) > MOST_UNDERWAY:
             del underway[next(iter(underway))]
 
     def had(self, message: bytes) -> bool:
         """Return whether a message that the middleware brings was handed over before."""
-        noted = self.underway.get(message)
+        noted = self.underway.get(hash(message))
         return noted is not None and time.monotonic_ns() - noted < UNDERWAY_NS
 
 

@@ -15,18 +15,17 @@ from rosbags.interfaces import Qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
-from hapticmech_ros.nodes.exchange import UNDERWAY_NS, Exchange
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.origin import Batch, Origin
-from hapticmech_ros.times import NANOSECONDS
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
 # So many messages of the middleware may be ahead of their copies on the lane.
 MOST_AHEAD = 2048
 # Copies of what the lane has brought may come so late, s.
-UNDERWAY_S = UNDERWAY_NS / NANOSECONDS
+UNDERWAY_S = 2.0
 # A subscription that replaces another one runs beside it for so long, so that nothing is missed.
 OVERLAP_S = 1.0
 
