@@ -31,8 +31,9 @@ from hapticmech_ros.operational.counter_kernels import count_rigid
 from hapticmech_ros.operational.observe_kernels import MODEL_SIZE, observe_point
 from hapticmech_ros.operational.past_rates_kernels import rates_before, remember_state
 from hapticmech_ros.wire.kernels import (
-    COMMANDED,
     COUNT,
+    MODEL_QUATERNION,
+    QUATERNION_TOLERANCE,
     UNSOUND,
     sound_stamp,
     write_operational_model,
@@ -43,7 +44,6 @@ from hapticmech_ros.wire.kernels import (
 # when constraints are counted, ns.
 CLOSED, POSITION, VELOCITY, CONTACT, PLACE, FLAG, POINT, PAUSE, LAST, FIRST = range(OWN, OWN + 10)
 LINK_SIZE = OWN + 10
-_QUATERNION, _TOLERANCE = COMMANDED - 16, 1e-3
 
 
 @inner
@@ -190,7 +190,7 @@ def answer_states(
             return TO_READ
         model, contact = observation[:MODEL_SIZE], values[link[CONTACT] : link[CONTACT] + 6]
         write_operational_model(out, stamp, model, contact, values[link[FLAG]], grasp)
-        if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
+        if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
         take(inputs[0], words, polled[0], frame, copies)

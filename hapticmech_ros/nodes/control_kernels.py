@@ -48,6 +48,12 @@ from hapticmech_ros.wire.kernels import (
     GRASP,
     GRASP_SIZE,
     MODEL,
+    MODEL_QUATERNION,
+    OBEYS,
+    QUATERNION_TOLERANCE,
+    ROUND_TRIP,
+    SAMPLE,
+    SAMPLE_QUATERNION,
     UNSOUND,
     sound_stamp,
 )
@@ -61,7 +67,7 @@ TIMEOUT, EPOCH, PERIOD_NS, LAST, MODEL_NS, RENDERED, NEWEST, ARRIVED, GAIN_FROM,
 )
 # Of device and analyser the number of the last message, and its stamp, ns.
 OF_DEVICE, OF_ANALYSER = OWN + 10, OWN + 12
-# Which of the device's samples; and answers.
+# Stamp of the sample that was answered last, ns; and how many were.
 SAMPLE_NS, ANSWERS = OWN + 14, OWN + 15
 LINK_SIZE = OWN + 16
 # Which topics are read, and which are sent.
@@ -70,10 +76,6 @@ TO_DEVICE, TO_POINT = 0, 1
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
-_FIRST, _TOLERANCE = 2, 1e-3
-_ROUND_TRIP = _FIRST + SAMPLE_SIZE + 6
-_OBEYS = _ROUND_TRIP + 1
-_DEVICE_QUATERNION, _MODEL_QUATERNION = _FIRST + 3, COMMANDED - 16
 
 
 @inner
@@ -108,7 +110,7 @@ def plain_model(link: Array, values: Array, most: Array, grasp: Array, time: int
         grasp: (7,) where the operational point is.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, _MODEL_QUATERNION, _TOLERANCE)
+    stamp = sound_stamp(values, most, MODEL_QUATERNION, QUATERNION_TOLERANCE)
     if stamp == UNSOUND or abs(time - stamp) > link[OLDEST] or values[COMMANDED] != 1.0:
         return UNSOUND
     for i in range(GRASP_SIZE):
@@ -128,10 +130,10 @@ def plain_sample(link: Array, values: Array, most: Array, round_trip: float, tim
         round_trip: s, as the device has told it.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, _DEVICE_QUATERNION, _TOLERANCE)
+    stamp = sound_stamp(values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
     if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
         return UNSOUND
-    if values[_OBEYS] != 1.0 or values[_ROUND_TRIP] != round_trip:
+    if values[OBEYS] != 1.0 or values[ROUND_TRIP] != round_trip:
         return UNSOUND
     if stamp < link[NEWEST] or stamp == time or stamp >= link[GAIN_FROM] or link[VIEW] == 1:
         return UNSOUND
@@ -270,7 +272,7 @@ def answer_samples(
         stamp = plain_sample(link, state, state_most, round_trip, time)
         if stamp == UNSOUND or has_paused(link, OF_DEVICE, stamp, counted):
             return TO_READ
-        sample = state[_FIRST : _FIRST + SAMPLE_SIZE]
+        sample = state[SAMPLE : SAMPLE + SAMPLE_SIZE]
         put(moved, motion)
         if follow_sample(moved, sample, (stamp - link[MOVED]) / 1e9) != SOUND:
             return TO_READ

@@ -52,13 +52,14 @@ class ControllerOutputs:
 
     Attributes:
         answers: commands sent to the device.
+        to_device, to_point: what these, and those to the mechanism, are published through.
     """
 
     def __init__(self, actor: Actor[Any], axes: Callable[[], Array | None]) -> None:
         self._actor, self._axes = actor, axes
         self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
         self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
-        self._publish_device = actor.output(DEVICE_COMMAND, WrenchStamped)
+        self.to_device = actor.output(DEVICE_COMMAND, WrenchStamped)
         self._publish_own: Outlet | None = None
         if actor.scene.device.servo_axes == "body":
             self._publish_own = actor.output(DEVICE_BODY_COMMAND, WrenchStamped)
@@ -70,15 +71,13 @@ class ControllerOutputs:
         if actor.other_points:
             self._publish_coupling = actor.output(DEVICE_COUPLING, Float64MultiArray)
         self._publish_energy = actor.view(CONTROLLER_ENERGY, Float64MultiArray)
-        self._publish_point = actor.output(POINT_COMMAND, WrenchStamped)
+        self.to_point = actor.output(POINT_COMMAND, WrenchStamped)
         self._publish_parts = [
             actor.view(topic, WrenchStamped)
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
         self.answers = 0
         self._gain_ns = NEVER
-        # Of what goes out for each sample.
-        self.to_device, self.to_point = self._publish_device, self._publish_point
 
     @property
     def gain_from_ns(self) -> int:
@@ -127,7 +126,7 @@ class ControllerOutputs:
             wrench: (6,) N and N m, world axes at the point held.
             stamp_ns: of the sample that is answered.
         """
-        self._publish_device.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
+        self.to_device.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
         self._own(wrench, stamp_ns)
 
     def _own(self, wrench: Array, stamp_ns: int) -> None:
@@ -163,14 +162,14 @@ class ControllerOutputs:
             wrench: (6,) N and N m, world axes at the operational point.
             stamp_ns: of the device's sample; over a network, of the operational model.
         """
-        self._publish_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
+        self.to_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 
     def zero(self, device_ns: int, mechanism_ns: int) -> None:
         """Say zero to both sides, each by its own clock (ns), later than what it was told last."""
         self._gain_ns = NEVER
         for outlet, time_ns in (
-            (self._publish_device, device_ns),
-            (self._publish_point, mechanism_ns),
+            (self.to_device, device_ns),
+            (self.to_point, mechanism_ns),
         ):
             outlet.publish(encode_wrench(NO_WRENCH, nearest_stamp(time_ns)))
         self._own(NO_WRENCH, nearest_stamp(device_ns))

@@ -50,7 +50,13 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
-from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
+from hapticmech_ros.wire.kernels import (
+    QUATERNION_TOLERANCE,
+    SAMPLE,
+    SAMPLE_QUATERNION,
+    UNSOUND,
+    sound_stamp,
+)
 
 # The next deadline and the period, ns, by the node's time; how long a command stands, and how long
 # what says how it depends on the device, ns; since when a command stands, and the one before, and
@@ -62,8 +68,6 @@ NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN +
 LINK_SIZE = OWN + 16
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
-_FIRST, _TOLERANCE = 2, 1e-3
-_QUATERNION = _FIRST + 3
 
 
 @inner
@@ -243,8 +247,8 @@ def drive_at_deadlines(
         link[NEXT] += link[PERIOD]
         link[DONE] += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[_FIRST : _FIRST + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
-        if sound_stamp(out, out_most, _QUATERNION, _TOLERANCE) == UNSOUND:
+        put(out[SAMPLE : SAMPLE + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        if sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])

@@ -138,7 +138,8 @@ class StateAnswers(PlainMessages):
         if code == kernels.TO_LOOK_AT:
             analyser = actor.analyser
             found = self._observation, analyser.layout, analyser.rows, actor.mechanism.nv
-            actor.publish_view(Observation(*found).analysis, count)
+            seen = Observation(*found).analysis
+            actor.failures.run("view", actor.publish_view, seen, count)
 
 
 class NullspaceAnalyser(Actor[AnalyserParameters]):

@@ -282,7 +282,7 @@ class PlainMessages:
         if to:
             lane.send_to(to, number, row[kernels.OUT_NUMBER], sent, message, both)
         if both:
-            one.outlet.publish_outside(message)
+            self._actor.failures.run("publish", one.outlet.publish_outside, message)
 
     @staticmethod
     def _bytes(frame: Array, length: int) -> bytes:

@@ -20,10 +20,9 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.layout import ANY, Layout
 from hapticmech_ros.scene.limits import Limits
-from hapticmech_ros.wire.kernels import UNSOUND, stamp_if_sound
+from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.stamps import LAST_SECOND, stamp_of
 
-QUATERNION_TOLERANCE = 1e-3
 # Quantities that no scene says anything about.
 FIXED: dict[str, float] = {
     "seconds": float(LAST_SECOND),

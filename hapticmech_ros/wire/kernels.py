@@ -8,13 +8,20 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 
 # No message stands for a time before this.
 UNSOUND = -1
 # Where in an operational_model message what is; in between is the model, which ends with F_c.
 COUNT, MODEL, COMMANDED = 2, 4, 4 + OPERATIONAL_MODEL.size
 GRASP, GRASP_SIZE = COMMANDED + 1, 7
+MODEL_QUATERNION = COMMANDED - 16
+# And in a device's state message; the wrench applied follows the sample.
+SAMPLE, SAMPLE_QUATERNION = 2, 5
+ROUND_TRIP = SAMPLE + DEVICE_SAMPLE.size + 6
+OBEYS = ROUND_TRIP + 1
+# Of a quaternion's length.
+QUATERNION_TOLERANCE = 1e-3
 _SECOND = 1_000_000_000
 
 

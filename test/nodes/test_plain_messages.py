@@ -16,7 +16,7 @@ import pytest
 
 from benchmarks.reliability.fake_graph import Host
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes import analysis_kernels, device_kernels
+from hapticmech_ros.nodes import device_kernels, lane_kernels
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
 from hapticmech_ros.nodes.exchange import Exchange
@@ -353,6 +353,28 @@ def test_a_point_that_is_held_elsewhere_is_followed(analysed: tuple[Process, Sta
     assert told[1] == pytest.approx(flat_grasps(process.actor.scene)[0][1] + 0.01)
 
 
+def test_a_publication_that_fails_is_counted_and_ends_nobody(
+    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, states = analysed
+    actor = process.actor
+    outlet, codes = actor._publish_model, by_the_kernel(process, monkeypatch)
+    process.host.outside = 1
+    process.until(lambda: outlet.way is True)
+
+    def fails(message: bytes) -> None:
+        raise RuntimeError("no context")
+
+    monkeypatch.setattr(outlet, "publish_outside", fails)
+
+    def spoken() -> bool:
+        process.speak(states.next())
+        return bool(actor.failures.count and lane_kernels.TO_SEND in codes)
+
+    process.until(spoken)
+    assert "no context" in actor.failures.last
+
+
 def test_where_the_answers_numbers_are_is_one_table() -> None:
     starts = OPERATIONAL_MODEL_FIELDS.starts("count", "s", "commanded", "grasp", "quaternion")
     assert starts == (
@@ -360,8 +382,11 @@ def test_where_the_answers_numbers_are_is_one_table() -> None:
         kernels.MODEL,
         kernels.COMMANDED,
         kernels.GRASP,
-        analysis_kernels._QUATERNION,
+        kernels.MODEL_QUATERNION,
     )
+    names = "position", "quaternion", "round_trip", "obeys"
+    places = kernels.SAMPLE, kernels.SAMPLE_QUATERNION, kernels.ROUND_TRIP, kernels.OBEYS
+    assert DEVICE_FIELDS.starts(*names) == places
 
 
 @pytest.fixture
