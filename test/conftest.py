@@ -34,6 +34,11 @@ def pytest_configure(config):
     sampling.LONG = config.getoption("--long")
 
 
+def pytest_make_parametrize_id(val, argname):
+    """Name bytes by their argument: what the middleware leaves between fields differs each time."""
+    return argname if isinstance(val, bytes) else None
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_collection():
     """Collect tests, which stay: garbage is not looked for in them again and again."""
