@@ -5,6 +5,7 @@
 from hapticmech_ros.compilation.arrays import local, local_whole, put, shaped
 from hapticmech_ros.compilation.decorators import (
     c_function,
+    function_at,
     gathering_kernel,
     inner,
     kernel,
@@ -18,6 +19,7 @@ __all__ = [
     "Size",
     "Structure",
     "c_function",
+    "function_at",
     "gathering_kernel",
     "inner",
     "kernel",

@@ -93,6 +93,23 @@ def c_function(name: str, signature: str) -> Callable[..., Any]:
     return cast(Callable[..., Any], called_in_c(name, signature))
 
 
+def function_at(signature: str) -> Callable[..., Any]:
+    """Return what calls a function of C by its address, for kernels.
+
+    Args:
+        signature: types of result and arguments, that of the address first, as Numba writes them.
+    """
+    if not is_building():
+
+        def only_compiled(*_given: Any) -> Any:
+            raise NotImplementedError("only kernels call functions by their addresses")
+
+        return only_compiled
+    from hapticmech_ros.compilation.inner_functions import called_at
+
+    return cast(Callable[..., Any], called_at(signature))
+
+
 def kernel(
     signature: str, linked: bool = False, waits: bool = False
 ) -> Callable[[Function], Function]:

@@ -132,6 +132,33 @@ def called_in_c(name: str, signature: str) -> Any:
     return _intrinsic(call, name, parameters)
 
 
+def called_at(signature: str) -> Any:
+    """Return what calls a function by its address, for kernels.
+
+    Args:
+        signature: types of result and arguments, that of the address first.
+    """
+    types = signature_of(signature)
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    names = (f"a{number}" for number in range(len(types.args)))
+
+    def call(_context: Any, *_given: Any, **_named: Any) -> Any:
+        return types, _call_at
+
+    return _intrinsic(
+        call, "called_at", inspect.Signature([inspect.Parameter(one, kind) for one in names])
+    )
+
+
+def _call_at(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    """Write a call of the function whose address is the first value."""
+    address, *given = values
+    kind = ir.FunctionType(
+        context.get_value_type(signature.return_type), [value.type for value in given]
+    )
+    return builder.call(builder.inttoptr(address, kind.as_pointer()), given)
+
+
 def signature_of(text: str) -> Any:
     """Return a signature as Numba has it."""
     return eval(text, {**vars(numba.types), "Array": numba.types.Array})

@@ -18,7 +18,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SEND,
     UNTIL,
-    is_to_be_sent,
+    is_left,
     look_is_due,
     note_read,
     peek,
@@ -119,7 +119,7 @@ def answer_states(
     Args:
         link: (18,) what Python and kernel tell each other; see above and ``lane_kernels``.
         inputs: (1, 8) likewise, of the states.
-        outputs: (1, 6) likewise, of the answers.
+        outputs: (1, 17) likewise, of the answers.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         frame: (words,) for the message that has come.
@@ -200,8 +200,9 @@ def answer_states(
         send_to_all(outputs[0], words, out_frame, targets, real)
         note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp
+        left = is_left(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
-        if is_to_be_sent(outputs[0]):
+        if left:
             return TO_SEND
     return TIME_IS_UP

@@ -34,7 +34,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SEND,
     UNTIL,
     VIEW,
-    is_to_be_sent,
+    is_left,
     note_read,
     peek,
     send_to_all,
@@ -204,7 +204,7 @@ def answer_samples(
     Args:
         link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
         inputs: (2, 8) likewise, of the samples and the models.
-        outputs: (2, 6) likewise, of the commands to device and mechanism.
+        outputs: (2, 17) likewise, of the commands to device and mechanism.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
             process first.
@@ -318,6 +318,7 @@ def answer_samples(
         link[MOVED], link[RENDERED], link[SAMPLE_NS] = stamp, link[MODEL_NS], stamp
         link[ANSWERS] += 1
         link[VIEW] -= int(link[VIEW] > 0)
-        if is_to_be_sent(outputs[TO_DEVICE]) or is_to_be_sent(outputs[TO_POINT]):
+        left = is_left(outputs[TO_DEVICE], device_frame)
+        if is_left(outputs[TO_POINT], point_frame) or left:
             return TO_SEND
     return TIME_IS_UP

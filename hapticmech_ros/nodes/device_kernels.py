@@ -40,7 +40,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SEND,
     UNTIL,
     is_set,
-    is_to_be_sent,
+    is_left,
     look_is_due,
     note_read,
     peek,
@@ -161,7 +161,7 @@ def drive_at_deadlines(
     Args:
         link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
         inputs: (1, 8) likewise, of the commands.
-        outputs: (1, 6) likewise, of the samples.
+        outputs: (1, 17) likewise, of the samples.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
@@ -252,8 +252,9 @@ def drive_at_deadlines(
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
+        left = is_left(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
-        if is_to_be_sent(outputs[0]):
+        if left:
             return TO_SEND
     return TIME_IS_UP

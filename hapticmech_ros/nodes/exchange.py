@@ -11,9 +11,11 @@ different.
 
 from __future__ import annotations
 
+import ctypes
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, Protocol
 
 from hapticmech_ros.nodes.lane import Arrived, Lane
@@ -56,6 +58,16 @@ class Acts(Protocol):
     """
 
     active: bool
+
+
+@cache
+def _rcl_publishes() -> int:
+    """Return the address of ``rcl_publish_serialized_message``, which rclpy calls for bytes."""
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+
+    library = ctypes.CDLL(rclpy_implementation.__file__)
+    found = ctypes.cast(library.rcl_publish_serialized_message, ctypes.c_void_p).value
+    return found or 0
 
 
 class _Line:
@@ -168,6 +180,16 @@ class Outlet:
     def published(self) -> int:
         """How many messages have gone through the middleware."""
         return self._published
+
+    def note_published(self, number: int) -> None:
+        """Note how many messages have gone through the middleware, some by :attr:`rcl`."""
+        self._published = number
+
+    @property
+    def rcl(self) -> tuple[int, int]:
+        """Addresses of what publishes bytes in rcl, and of the publisher there; zeros: none."""
+        handle = getattr(self.publisher, "handle", None)
+        return (0, 0) if handle is None else (_rcl_publishes(), handle.pointer)
 
     @property
     def way(self) -> bool | None:
@@ -307,15 +329,16 @@ class Exchange:
             return line.had
 
         def had(message: bytes) -> bool:
+            if line.had(message):
+                return True
             if lane.linked:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)
                 self.deliver()
-                if not line.had(message):
-                    self.strange_ns = time.monotonic_ns()
-                    return False
-                return True
-            return line.had(message)
+                if line.had(message):
+                    return True
+                self.strange_ns = time.monotonic_ns()
+            return False
 
         return had
 

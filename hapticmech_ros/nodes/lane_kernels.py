@@ -10,7 +10,7 @@ another publisher, or one that breaks a rule needs, Python does.
 from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import c_function, inner
+from hapticmech_ros.compilation import c_function, function_at, inner
 from hapticmech_ros.wire.kernels import UNSOUND
 
 # Whole numbers by which Python and kernel tell each other how things stand. What Python tells:
@@ -28,9 +28,12 @@ HEAD, NUMBER, LENGTH, DATA, READ, COUNTED, SENT_NS, COPIED = range(8)
 INPUT_SIZE = 8
 # Those of each topic that is sent. What Python tells: the first word of the header, how often the
 # middleware was used, the message's length, how many were sent, and 1 if the middleware is to carry
-# them too. What the kernel tells: to whom the last one could not be sent, a bit each.
-OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, BOTH, UNSENT = range(6)
-OUTPUT_SIZE = 6
+# them too; by which function of rcl, 0 for by Python, through which publisher. What the kernel
+# tells: to whom the last one could not be sent, a bit each; whether Python is to publish it; and
+# from the last number on what rcl takes for the message, its first three words being where its
+# bytes are, and twice how many.
+OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, BOTH, PUBLISHES, PUBLISHER, UNSENT, LEFT, BYTES = range(10)
+OUTPUT_SIZE = 17
 # From here on a node's kernel has numbers of its own.
 OWN = 8
 # Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
@@ -61,6 +64,7 @@ _send = c_function("send", "int64(int32, intp, uint64, int32)")
 _memcmp = c_function("memcmp", "int32(intp, intp, uint64)")
 _memcpy = c_function("memcpy", "intp(intp, intp, uint64)")
 _clock_gettime = c_function("clock_gettime", "int32(int32, intp)")
+_publish = function_at("int32(intp, intp, intp, intp)")
 
 
 @inner
@@ -244,9 +248,20 @@ def write_stamp(frame: Array, stamp: int) -> None:
 
 
 @inner
-def is_to_be_sent(topic: Array) -> bool:
-    """Return whether what was sent last is to go to more than the kernel could reach."""
-    return bool(topic[BOTH] != 0 or topic[UNSENT] != 0)
+def is_left(topic: Array, frame: Array) -> bool:
+    """Have the middleware carry what was sent last; return whether Python has to send it on.
+
+    Args:
+        topic: what Python and kernel tell each other of the topic.
+        frame: (words,) the message, from :data:`BEGINS_AT` on.
+    """
+    topic[LEFT] = topic[BOTH]
+    if topic[BOTH] != 0 and topic[PUBLISHES] != 0:
+        topic[BYTES] = frame.ctypes.data + BEGINS_AT + HEADER_BYTES
+        topic[BYTES + 1] = topic[BYTES + 2] = topic[OUT_LENGTH] - HEADER_BYTES
+        message = topic[BYTES:].ctypes.data
+        topic[LEFT] = _publish(topic[PUBLISHES], topic[PUBLISHER], message, 0) != 0
+    return bool(topic[LEFT] != 0 or topic[UNSENT] != 0)
 
 
 @inner

@@ -3,9 +3,9 @@
 """What a node's kernel does while its process waits: plain messages, without Python.
 
 A message is plain if it comes over the lane from the one publisher of its topic that has sent them
-so far, and keeps all rules; what is sent goes to the lane's listeners, and to those outside once
-the kernel has returned. Whatever is not so, the kernel leaves to Python, which does all that it
-would do without a kernel: see :mod:`.lane_kernels`.
+so far, and keeps all rules; what is sent goes to the lane's listeners, and to those outside by rcl,
+as rclpy would. Whatever is not so, the kernel leaves to Python, which does all that it would do
+without a kernel: see :mod:`.lane_kernels`.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class PlainMessages:
 
     Attributes:
         link: (size,) what Python and kernel tell each other; see :mod:`.lane_kernels`.
-        inputs, outputs: (n, 8) and (m, 6) likewise, of each topic.
+        inputs, outputs: (n, 8) and (m, 17) likewise, of each topic.
         frames, values, prefixes, copies: of each topic that is read words for a message, a view of
             its data, what all messages begin with, and words for those that the middleware brings.
         targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
@@ -210,11 +210,14 @@ class PlainMessages:
             if way is None or not hearers:
                 return False
             row[kernels.BOTH] = way
+            if way:
+                row[kernels.PUBLISHES : kernels.UNSENT] = outlet.rcl
             numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
             self._hearers.append(hearers)
             self.targets.append(np.array(numbers, dtype=np.int64))
             row[kernels.OUT_NUMBER] = outlet.published
-            row[kernels.SENT], row[kernels.UNSENT] = lane.sent(outlet.number), 0
+            row[kernels.SENT] = lane.sent(outlet.number)
+            row[kernels.UNSENT] = row[kernels.LEFT] = 0
         return True
 
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
@@ -272,16 +275,17 @@ class PlainMessages:
             row: what the kernel tells of it.
             hearers: who hears it on the lane.
         """
-        number, sent, both = one.outlet.number, row[kernels.SENT], bool(row[kernels.BOTH])
-        is_new = sent > lane.sent(number)
+        number, sent, left = one.outlet.number, row[kernels.SENT], bool(row[kernels.LEFT])
         lane.note_sent(number, sent)
-        if not is_new or not (both or row[kernels.UNSENT]):
+        one.outlet.note_published(row[kernels.OUT_NUMBER] - left)
+        if not (left or row[kernels.UNSENT]):
             return
         message = self._bytes(one.frame, row[kernels.OUT_LENGTH])
         to = [who for i, who in enumerate(hearers) if row[kernels.UNSENT] >> i & 1]
         if to:
+            both = bool(row[kernels.BOTH])
             lane.send_to(to, number, row[kernels.OUT_NUMBER], sent, message, both)
-        if both:
+        if left:
             self._actor.failures.run("publish", one.outlet.publish_outside, message)
 
     @staticmethod

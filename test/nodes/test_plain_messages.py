@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -45,6 +46,27 @@ DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
 HEARD = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES
 MS = 1_000_000
+RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
+
+
+# As rcl declares it; a serialized message is eight words.
+@ctypes.CFUNCTYPE(
+    ctypes.c_int32, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t * 8), ctypes.c_void_p
+)
+def rcl_publish(publisher: int, message: Any, _allocation: int) -> int:
+    """Stand for ``rcl_publish_serialized_message``."""
+    address, length, capacity, *allocator = message.contents
+    assert length == capacity
+    assert not any(allocator)
+    return RCL_PUBLISHERS[publisher - 1](ctypes.string_at(address, length))
+
+
+@pytest.fixture(autouse=True)
+def _messages_are_published_by_rcl() -> Iterator[None]:
+    address = ctypes.cast(rcl_publish, ctypes.c_void_p).value
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exchange_module, "_rcl_publishes", lambda: address)
+        yield
 
 
 class LaneHost(Host):
@@ -53,12 +75,23 @@ class LaneHost(Host):
     Attributes:
         outside: how many listen that are not on the lane.
         carried: what the middleware was given, by topic.
+        rcl_fails: whether rcl refuses to publish.
+        by_rcl: how many messages a kernel had rcl publish.
     """
 
     def __init__(self, graph: Any, name: str) -> None:
         super().__init__(graph, name)
         self.outside = 0
         self.carried: dict[str, list[bytes]] = defaultdict(list)
+        self.rcl_fails = False
+        self.by_rcl = 0
+
+    def publish(self, topic: str, message: bytes) -> int:
+        """Publish as rcl does; return what it returns."""
+        if not self.rcl_fails:
+            self.carried[topic].append(message)
+            self.by_rcl += 1
+        return int(self.rcl_fails)
 
     def lane_kind(self, message_type: Any) -> str:
         return message_type.__name__
@@ -69,8 +102,10 @@ class LaneHost(Host):
     def create_publisher(self, kind: Any, name: str, qos: Any) -> Any:
         topic = self.resolve_topic_name(name)
         heard = topic in [name.split()[0] for name in HEARD]
+        RCL_PUBLISHERS.append(lambda message: self.publish(topic, message))
         return SimpleNamespace(
             topic_name=topic,
+            handle=SimpleNamespace(pointer=len(RCL_PUBLISHERS)),
             publish=self.carried[topic].append,
             get_subscription_count=lambda: heard * (1 + self.outside),
         )
@@ -253,11 +288,12 @@ def by_the_kernel(process: Process, monkeypatch: pytest.MonkeyPatch) -> list[int
     return codes
 
 
-@pytest.mark.parametrize("both", [False, True])
+@pytest.mark.parametrize(("both", "rcl_fails"), [(False, False), (True, False), (True, True)])
 def test_states_are_answered_as_python_answers_them(
-    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch, both: bool
+    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch, both: bool, rcl_fails: bool
 ) -> None:
     process, states = analysed
+    process.host.rcl_fails = rcl_fails
     # Whether the middleware carries all as well: somebody listens there.
     process.host.outside = int(both)
     process.until(lambda: process.actor._publish_model.way == both)
@@ -278,12 +314,15 @@ def test_states_are_answered_as_python_answers_them(
         codes = by_the_kernel(process, monkeypatch)
         analyses, got = process.actor.analyses, []
         process.host.carried[model].clear()
+        process.host.by_rcl = 0
         for done, message in enumerate(plain, analyses + 1):
             process.speak(message, both=both)
             got += process.until(lambda done=done: process.actor.analyses == done)
         got += process.answers()
         assert bool(codes) == by_kernel
         assert process.host.carried[model] == (got if both else [])
+        assert bool(process.host.by_rcl) == (by_kernel and both and not rcl_fails)
+        assert (lane_kernels.TO_SEND in codes) == (by_kernel and rcl_fails)
         # What the middleware brings of it is known.
         assert all(process.exchange._line(state).had(message) == both for message in plain)
         process.exchange._line(state).underway.clear()
@@ -359,7 +398,7 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
     process, states = analysed
     actor = process.actor
     outlet, codes = actor._publish_model, by_the_kernel(process, monkeypatch)
-    process.host.outside = 1
+    process.host.outside, process.host.rcl_fails = 1, True
     process.until(lambda: outlet.way is True)
 
     def fails(message: bytes) -> None:
