@@ -19,15 +19,18 @@ from hapticmech_ros.graph import start_process, stop_process
 
 PROGRAM = """
 import rclpy
-from std_msgs.msg import Float64MultiArray
+from {package}.msg import {kind}
 rclpy.init()
 node = rclpy.create_node("reader")
 heard = []
-node.create_subscription(Float64MultiArray, "/device/state", heard.append, 10)
+node.create_subscription({kind}, "{topic}", heard.append, 10)
 while not heard:
     rclpy.spin_once(node)
 print("read", flush=True)
 """
+READS = PROGRAM.format(package="std_msgs", kind="Float64MultiArray", topic="/device/state")
+# The device speaks first; commands come once all of the graph has started.
+WAITS = PROGRAM.format(package="geometry_msgs", kind="WrenchStamped", topic="/device/servo_cf")
 # Turns a command into one that runs within a load.
 Within = Callable[[Sequence[str]], Sequence[str]]
 # s that the first one may take, which waits for the graph, and that each of the others may.
@@ -51,15 +54,15 @@ def read_beside(rate_hz: float, within: Within, count: int, log: Path) -> tuple[
         graph = start_process(within(command), os.environ)
     try:
         # Not counted: it waits for the graph.
-        _read(within)
-        return tuple(_read(within) for _ in range(count))
+        _read(within, WAITS)
+        return tuple(_read(within, READS) for _ in range(count))
     finally:
         stop_process(graph)
 
 
-def _read(within: Within) -> float:
+def _read(within: Within, code: str) -> float:
     begun = time.monotonic()
-    program = start_process(within([sys.executable, "-c", PROGRAM]), os.environ, pipe_output=True)
+    program = start_process(within([sys.executable, "-c", code]), os.environ, pipe_output=True)
     try:
         if not next_line(program, PATIENCE_S):
             raise BenchError(f"a program beside the graph read nothing in {PATIENCE_S:g} s")
