@@ -45,7 +45,8 @@ def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("scene", "composed"),
-    [("five_bar", False), ("four_bar_closing", False), *only_long(("five_bar", True))],
+    # The README's is in every run too, beside busy programs: test_small_machine.
+    [("four_bar_closing", False), *only_long(("five_bar", False), ("five_bar", True))],
 )
 def test_graph_and_session_agree(
     domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, composed: bool

@@ -155,7 +155,7 @@ def started(words: Sequence[str], folder: Path, domain: int) -> Iterator[subproc
             readiness.close()
 
 
-@pytest.mark.parametrize("command", EACH_LASTING)
+@pytest.mark.parametrize("command", sampled(EACH_LASTING, every=2))
 def test_commands_that_last_start_and_end_with_ctrl_c(
     command: str, folder: Path, domain: int, peer: Peer
 ) -> None:
@@ -176,7 +176,7 @@ def test_commands_that_last_start_and_end_with_ctrl_c(
         assert process.wait(WAIT_S) == 0, (folder / "output").read_text()
 
 
-@pytest.mark.parametrize(("page", "command"), EACH_CLIENT)
+@pytest.mark.parametrize(("page", "command"), sampled(EACH_CLIENT, every=2))
 def test_commands_to_a_running_graph_are_obeyed(
     page: str, command: str, folder: Path, domain: int, peer: Peer
 ) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import sampling
 from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_folder import lane_folder
@@ -21,7 +22,7 @@ from sampling import only_long
 pytestmark = pytest.mark.ros
 
 STORM = Path(__file__).with_name("restart_storm.py")
-RESTARTS = 200
+RESTARTS = 200 if sampling.LONG else 80
 
 # All that rclpy's events executor waits for at a node, once it is configured.
 EVENTS = """
