@@ -36,7 +36,7 @@ BARELY = 1e-9
 
 
 # Of the grip, assumed: about twice the firm arm's stiffness, so that its mass of 0.55 kg swings at
-# 8 Hz between them, and with its lever in rotation (``scene/arm_impedances.py``).
+# 8 Hz between them, and with its lever in rotation (``scene/hand.py``).
 GRIP = {"stiffness": 1000.0, "damping": 10.0, "angular_stiffness": 0.9, "angular_damping": 9e-3}
 
 

@@ -30,7 +30,7 @@ def long_ones(test: Test) -> Test:
     return test if LONG else pytest.mark.skip(reason="with --long only")(test)
 
 
-def sampled(cases: Iterable[Case], of: object = "", every: int = 8) -> list[Case]:
+def sampled(cases: Iterable[Case], of: object = "", every: int = 5) -> list[Case]:
     """Return one of so many cases, and one at least; all of them with ``--long``.
 
     Args:

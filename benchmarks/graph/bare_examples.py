@@ -20,12 +20,12 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8Mul
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.message_class import message_class
 from hapticmech_ros.nodes.messages import (
     WORLD,
+    message_class,
     set_stamp,
 )
 from hapticmech_ros.quaternions import quaternion_of
@@ -43,7 +43,6 @@ from hapticmech_ros.wire.energies import (
     pack_device_energy,
 )
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
-from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
@@ -55,7 +54,7 @@ from hapticmech_ros.wire.layouts import (
     pack_operational_model,
 )
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist
-from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
 from hapticmech_ros.wire.topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
 from hapticmech_ros.wire.wrench import encode_wrench

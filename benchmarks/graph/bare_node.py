@@ -28,8 +28,7 @@ from hapticmech_ros.nodes.loop import (
     wake_up_in_time,
 )
 from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
-from hapticmech_ros.nodes.node_time import NodeTime
-from hapticmech_ros.nodes.period_clock import PeriodClock
+from hapticmech_ros.nodes.node_time import NodeTime, PeriodClock
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import NANOSECONDS

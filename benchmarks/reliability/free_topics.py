@@ -13,7 +13,7 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros.nodes.external_wrenches import PERSISTENT
-from hapticmech_ros.nodes.message_class import message_class
+from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.topic import WRENCH
 from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS

@@ -20,8 +20,7 @@ from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.interfaces import Interface
-from hapticmech_ros.robot.joint_servo import servo_torque
+from hapticmech_ros.robot.interfaces import Interface, servo_torque
 from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
 

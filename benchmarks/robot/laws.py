@@ -19,9 +19,9 @@ from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
-from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
 from hapticmech_ros.robot.target import Target
 from hapticmech_ros.robot.torque_limits import Limited, limited_torque
+from hapticmech_ros.robot.tuning import inertia_ratio, loop_rates
 
 OURS, IMPEDANCE, DAMPED = "ours", "impedance", "damped inverse"
 

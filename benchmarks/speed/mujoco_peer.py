@@ -24,7 +24,7 @@ from benchmarks.speed.contender import (
 )
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
-from hapticmech_ros.robot.mujoco_tree import MujocoTree
+from hapticmech_ros.robot.mujoco_robot import MujocoTree
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, LinkFrame, Spring
 

@@ -55,8 +55,7 @@ from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.interfaces import CORRECTION, Interface
-from hapticmech_ros.robot.joint_servo import RATE, servo_torque
+from hapticmech_ros.robot.interfaces import CORRECTION, RATE, Interface, servo_torque
 from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.linear_environment import Impedance, LinearEnvironment
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot

@@ -35,7 +35,7 @@ from hapticmech_ros.analysis.touch import Observe, Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample

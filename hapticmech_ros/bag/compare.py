@@ -1,20 +1,250 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares two bags: what came out with what was recorded."""
+"""Compares two bags: what came out with what was recorded.
+
+Messages of a topic are paired by their stamps, or the nearest ones, and compared field by field, as
+named rows of numbers whatever their type.
+"""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from hapticmech_ros.bag.deviations import Deviations, FieldDeviation
-from hapticmech_ros.bag.matching import Pairs, by_nearest, by_order, by_stamp
+import numpy as np
+from numpy.typing import NDArray
+
 from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.bag.stamps import flat_fields
 from hapticmech_ros.errors import BagError, InvalidInputError
+
+Array = NDArray[np.float64]
+Row = Array | str
+
+
+def rows_of(message: Any) -> dict[str, Row]:
+    """Return name -> numbers (n,), or text, of every field but the stamp.
+
+    Names are joined by dots, such as ``wrench.force.x``. The data of a flat array have the names of
+    its label.
+    """
+    if type(message).__name__.endswith("Float64MultiArray"):
+        found = _labelled(message)
+        if found:
+            return found
+    return dict(_walk(message, ""))
+
+
+def deviation(a: Row, b: Row) -> Array:
+    """Return absolute differences (n,) of two rows.
+
+    Infinite where one is not a number and the other is, and (1,) infinite for rows of different
+    length or different texts. NaN equals NaN, infinity equals itself.
+    """
+    if isinstance(a, str) or isinstance(b, str):
+        same = isinstance(a, str) and isinstance(b, str) and a == b
+        return np.array([0.0 if same else np.inf])
+    if a.shape != b.shape:
+        return np.array([np.inf])
+    with np.errstate(invalid="ignore"):
+        difference = np.abs(a - b)
+    difference[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    difference[np.isnan(difference)] = np.inf
+    return difference
+
+
+def _labelled(message: Any) -> dict[str, Row]:
+    dimensions = message.layout.dim
+    data = np.asarray(message.data, dtype=float)
+    if len(dimensions) != 1:
+        return {}
+    sizes = flat_fields(dimensions[0].label)
+    if not sizes or sum(sizes.values()) != data.size:
+        return {}
+    found: dict[str, Row] = {}
+    at = 0
+    for name, size in sizes.items():
+        if name != "stamp":
+            found[name] = data[at : at + size]
+        at += size
+    return found
+
+
+def _walk(value: Any, name: str) -> Iterator[tuple[str, Row]]:
+    if is_dataclass(value) and not isinstance(value, type):
+        for item in fields(value):
+            is_stamp = item.name == "stamp" and name in ("", "header")
+            # Names of rosbags' own.
+            if is_stamp or item.name.startswith("__"):
+                continue
+            path = f"{name}.{item.name}" if name else item.name
+            yield from _walk(getattr(value, item.name), path)
+    elif isinstance(value, str):
+        yield name, value
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        yield name, np.array(value, dtype=float).ravel()
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        # Says so itself if two messages have lists of different lengths.
+        yield f"{name}.size", np.array([float(len(value))])
+        for index, item in enumerate(value):
+            yield from _walk(item, f"{name}[{index}]")
+    else:
+        yield name, np.array([float(value)])
+
+
+Pairs = list[tuple[int, int]]
+
+
+def by_order(a: int, b: int) -> Pairs:
+    """Return the pairs of two recordings with ``a`` and ``b`` messages: first with first."""
+    return [(i, i) for i in range(min(a, b))]
+
+
+def by_stamp(a: Sequence[int], b: Sequence[int]) -> Pairs:
+    """Return pairs of equal stamps; of several with the same stamp first with first."""
+    places: dict[int, deque[int]] = defaultdict(deque)
+    for index, stamp in enumerate(b):
+        places[stamp].append(index)
+    return [(i, places[stamp].popleft()) for i, stamp in enumerate(a) if places.get(stamp)]
+
+
+def by_nearest(a: Sequence[int], b: Sequence[int]) -> Pairs:
+    """Return pairs of nearest stamps, no further apart than half the median period of ``a``.
+
+    For runs whose clocks have nothing to do with each other. No message is in two pairs.
+    """
+    if not a or not b:
+        return []
+    left, right = np.asarray(a), np.asarray(b)
+    a_order, b_order = np.argsort(left, kind="stable"), np.argsort(right, kind="stable")
+    left, right = left[a_order], right[b_order]
+    reach = float(np.median(np.diff(left))) / 2 if left.size > 1 else 0.0
+    pairs: Pairs = []
+    free = 0
+    for index, stamp in enumerate(left):
+        at = max(int(np.searchsorted(right, stamp)), free)
+        near = [k for k in (at - 1, at) if free <= k < right.size]
+        best = min(near, key=lambda k: abs(int(right[k]) - int(stamp)), default=None)
+        if best is not None and abs(int(right[best]) - int(stamp)) <= reach:
+            pairs.append((int(a_order[index]), int(b_order[best])))
+            free = best + 1
+    return sorted(pairs)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldDeviation:
+    """Deviations of one number, or text, of a message.
+
+    Attributes:
+        name: such as ``wrench.force.x``, or ``position[0]``.
+        largest: absolute, in the field's own unit; infinite for different texts or sizes, and where
+            only one is a number.
+        rms: root of the mean square over all pairs.
+        worst_at_ns: stamp of the message that deviates most (time of reception without stamps); 0
+            if none deviates.
+    """
+
+    name: str
+    largest: float
+    rms: float
+    worst_at_ns: int
+
+
+class _Field:
+    """Sums of one row of numbers."""
+
+    def __init__(self, size: int) -> None:
+        self.largest: NDArray[np.float64] = np.zeros(size)
+        self.squares: NDArray[np.float64] = np.zeros(size)
+        self.worst_at: NDArray[np.int64] = np.zeros(size, dtype=np.int64)
+
+    def add(self, time_ns: int, difference: NDArray[np.float64]) -> None:
+        if difference.size != self.largest.size:
+            # Rows of other lengths than the first differ as a whole, unless both do and are equal.
+            difference = np.full(self.largest.size, float(difference.max(initial=0.0)))
+        worse = difference > self.largest
+        self.largest[worse] = difference[worse]
+        self.worst_at[worse] = time_ns
+        self.squares += np.square(difference)
+
+
+class Deviations:
+    """Gathers pairs of serialized messages; equal bytes are not decoded.
+
+    Args:
+        decode_first: turns bytes of the first recording into a message.
+        decode_second: the same for the second recording.
+
+    Attributes:
+        pairs: gathered so far.
+        equal: those among them whose values, but for stamps, are the same bit for bit.
+    """
+
+    def __init__(
+        self, decode_first: Callable[[bytes], Any], decode_second: Callable[[bytes], Any]
+    ) -> None:
+        self._decode_first, self._decode_second = decode_first, decode_second
+        self._fields: dict[str, _Field] = {}
+        self.pairs = 0
+        self.equal = 0
+
+    def add(self, time_ns: int, first: bytes, second: bytes) -> None:
+        """Compare one pair.
+
+        Raises:
+            BagError: bytes that cannot be decoded.
+        """
+        self.pairs += 1
+        if first == second:
+            self.equal += 1
+            if self._fields:
+                return
+        a = rows_of(self._decode_first(first))
+        b = a if first == second else rows_of(self._decode_second(second))
+        # What aligns one value behind another says nothing; rclpy leaves in it what was there.
+        self.equal += first != second and _same_bits(a, b)
+        for name in [*a, *(name for name in b if name not in a)]:
+            self._add(name, time_ns, a.get(name), b.get(name))
+
+    def _add(self, name: str, time_ns: int, a: Row | None, b: Row | None) -> None:
+        difference = np.array([np.inf]) if a is None or b is None else deviation(a, b)
+        if name not in self._fields:
+            known = a if a is not None else b
+            size = known.size if isinstance(known, np.ndarray) else 1
+            self._fields[name] = _Field(max(size, 1))
+        self._fields[name].add(time_ns, difference)
+
+    def fields(self) -> tuple[FieldDeviation, ...]:
+        """Return the deviations of every field over all pairs."""
+        return tuple(
+            FieldDeviation(
+                name if field.largest.size == 1 else f"{name}[{index}]",
+                float(field.largest[index]),
+                float(np.sqrt(field.squares[index] / self.pairs)),
+                int(field.worst_at[index]),
+            )
+            for name, field in self._fields.items()
+            for index in range(field.largest.size)
+        )
+
+
+def _same_bits(a: Mapping[str, Row], b: Mapping[str, Row]) -> bool:
+    if a.keys() != b.keys():
+        return False
+    for name, one in a.items():
+        other = b[name]
+        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+            if one.shape != other.shape or one.tobytes() != other.tobytes():
+                return False
+        elif one is not other and one != other:
+            return False
+    return True
+
 
 Align = Literal["stamp", "nearest", "start"]
 

@@ -20,7 +20,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.joints import coordinate_names
+from hapticmech_ros.wire.state import coordinate_names
 
 # A joint that goes so far and back within two states, rad or m, and so many times as far as it
 # usually goes in two, and so often, is told by two senders.

@@ -17,7 +17,7 @@ from typing import BinaryIO
 from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag2 import ReaderError
 
-from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.metadata import read_offers
 from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION, Found, FoundTopic
 from hapticmech_ros.bag.unpack import UNPACKED_LIMIT, chunk_records
 from hapticmech_ros.files import open_file

@@ -15,7 +15,7 @@ from typing import Any
 from rosbags.interfaces import MessageDefinition
 from rosbags.rosbag2 import ReaderError
 
-from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.metadata import read_offers
 from hapticmech_ros.bag.scan import FORMATS, NO_DEFINITION, FoundTopic
 
 Execute = Callable[[str], Iterable[tuple[Any, ...]]]

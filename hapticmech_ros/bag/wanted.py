@@ -21,8 +21,7 @@ from rosbags.rosbag2.metadata import ReaderMetadata
 from rosbags.rosbag2.reader import DirectoryReader, Reader
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag.metadata import load_metadata
-from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.metadata import load_metadata, read_offers
 from hapticmech_ros.bag.scan import NO_DEFINITION
 from hapticmech_ros.bag.unpack import unpack_file, unpacked
 from hapticmech_ros.bag.wanted_mcap import WantedMcap

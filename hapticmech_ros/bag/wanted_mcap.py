@@ -19,7 +19,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, Statistics, read_exact
 
-from hapticmech_ros.bag.offered_qos import read_offers
+from hapticmech_ros.bag.metadata import read_offers
 from hapticmech_ros.bag.scan_mcap import LATEST_NS, McapScan, channel_notes
 from hapticmech_ros.bag.unpack import chunk_records
 from hapticmech_ros.files import check_file

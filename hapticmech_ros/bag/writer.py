@@ -28,9 +28,9 @@ from hapticmech_ros.bag.metadata import (
     as_yaml,
     bag_information,
     losses_as_data,
+    offered_qos,
     write_metadata,
 )
-from hapticmech_ros.bag.offered_qos import offered_qos
 from hapticmech_ros.bag.storage import STORAGE_FILES, Messages, StorageFile
 from hapticmech_ros.errors import BagError
 

@@ -229,7 +229,7 @@ def topics(
 ) -> None:
     """Print the table of topics, as in docs/topics.md."""
     if cpp:
-        from hapticmech_ros.wire.cpp_header import cpp_header
+        from hapticmech_ros.wire.table import cpp_header
 
         print(cpp_header(), end="")
         return

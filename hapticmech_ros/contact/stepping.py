@@ -31,7 +31,7 @@ from hapticmech_ros.contact.layout import (
     SHAPE_B,
     UNSOLVED,
 )
-from hapticmech_ros.contact.memory import ContactMemory
+from hapticmech_ros.contact.memory import ContactMemory, Touching
 from hapticmech_ros.contact.step_kernels import (
     EACH,
     IMPACT,
@@ -41,7 +41,6 @@ from hapticmech_ros.contact.step_kernels import (
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.contact.touching import Touching
 from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED

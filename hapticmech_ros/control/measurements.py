@@ -10,6 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,3 +75,17 @@ class ControlOutput:
                 self.error,
             )
         )
+
+
+def operational_model_of(
+    analysis: OperationalAnalysis, compensated: CompensatedResponse | None = None
+) -> OperationalModel:
+    """Return the part of an analysis that the controllers use, with X and a_0 of a late loop."""
+    if compensated is None:
+        compensated = CompensatedResponse(analysis.inverse_inertia, analysis.free_acceleration)
+    return OperationalModel(
+        compensated.inverse_inertia,
+        analysis.constraint_projector,
+        analysis.wrench_projector,
+        compensated.free_acceleration,
+    )

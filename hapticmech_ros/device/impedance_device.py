@@ -19,6 +19,7 @@ from hapticmech_ros.device.grasp_schedule import ALWAYS, OPEN, GraspSchedule, gr
 from hapticmech_ros.device.hand import HandLaw, hand_numbers
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device, ForceSensor
 from hapticmech_ros.scene.hand import Hand
 
@@ -232,3 +233,15 @@ def _lag(bandwidth: float, step: float) -> tuple[float, float]:
         return 0.0, 0.0
     rate = 2.0 * math.pi * bandwidth * step
     return math.exp(-rate), -math.expm1(-rate) / rate
+
+
+def device_for(scene: Scene, with_hand: bool = True, law: HandLaw | None = None) -> ImpedanceDevice:
+    """Return the device of a scene.
+
+    Args:
+        scene: what to build.
+        with_hand: whether the scene's hand may hold it; without, its own wrench is zero.
+        law: of a hand of one's own, which holds when the scene's would, with its mass.
+    """
+    period, planar = scene.simulation.period, scene.task_space == "planar"
+    return ImpedanceDevice(scene.device, period, planar, scene.hand if with_hand else None, law)

@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.build import device_for
 from hapticmech_ros.device.hand_observer import HandObserver, TwistEstimate
+from hapticmech_ros.device.impedance_device import device_for
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.quaternions import turned

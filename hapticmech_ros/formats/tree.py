@@ -20,7 +20,6 @@ from hapticmech_ros.formats.cuts import (
     other_cut,
     universal_of,
 )
-from hapticmech_ros.formats.inertias import balanced
 from hapticmech_ros.formats.model import (
     WORLD,
     Body,
@@ -37,6 +36,34 @@ from hapticmech_ros.formats.model import (
 from hapticmech_ros.formats.names import Names, clean
 from hapticmech_ros.formats.shapes import named
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
+
+# Moments this far below zero, as a share of the largest, are rounding of what was written.
+ROUNDING = 1e-6
+# kg m², below which a moment is rounding in any case.
+NO_INERTIA = 1e-12
+
+
+def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return a physically possible inertia (3, 3), kg m², and whether it had to be changed.
+
+    No body has a principal moment above the sum of the other two; files have. The smaller two are
+    raised by half of what is missing each. Moments clearly below zero are left for the scene's
+    rules to refuse.
+
+    Args:
+        inertia: (3, 3) about the centre of mass, kg m², any axes; the result has the same.
+    """
+    moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    largest = moments[2]
+    if moments[0] < 0.0 and np.abs(moments).max() <= NO_INERTIA:
+        return np.zeros((3, 3)), False
+    missing = largest - moments[0] - moments[1]
+    if moments[0] < -ROUNDING * largest or (moments[0] >= 0.0 and missing <= 1e-9 * largest):
+        return inertia, False
+    raised = moments + np.array((0.5, 0.5, 0.0)) * max(missing, 0.0)
+    made = (axes * np.maximum(raised, 0.0)) @ axes.T
+    return made, bool(missing > ROUNDING * largest)
+
 
 LINK_LIMIT = 1000
 # Degrees of freedom: what Pinocchio keeps of a model grows with their cube, 64 bytes times that.

@@ -13,10 +13,10 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.live.commands import Drag, Draggable, DragState
-from hapticmech_ros.live.drag_spring import DragSpring, drag_spring
+from hapticmech_ros.live.mouse import DragSpring, drag_spring
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.operational.felt_masses import felt_masses
+from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene import Scene
 
 # Share of a link's mass that a grip on it moves at once, at least: a rod's end moves a quarter.

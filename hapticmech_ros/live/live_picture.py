@@ -16,8 +16,8 @@ from hapticmech_ros.live.shape_links import shape_links
 from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.felt_masses import felt_masses
 from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene.contacts import Mesh
 from hapticmech_ros.view import (
     Picture,

@@ -4,6 +4,8 @@
 
 Ticks are never left out. What cannot be computed in time is done later; a session that is too far
 behind goes on more slowly than real time, and says so.
+
+What a session went through as a bag: ``mechanism/state`` at every tick, as the nodes send it.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.bag import BagWriter
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.live.commands import (
     Command,
@@ -36,11 +39,90 @@ from hapticmech_ros.live.commands import (
     UserState,
 )
 from hapticmech_ros.live.grip import Dragging
-from hapticmech_ros.live.holding import holding
-from hapticmech_ros.live.state_bag import StateBag
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
 from hapticmech_ros.session import Sample, SharedSession
+from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.wire.cdr import FlatArray
+from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topic import user_prefixes
+from hapticmech_ros.wire.topics import STATE
+
+
+def holding(hand: Hand | None, limit: float) -> str:
+    """Return what a hand does to a device while a mouse drags it.
+
+    Args:
+        hand: that holds it; None for nobody.
+        limit: N, of the mouse's force.
+    """
+    if isinstance(hand, ScriptedHand):
+        return f"a hand that pushes by {hand.file}"
+    if hand is None or isinstance(hand, ConstantWrenchHand):
+        force = 0.0 if hand is None else float(np.linalg.norm(hand.force))
+        torque = 0.0 if hand is None else float(np.linalg.norm(hand.torque))
+        if force == torque == 0.0:
+            return "nobody but the mouse"
+        return f"a hand that pushes with {force:.3g} N and {torque:.3g} N m"
+    name = "an arm" if hand.kind == "arm" else "a spring"
+    moves = any(any(way.xyz) or any(way.rotation) for way in hand.waypoints)
+    itself = ", which moves by itself" if moves else ""
+    most = 1e3 * limit / hand.stiffness
+    return (
+        f"{name} of {hand.stiffness:.3g} N/m{itself}: the mouse's {limit:.3g} N displace it by "
+        f"{most:.3g} mm at most"
+    )
+
+
+_NAME = f"/{STATE.name}"
+
+
+class StateBag:
+    """A bag that is being written.
+
+    Args:
+        folder: to make.
+        mechanism: whose states they are.
+
+    Raises:
+        BagError: as of :class:`~hapticmech_ros.bag.writer.BagWriter`.
+    """
+
+    def __init__(self, folder: str, mechanism: Mechanism) -> None:
+        self.folder = folder
+        self._mechanism = mechanism
+        self._layout = StateLayout(mechanism)
+        self._messages = FlatArray(self._layout.fields, self._layout.bounds)
+        self._writer = BagWriter(folder)
+        self._writer.add_topic(_NAME, STATE.type, STATE.qos)
+
+    def add(self, time: float, q: Array, v: Array, active: Active, contacts: Array) -> None:
+        """Add a state.
+
+        Args:
+            time: of the session, s.
+            q: (nq,) configuration.
+            v: (nv,) rates.
+            active: per closure, whether it is closed.
+            contacts: (points, 6) F_c at every operational point, N and N m, world axes.
+
+        Raises:
+            BagError: it cannot be written.
+            OutputError: numbers beyond the limits of the scene.
+        """
+        stamp_ns, scene = nanoseconds(time), self._mechanism.scene
+        commanded = (True,) * len(scene.operational_points)
+        state = WireState(stamp_ns, active, q, v, contacts, flat_grasps(scene), commanded)
+        data = self._messages.encode(self._layout.pack(state))
+        self._writer.write(_NAME, stamp_ns, data)
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._writer.close()
+
 
 # Ticks that are computed at once take this long in real time (s); then commands are heard again.
 AT_ONCE_S = 0.005

@@ -26,9 +26,9 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.lane import Waits
 from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import check_in_world, checked_time, deserialized
+from hapticmech_ros.nodes.node_time import Backlog, PeriodClock
 from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.parameters import NodeParameters
-from hapticmech_ros.nodes.period_clock import Backlog, PeriodClock
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.nodes.statistics import DurationHistogram

@@ -7,9 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
-from hapticmech_ros.nodes.inputs import NEVER
+from hapticmech_ros.nodes.inputs import NEVER, InOrder
 from hapticmech_ros.nodes.local_loop import LocalLoop
-from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.times import NANOSECONDS
 
 

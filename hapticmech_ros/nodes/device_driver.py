@@ -35,19 +35,18 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
-from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters
 from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.nodes.timeouts import Losses
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.device_wire import DeviceWriter
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, device_bounds
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, DeviceWriter, device_bounds
 from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (

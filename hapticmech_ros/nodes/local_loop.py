@@ -16,9 +16,8 @@ from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
-from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
+from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
-from hapticmech_ros.nodes.ordering import InOrder
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds

@@ -27,8 +27,7 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.child import write_progress
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
-from hapticmech_ros.nodes.message_class import message_class
-from hapticmech_ros.nodes.messages import set_stamp
+from hapticmech_ros.nodes.messages import message_class, set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.replay_feed import Feed, feed_from_bag

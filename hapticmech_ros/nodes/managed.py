@@ -23,11 +23,10 @@ from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.node_time import NodeTime, said_of_step
+from hapticmech_ros.nodes.node_time import Backlog, NodeTime, said_of_step
 from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.pauses import OwnPauses
-from hapticmech_ros.nodes.period_clock import Backlog
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime

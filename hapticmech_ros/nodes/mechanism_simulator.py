@@ -23,18 +23,21 @@ from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes import mechanism_kernels as own
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.buttons import ButtonInput
-from hapticmech_ros.nodes.closure_services import closure_button, offer_closures
-from hapticmech_ros.nodes.contact_port import ContactPort
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.last_valid_state import LastValidState
+from hapticmech_ros.nodes.mechanism_ports import (
+    ContactPort,
+    OperationalPoints,
+    PointPort,
+    closure_button,
+    offer_closures,
+)
 from hapticmech_ros.nodes.operating_state import OperatingState
-from hapticmech_ros.nodes.operational_points import OperationalPoints
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
-from hapticmech_ros.nodes.point_port import PointPort
 from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.contact_wrench import ContactWrenches
@@ -48,10 +51,9 @@ from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.energies import energy_of
-from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
-from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topic import user_prefixes
 from hapticmech_ros.wire.topics import (
     CLOSURES,

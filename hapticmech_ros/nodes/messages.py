@@ -7,7 +7,8 @@ Reading raises :class:`InvalidInputError` naming value and rule; writing fills a
 
 from __future__ import annotations
 
-from typing import TypeVar
+import importlib
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,13 +18,27 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of
 from hapticmech_ros.wire.stamps import seconds_of, stamp_of
+
+
+def message_class(msgtype: str) -> Any:
+    """Return the Python class of a message type.
+
+    Raises:
+        BagError: its package is not installed, or has no such message.
+    """
+    package, _, kind = msgtype.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError, ValueError):
+        raise BagError(f"message type {msgtype!r}: its package is not installed") from None
+
 
 WORLD = "world"
 M = TypeVar("M")

@@ -12,8 +12,7 @@ from typing import Any
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.message_class import message_class
-from hapticmech_ros.nodes.messages import deserialized, set_stamp
+from hapticmech_ros.nodes.messages import deserialized, message_class, set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.wire.stamps import nearest_stamp
 from hapticmech_ros.wire.topic import TEXT, Topic

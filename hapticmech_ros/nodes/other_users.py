@@ -2,25 +2,134 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a device hears of other users' devices on the same mechanism, and of what they do to it.
 
-Each of these topics has one publisher: see :mod:`~hapticmech_ros.nodes.coupling_guard`.
+Each of these topics has one publisher. Of two nobody knows which one is right, so that neither is
+used. That costs no more than the correction: other hands are felt two periods late, as behind a
+connection. The force is not set to zero, as it is for two who command, or who tell how commands
+depend on the device itself: somebody else's second device must not stop this one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.other_hands import OtherHands, heard_directly
 from hapticmech_ros.layout import DEVICE_SAMPLE
-from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.coupling_guard import CouplingGuard
-from hapticmech_ros.nodes.local_loop import LocalLoop
+from hapticmech_ros.nodes.actor import Actor, ClockedActor
+from hapticmech_ros.nodes.inputs import Latest, Stamped
+from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
-from hapticmech_ros.wire.coupling_wire import CouplingWire
+from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, device_bounds
 from hapticmech_ros.wire.readings import read_device
-from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE
+from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION
+
+
+class CouplingGuard:
+    """Watches topics, each of which has one publisher.
+
+    Args:
+        actor: that hears them.
+    """
+
+    def __init__(self, actor: Actor[Any]) -> None:
+        self._actor = actor
+        self._watched: dict[str, Sources] = {}
+        self._warned = False
+
+    def watch(self, topic: str) -> Sources | None:
+        """Return what is told whom a topic's messages come from.
+
+        None in lockstep, where nothing is dropped that is waited for.
+        """
+        if self._actor.lockstep:
+            return None
+        return self._watched.setdefault(topic, self._actor.sources(topic))
+
+    def doubtful(self, now_ns: int) -> list[str]:
+        """Return the topics that must not be used now, and say so when the first of them comes."""
+        found = [topic for topic, one in self._watched.items() if one.fault(now_ns)]
+        if found and not self._warned:
+            text = f"{self.fault(now_ns)}: commands are not corrected for other hands by it"
+            self._actor.node.get_logger().warning(text)
+        self._warned = bool(found)
+        return found
+
+    def fault(self, now_ns: int) -> str:
+        """Return a sentence that names two publishers of one topic; empty if there are none."""
+        return next((text for one in self._watched.values() if (text := one.fault(now_ns))), "")
+
+    def forget(self) -> None:
+        """Forget who spoke."""
+        for one in self._watched.values():
+            one.forget()
+
+
+class Transmissions:
+    """Listens to ``transmission`` of the controller's point, where there are others.
+
+    Args:
+        actor: the controller.
+        go_on: called with a stamp (ns), in lockstep, when the message of that time has come.
+    """
+
+    def __init__(self, actor: Actor[Any], go_on: Callable[[int], None]) -> None:
+        self._actor, self._go_on = actor, go_on
+        self._wire = CouplingWire(actor.other_points, actor.limits)
+        self._latest: Latest[CouplingMatrices] = Latest()
+        self._stamped: Stamped[CouplingMatrices] = Stamped()
+        self._guard = CouplingGuard(actor)
+        if actor.other_points:
+            name, qos = TRANSMISSION.of(actor.point), actor.control_input
+            sources = self._guard.watch(name)
+            actor.input_array(name, qos, self._on_message, self._wire.fields, sources)
+
+    def activate(self) -> None:
+        """Forget the last message, and who spoke."""
+        self._latest = Latest()
+        self._guard.forget()
+
+    def reseat(self) -> None:
+        """Forget what came in lockstep."""
+        self._stamped = Stamped()
+
+    def take(self, stamp_ns: int) -> bool:
+        """Let the message of a time (ns) count, in lockstep; return whether it is there."""
+        if not self._actor.other_points:
+            return True
+        if not self._stamped.has(stamp_ns):
+            return False
+        self._latest.put(self._stamped.take(stamp_ns), stamp_ns)
+        return True
+
+    def at(self, stamp_ns: int, now_ns: int) -> Mapping[str, Array]:
+        """Return Y_ij (6, 6) by operational point; none where nobody, or more than one, says them.
+
+        Args:
+            stamp_ns: of the device's sample for which they are, ns.
+            now_ns: present time, ns.
+        """
+        if self._guard.doubtful(now_ns):
+            self._latest = Latest()
+        told = self._latest.value
+        fresh = told is not None and self._latest.fresh(stamp_ns, FRESH_NS)
+        return told.by_point if told is not None and fresh else {}
+
+    def fault(self, now_ns: int) -> str:
+        """Return which two say what one may; empty if none do."""
+        return self._guard.fault(now_ns)
+
+    def _on_message(self, values: Array, now_ns: int) -> None:
+        found = self._wire.unpack(values)
+        check_age(found.stamp_ns, now_ns, self._actor.age_limit_ns)
+        if self._actor.lockstep:
+            self._stamped.put(found, found.stamp_ns)
+            self._go_on(found.stamp_ns)
+        else:
+            self._latest.put(found, found.stamp_ns)
+
 
 _FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 

@@ -8,7 +8,9 @@ thread that brings the next one does so the other way round: both may wait for e
 pull request 890, not in ROS 2 Jazzy's 8.4.3). The peer logs it too.
 
 An exception in a callback ends the process, also in those that are rclpy's own, which anybody may
-send anything to: see :mod:`~hapticmech_ros.nodes.rclpy_callbacks`.
+send anything to: of ``/clock``, and of services of parameters, states and types. Time before 1970,
+a parameter of a type that there is not, a transition that the state does not allow: none of it ends
+a node here.
 """
 
 from __future__ import annotations
@@ -16,14 +18,86 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.service import Service
 
-from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.rclpy_callbacks import answering, is_rclpys, refusing
+from hapticmech_ros.errors import HapticMechError, shown
 from hapticmech_ros.times import NANOSECONDS
+
+M = TypeVar("M")
+# Told what was wrong.
+Refuse = Callable[[HapticMechError], None]
+
+
+def is_rclpys(callback: object) -> bool:
+    """Return whether a function or method is one of rclpy."""
+    return (getattr(callback, "__module__", None) or "").partition(".")[0] == "rclpy"
+
+
+def refusing(callback: Callable[[M], None], refuse: Refuse) -> Callable[[M], None]:
+    """Return a subscription's callback that refuses the messages that cannot be taken.
+
+    Args:
+        callback: takes a message.
+        refuse: told why one was not taken.
+    """
+
+    def take(message: M) -> None:
+        try:
+            callback(message)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the process would end
+            refuse(_told(error))
+
+    return take
+
+
+def answering(service: Service, refuse: Refuse) -> Callable[[Any, Any], Any]:
+    """Return a service's callback that says in its response that a request cannot be answered.
+
+    Args:
+        service: with the callback that it has so far.
+        refuse: told why one was not answered.
+    """
+    callback: Callable[[Any, Any], Any] = service.callback
+    kind: Any = service.srv_type
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return callback(request, response)
+        except Exception as error:  # noqa: BLE001 - as above
+            told = _told(error)
+            refuse(told)
+            return _refusal(kind.Response(), str(told))
+
+    def answer_each(request: Any, response: Any) -> Any:
+        # One that cannot be read keeps no other from being set.
+        each = (kind.Request(parameters=[parameter]) for parameter in request.parameters)
+        response.results = [
+            one for single in each for one in answer(single, kind.Response()).results
+        ]
+        return response
+
+    return answer_each if kind is SetParameters else answer
+
+
+def _refusal(response: Any, reason: str) -> Any:
+    """Fill a response; those of other services say by what they lack that nothing was done."""
+    if isinstance(response, SetParameters.Response):
+        response.results = [SetParametersResult(successful=False, reason=reason)]
+    elif isinstance(response, SetParametersAtomically.Response):
+        response.result = SetParametersResult(successful=False, reason=reason)
+    return response
+
+
+def _told(error: Exception) -> HapticMechError:
+    """Return an error of rclpy as one of ours; it may quote what somebody sent, at any length."""
+    return HapticMechError(f"{type(error).__name__}: {shown(str(error))}")
+
 
 # A refused message is logged at most this often for each topic.
 REFUSAL_LOG_PERIOD_NS = NANOSECONDS

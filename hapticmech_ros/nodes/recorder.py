@@ -20,7 +20,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError

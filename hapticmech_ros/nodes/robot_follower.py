@@ -36,8 +36,7 @@ from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.loop_rates import inertia_ratio, loop_rates
-from hapticmech_ros.robot.tuning import Tuning
+from hapticmech_ros.robot.tuning import Tuning, inertia_ratio, loop_rates
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import twist_bounds

@@ -20,7 +20,7 @@ from hapticmech_ros.nodes.joint_input import numbers_in
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
-from hapticmech_ros.robot.joint_servo import servo_torque
+from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.stamps import seconds_of

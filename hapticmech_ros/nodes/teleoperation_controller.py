@@ -35,15 +35,14 @@ from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
-from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.origin import Origin
+from hapticmech_ros.nodes.other_users import Transmissions
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.pauses import SenderPauses
 from hapticmech_ros.nodes.plain_messages import Heard, PlainCommand, PlainMessages, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
-from hapticmech_ros.nodes.timeouts import COMMAND, timeout_of
-from hapticmech_ros.nodes.transmissions import Transmissions
+from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds

@@ -10,6 +10,11 @@ w falls smoothly from 1 at s_on to 0 at s_off, with continuous first and second 
 are continuous through changes of rank, whatever the sign and order of singular vectors. m_ℓ is
 the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
 and the link's own mix of N/m and N m/rad in other directions.
+
+The mass felt at an operational point in every direction.
+
+A force f along an eigenvector of the translational block of X = Λ_h⁻¹ accelerates the point along
+it by f/m: m is the mass felt, infinite where X has no response.
 """
 
 from __future__ import annotations
@@ -60,3 +65,23 @@ class OperationalAnalysis:
         full = np.zeros((6, self.spectrum.s.size - self.rank))
         full[self.rows] = self.spectrum.constraint_wrenches
         return full
+
+
+# Responses below this share of the largest one are rounding.
+RIGID = 1e-9
+
+
+def felt_masses(analysis: OperationalAnalysis) -> tuple[Array, Array]:
+    """Return masses (k,), kg, infinite where rigid, lightest first, and their directions (3, k).
+
+    k is 3, or 2 in the plane; torques are zero, and the point is free to turn.
+    """
+    rows = analysis.rows[analysis.rows < 3]
+    response, vectors = np.linalg.eigh(analysis.inverse_inertia[np.ix_(rows, rows)])
+    response, vectors = response[::-1], vectors[:, ::-1]
+    masses = np.full(rows.size, np.inf)
+    felt = response > RIGID * max(float(response[0]), 0.0)
+    masses[felt] = 1.0 / response[felt]
+    directions = np.zeros((3, rows.size))
+    directions[rows] = vectors
+    return masses, directions

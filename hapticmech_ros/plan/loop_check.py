@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, loop_margins
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller

@@ -23,6 +23,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.robot.law import Command, OperationalLaw
+from hapticmech_ros.robot.mujoco_robot import MujocoRobot
 from hapticmech_ros.robot.target import Target
 
 # 1/s: rate with which velocities pull the real robot to the virtual one.
@@ -126,3 +127,26 @@ class VirtualRobot:
         velocity = v + self.correction * (held - measured)
         setpoint = Setpoint(q, velocity, acceleration, leashed, command)
         return setpoint, VirtualState(q, v, integral)
+
+
+# Rate of a joint's error, 1/s, critically damped: that of an industrial robot's servo.
+RATE = 100.0
+
+
+def servo_torque(robot: MujocoRobot, position: Array | None, velocity: Array | None) -> Array:
+    """Return torques (nv,) that make joints go where they are told, by the robot's own terms.
+
+    v̇ = ω² (q_c - q) + 2 ω (v_c - v) with position and velocity; with one of them, its part alone
+    and rest for the other.
+
+    Args:
+        robot: in MuJoCo.
+        position: (nv,) q_c, rad or m; None: no position is told.
+        velocity: (nv,) v_c, rad/s or m/s; None: rest.
+    """
+    inertia, bias, _ = robot.terms()
+    wanted = np.zeros(robot.nv) if velocity is None else velocity
+    asked = 2.0 * RATE * (wanted - robot.v)
+    if position is not None:
+        asked = asked + RATE**2 * (position - robot.q)
+    return np.asarray(inertia @ asked + bias)

@@ -10,7 +10,7 @@ A robot with D v̇ + h = τ + Jᵀ F_c and the torques
 
 accelerates its operational point by ẍ_c + X F_c in poses that are not singular, and elsewhere along
 all directions that are not rigid, with Λ⁺ and Nᵀ of :mod:`.shaped_inertia`. Along directions that
-are joints are led by a limited rate, with y_i of :mod:`.rigid_directions`. On the way there, with
+are joints are led by a limited rate, with y_i of :mod:`.shaped_inertia`. On the way there, with
 weights w_i between 0 and 1, an error asks for no more than that rate either: of ω n_iᵀ e / (2 ζ)
 what is beyond s_i joint_rate / |L⁻ᵀ u_i| is left out, by the share √w_i.
 Where all directions are free this is O. Khatib's operational-space formulation (A unified approach
@@ -47,8 +47,7 @@ from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.rigid_directions import RigidDirections
-from hapticmech_ros.robot.shaped_inertia import ShapedInertia, shaped_inertia
+from hapticmech_ros.robot.shaped_inertia import RigidDirections, ShapedInertia, shaped_inertia
 from hapticmech_ros.robot.target import ForceTask, Target
 from hapticmech_ros.robot.torque_limits import Limited, checked_limits, limited_torque
 

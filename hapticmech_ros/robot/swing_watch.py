@@ -3,7 +3,7 @@
 """Whether a robot swings about its target: a loop that does not bear what the robot carries.
 
 The observer of R6 makes a loop that bears no more than some multiple of the inertia it knows
-(:mod:`.loop_rates`); beyond that it swings, and swings grow. What tells a swing from a target that
+(:mod:`.tuning`); beyond that it swings, and swings grow. What tells a swing from a target that
 moves, a contact or a blocked robot is that the speed relative to the target turns round, again and
 again. A reversal is a relative twist with a part of at least `speed` against the largest one since
 the last reversal, which was as large. `REVERSALS` within `WINDOW` / ω are a swing: three periods of

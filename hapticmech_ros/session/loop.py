@@ -79,7 +79,7 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
+    from hapticmech_ros.contact.memory import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")

@@ -22,7 +22,7 @@ from hapticmech_ros.session.run import CONTROL, column_names
 from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
+    from hapticmech_ros.contact.memory import Touching
 
 _FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
 _CONSTRAINTS = TOTALS.start("constraints")

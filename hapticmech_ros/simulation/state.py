@@ -11,7 +11,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
+    from hapticmech_ros.contact.memory import Touching
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,11 +19,11 @@ import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import loop_margins
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.counter import rigid_count
-from hapticmech_ros.operational.felt_masses import RIGID, felt_masses
+from hapticmech_ros.operational.results import RIGID, felt_masses
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 

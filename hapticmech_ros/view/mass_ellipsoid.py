@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mass felt at an operational point, in every direction: an ellipsoid.
 
-The half axes are the masses of :func:`~hapticmech_ros.operational.felt_masses.felt_masses`; where X
+The half axes are the masses of :func:`~hapticmech_ros.operational.results.felt_masses`; where X
 has no response, m is infinite and the half axis ends at the longest one that is drawn.
 """
 
@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.operational.felt_masses import felt_masses
+from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.view.shapes import Shape
 from hapticmech_ros.view.user_look import PLAIN, Look
 

@@ -21,7 +21,7 @@ from hapticmech_ros.wire.layouts import STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of
 
 if TYPE_CHECKING:
-    from hapticmech_ros.contact.touching import Touching
+    from hapticmech_ros.contact.memory import Touching
 
 # Of each point: index of its pair among the scene's contacts, where it is, m, the unit normal from
 # b to a, depth, m, and force by b on a, N.

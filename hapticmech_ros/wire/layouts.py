@@ -24,6 +24,7 @@ from hapticmech_ros.control.flat import (
     place_of,
     point_of,
 )
+from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.layout import (
     DEVICE_SAMPLE,
     OPERATIONAL_MODEL,
@@ -261,3 +262,43 @@ def checked_values(data: object, bounds: Bounds) -> tuple[int, Array]:
 
 _DEVICE, _OPERATIONAL_MODEL = device_bounds(), operational_model_bounds()
 _ENERGY = bounds_of("energy", ENERGY_FIELDS)
+
+
+class DeviceWriter:
+    """A ``device/state`` message's data, written anew for each state of the device.
+
+    What :func:`~hapticmech_ros.wire.layouts.pack_device` returns, without the objects between.
+
+    Attributes:
+        values: (29,) the data.
+        hand_wrench: (6,) F_h of the state seen last, with what others added, N and N m, world
+            axes; a view.
+    """
+
+    def __init__(self) -> None:
+        self.values: Array = np.zeros(DEVICE_FIELDS.size)
+        self.hand_wrench: Array = self.values[DEVICE_FIELDS.slice("hand_wrench")]
+        self._published = self.values[DEVICE_FIELDS.slice("position", "applied")]
+
+    def encode(
+        self,
+        state: DeviceState,
+        push: Array,
+        stamp_ns: int,
+        round_trip: float = 0.0,
+        obeys: bool = True,
+    ) -> None:
+        """Write a state.
+
+        Args:
+            state: of the device.
+            push: (6,) by others, added to the hand's wrench; N and N m, world axes.
+            stamp_ns: ns.
+            round_trip: s, from a sample to its answer; 0: not known.
+            obeys: whether the device obeys servo_cf.
+        """
+        self.values[0], self.values[1] = seconds_of(stamp_ns)
+        self._published[:] = state.published
+        self.values[ROUND_TRIP], self.values[OBEYS] = round_trip, obeys
+        if push is not NO_WRENCH:
+            self.hand_wrench += push

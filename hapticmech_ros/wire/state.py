@@ -4,6 +4,12 @@
 
 Flags of the closures, joint coordinates and rates, the contact wrench at every operational point
 and where that point is, taken at one time, so that they belong together.
+
+Names of the coordinates that a JointState carries, for joints of any type.
+
+A joint of one degree of freedom has its own name and its usual position. A joint of several has one
+entry per degree of freedom, ``<joint>/0`` and so on: its position as seen from the neutral one
+(rotation vector of a spherical joint), so that positions and velocities have the same length.
 """
 
 from __future__ import annotations
@@ -21,9 +27,19 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
-from hapticmech_ros.wire.joints import coordinate_names
 from hapticmech_ros.wire.layouts import FLAG, GRASP_FIELD, STAMP, checked_values
 from hapticmech_ros.wire.stamps import seconds_of
+
+
+def coordinate_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return (nv) names in the order of v."""
+    names: list[str] = []
+    for index, joint in enumerate(mechanism.tree.joint_names):
+        part = mechanism.tree.velocity_slice(index)
+        size = part.stop - part.start
+        names += [joint] if size == 1 else [f"{joint}/{axis}" for axis in range(size)]
+    return tuple(names)
+
 
 _FLAGS = frozenset((0.0, 1.0))
 

@@ -19,7 +19,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.force_gain import lead_gains
 from hapticmech_ros.control.loop_stability import loop_margins
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.simulation import Simulator

@@ -29,7 +29,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.force_gain import lead_gains
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, loop_terms, spectral_radius
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from oracles.rough_device import RoughDevice

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.compare import BagComparison, TopicComparison, compare
-from hapticmech_ros.bag.matching import by_nearest, by_stamp
+from hapticmech_ros.bag.compare import BagComparison, TopicComparison, by_nearest, by_stamp, compare
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS

@@ -5,7 +5,7 @@
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag.deviations import Deviations
+from hapticmech_ros.bag.compare import Deviations
 from hapticmech_ros.wire.wrench import encode_wrench
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -19,8 +19,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.check import check
 from hapticmech_ros.bag.info import inspect_bag
-from hapticmech_ros.bag.metadata import as_yaml, read_metadata
-from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.bag.metadata import as_yaml, offered_qos, read_metadata
 from hapticmech_ros.bag.schedule import cut_of
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.mechanism import Mechanism

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.schedule import cut_of, latched_first, stream
-from hapticmech_ros.bag.timeline import Timeline
+from hapticmech_ros.bag.schedule import Timeline, cut_of, latched_first, stream
 from hapticmech_ros.errors import BagError, InvalidInputError
 
 UINT8 = "std_msgs/msg/UInt8"

@@ -9,7 +9,7 @@ import pytest
 from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.scene import document_of, scene_from_document
 
 PLANE = np.array([1.0, 1.0, 0, 0, 0, 1.0])

@@ -16,7 +16,7 @@ from hapticmech_ros.view.frames import moving_frames
 from hapticmech_ros.view.joint_states import JointStates
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.urdf import urdf_of
-from hapticmech_ros.wire.joints import coordinate_names
+from hapticmech_ros.wire.state import coordinate_names
 from oracles.generator import RATE_SIZE, random_mechanism
 from oracles.implementations import apart
 from oracles.kinematics import POSITION_SIZE, link_poses, origin_in

@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.model import build_tree
-from hapticmech_ros.robot.mujoco_tree import MujocoTree
+from hapticmech_ros.robot.mujoco_robot import MujocoTree
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import blank, random_mechanism
 from oracles.implementations import pair_of

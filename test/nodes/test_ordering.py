@@ -10,9 +10,8 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes import sample_age
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.device_path import DevicePath
-from hapticmech_ros.nodes.inputs import Latest
+from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
-from hapticmech_ros.nodes.ordering import FORGET_NS, InOrder
 from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.readings import DeviceReading

@@ -9,9 +9,9 @@ import time
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from hapticmech_ros.nodes.losses import Losses
 from hapticmech_ros.nodes.origin import INSIDE, MIDDLEWARE, Origin
 from hapticmech_ros.nodes.pauses import MINUTE_NS, SEVERAL, OwnPauses, Remedy, SenderPauses
+from hapticmech_ros.nodes.timeouts import Losses
 
 MS = 1_000_000
 TIMEOUT_NS = 12 * MS

@@ -17,8 +17,7 @@ from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.offline import RecordedStates, analyse_states, states_from_bag
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.joints import coordinate_names
-from hapticmech_ros.wire.state import StateLayout, WireState
+from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
 from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.operational import ReadableAnalyser

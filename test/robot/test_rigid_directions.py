@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.rigid_directions import COASTING, RigidDirections
+from hapticmech_ros.robot.shaped_inertia import COASTING, RigidDirections
 from hapticmech_ros.robot.target import Target
 from oracles.driven_robots import accelerated, drift, law_of, pose_of
 

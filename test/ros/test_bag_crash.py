@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.bag.repair import repair
+from hapticmech_ros.bag.repair import SqliteScan, repair
 from hapticmech_ros.bag.scan import Scan
 from hapticmech_ros.bag.scan_mcap import McapScan
-from hapticmech_ros.bag.scan_sqlite import SqliteScan
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.cdr import decode
 from ros.bag_processes import bag_command, steady_publisher

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.offered_qos import offered_qos
+from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.bags import bag_spool

@@ -9,10 +9,15 @@ import pytest
 from ruamel.yaml import YAML
 
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.scene.arm_impedances import ARM_IMPEDANCES
 from hapticmech_ros.scene.device import Compensation, Device, Workspace
 from hapticmech_ros.scene.device_presets import device_presets
-from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, ScriptedHand, Tremor
+from hapticmech_ros.scene.hand import (
+    ARM_IMPEDANCES,
+    ArmHand,
+    ConstantWrenchHand,
+    ScriptedHand,
+    Tremor,
+)
 
 PAGE = (Path(__file__).parents[2] / "docs" / "devices.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -13,7 +13,7 @@ from hapticmech_ros.analysis.scene_variants import of_first_user
 from hapticmech_ros.analysis.scripted_push import scripted
 from hapticmech_ros.operational.coupling import coupling
 from hapticmech_ros.plan.step_accuracy import experiment_run
-from hapticmech_ros.scene.arm_impedances import ARM_IMPEDANCES
+from hapticmech_ros.scene.hand import ARM_IMPEDANCES
 from oracles.five_bar import FiveBar
 from sampling import only_long, sampled
 

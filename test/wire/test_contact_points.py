@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.contact.touching import Touching
+from hapticmech_ros.contact.memory import Touching
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.wire.cpp_header import FLAT_MESSAGES
+from hapticmech_ros.wire.table import FLAT_MESSAGES
 from hapticmech_ros.wire.topics import TOPICS
 
 NAMES = {

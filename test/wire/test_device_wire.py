@@ -8,8 +8,7 @@ import pinocchio as pin
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.device import NO_WRENCH, device_for
-from hapticmech_ros.wire.device_wire import DeviceWriter
-from hapticmech_ros.wire.layouts import DeviceSample, pack_device
+from hapticmech_ros.wire.layouts import DeviceSample, DeviceWriter, pack_device
 from oracles.devices import readable_device_for
 
 STAMP = 1_700_000_000_123_456_789

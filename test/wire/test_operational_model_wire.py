@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.control import PointMeasurement
-from hapticmech_ros.control.operational_model import operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state

@@ -17,7 +17,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 
-from hapticmech_ros.bag.offered_qos import INFINITE
+from hapticmech_ros.bag.metadata import INFINITE
 from hapticmech_ros.times import NANOSECONDS
 
 # A bag may be busy for a while: at 2 kHz this is half a second of one topic.

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.live.commands import Draggable
-from hapticmech_ros.live.holding import holding
+from hapticmech_ros.live.live_session import holding
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.viewer.graph_commands import GraphCommands

@@ -16,7 +16,7 @@ from hapticmech_ros.live.commands import (
     SwitchClosure,
     Tune,
 )
-from hapticmech_ros.live.mailbox import Mailbox
+from hapticmech_ros.live.process import Mailbox
 
 
 class PageLink:

@@ -13,8 +13,8 @@ from hapticmech_ros.mechanism import Evaluation, Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
+from hapticmech_ros.operational.analysis import TaskMetric
 from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.metric import TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 from oracles.operational.delay_compensation import compensated_response
