@@ -72,6 +72,17 @@ def _length(vector: Array) -> float:
 
 
 @inner
+def is_too_fast(twist: Array, most: Array) -> bool:
+    """Return whether a device moves faster than it can be moved.
+
+    Args:
+        twist: (6,) m/s and rad/s.
+        most: (2,) ``device.motion.speed`` and ``angular_speed``, m/s and rad/s.
+    """
+    return not (_length(twist) <= most[0] and _length(twist[3:]) <= most[1])
+
+
+@inner
 def _exceeds(motion: Array, found: float, most: float) -> bool:
     """Return whether something is more than it may be; then both are kept."""
     exceeds = not found <= most

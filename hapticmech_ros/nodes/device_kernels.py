@@ -23,6 +23,7 @@ from hapticmech_ros.device.kernels import (
     SPEED,
     move_device,
 )
+from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.nodes.lane_kernels import (
     AHEAD,
     MONOTONIC,
@@ -118,7 +119,7 @@ def remember_sample(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], int64[::1], float64[::1], float64[::1],"
     " float64[:, ::1],"
-    " int64[::1], float64[::1], float64[::1], int64[::1],"
+    " int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64,"
     " float64[::1], int64[::1])",
@@ -140,6 +141,7 @@ def drive_at_deadlines(
     out_frame: Array,
     out: Array,
     out_most: Array,
+    fastest: Array,
     targets: Array,
     device: Array,
     state: Array,
@@ -174,6 +176,7 @@ def drive_at_deadlines(
         out_frame: (words,) for the sample.
         out: (29,) a view of the data in ``out_frame``.
         out_most: (29,) largest magnitude of each number.
+        fastest: (2,) m/s and rad/s, that the device can be moved.
         targets: (2 n,) to whom it is sent.
         device: (numbers,) see ``device_layout``.
         state: (107,) of the device, changed.
@@ -248,7 +251,8 @@ def drive_at_deadlines(
         link[DONE] += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[SAMPLE : SAMPLE + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
-        if sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
+        sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
+        if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])

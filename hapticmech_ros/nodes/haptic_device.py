@@ -19,7 +19,8 @@ from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
 from hapticmech_ros.device.device_layout import DEVICE_STATE
-from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.device.motion_kernels import is_too_fast
+from hapticmech_ros.errors import HapticMechError, OutputError
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.device_driver import DeviceDriver
@@ -147,7 +148,7 @@ class DeviceTicks(PlainMessages):
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             *(self._command.most, self._commands),
-            *(self._frame, self._out, self._most, self.targets[0]),
+            *(self._frame, self._out, self._most, actor.fastest, self.targets[0]),
             *(self._device.data, self._state, self._later),
             *(side.passivity.account, side.envelope.numbers),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
@@ -174,11 +175,15 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     name = "haptic_device"
     parameters_type = DeviceParameters
+    # m/s and rad/s, (2,): see ``device.motion`` of a scene.
+    fastest: Array
 
     def __init__(self, node: Host, parameters: DeviceParameters) -> None:
         self._hand: HandWrenches | None = None
         self._wait_for_start = parameters.wait_for_start
         super().__init__(node, parameters)
+        motion = self.scene.device.motion
+        self.fastest = np.array([motion.speed, motion.angular_speed])
         node.keep(node.create_service(Trigger, START_HAND, self._on_start_hand))
         self._hand = HandWrenches(self, lambda: np.asarray(self._state.pose.rotation), self.act)
         self._plain: DeviceTicks | None = None
@@ -191,6 +196,15 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         if hand == "still":
             scene = scene.model_copy(update={"hand": STILL_HAND})
         return device_for(scene, with_hand=hand != "commanded")
+
+    def _publish(self, stamp_ns: int) -> None:
+        twist = self._state.measured_twist
+        if not self.lockstep and is_too_fast(twist, self.fastest):
+            found = f"{np.linalg.norm(twist[:3]):.3g} m/s, {np.linalg.norm(twist[3:]):.3g} rad/s"
+            speed, turning = self.fastest
+            most = f"device.motion.speed is {speed:g}, angular_speed {turning:g}"
+            raise OutputError("twist of device/state", found, f"{most}: nothing moves it so fast")
+        super()._publish(stamp_ns)
 
     def pushed(self, deadline_ns: int) -> Array:
         """Return what others push with (6,), by topics, N and N m, world axes at the point held."""

@@ -737,3 +737,20 @@ def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
     assert not actor.steps_plainly
     moving.until(lambda: actor.steps_plainly)
     assert actor._announced == actor.state.active == (False,)
+
+
+def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
+    driven: Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actor, (peer,) = driven.actor, driven.peers
+    codes, log = by_the_kernel(driven, monkeypatch), Logged(driven)
+    end = time.monotonic() + 20.0
+    while not actor.failures.count:
+        assert time.monotonic() < end
+        if log.by_kernel > 20:
+            actor.fastest[:] = 1e-12, 100.0
+        driven.go(MS // 2)
+        for got in driven.answers()[-1:]:
+            peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
+    assert lane_kernels.TO_SAY in codes
+    assert "nothing moves it so fast" in actor.failures.last

@@ -26,6 +26,8 @@ from hapticmech_ros.nodes.messages import deserialized, set_stamp
 from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.wrench import decode_wrench
 from sampling import sampled
 
@@ -171,6 +173,28 @@ def test_a_push_that_a_mechanism_cannot_bear_is_forgotten_and_the_graph_comes_ba
     assert mechanism.failures.count == before
     assert well(graph)
     assert graph.seen.not_finite == 0
+
+
+@pytest.mark.parametrize(("force", "torque"), [(0.0, 50.0), (500.0, 0.0), (400.0, 40.0)])
+def test_a_device_that_is_thrown_or_spun_comes_back(graph, force, torque):
+    """Held by nobody it would go on at that speed, and nobody would ever render with it."""
+    device, most = graph.actor(DEVICE), load_scene("five_bar").device.motion
+    message = WrenchStamped()
+    message.header.frame_id = "world"
+    set_stamp(message.header.stamp, graph.now_ns)
+    message.wrench.force.x, message.wrench.torque.z = force, torque
+    graph.put(ON_HAND, serialize_message(message))
+    speeds = []
+    for _ in range(1000):
+        graph.tick()
+        twist = unpack_device(decode(graph.last["/device/state"])).measured.twist
+        speeds.append((np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])))
+    assert device.failures.count >= 1
+    assert device.failures.defects == 0
+    assert "nothing moves it so fast" in device.failures.last
+    assert np.all(np.max(speeds, axis=0) <= (most.speed, most.angular_speed))
+    graph.run(1.0)
+    assert well(graph)
 
 
 def test_steps_that_stay_inaccurate_are_told(graph):
