@@ -18,10 +18,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SEND,
     UNTIL,
-    is_left,
     look_is_due,
     note_read,
     peek,
+    publish_outside,
     send_to_all,
     take,
     time_of,
@@ -200,7 +200,7 @@ def answer_states(
         send_to_all(outputs[0], words, out_frame, targets, real)
         note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp
-        left = is_left(outputs[0], out_frame)
+        left = publish_outside(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

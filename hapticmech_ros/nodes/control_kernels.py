@@ -34,9 +34,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SEND,
     UNTIL,
     VIEW,
-    is_left,
     note_read,
     peek,
+    publish_outside,
     send_to_all,
     take,
     time_of,
@@ -318,7 +318,7 @@ def answer_samples(
         link[MOVED], link[RENDERED], link[SAMPLE_NS] = stamp, link[MODEL_NS], stamp
         link[ANSWERS] += 1
         link[VIEW] -= int(link[VIEW] > 0)
-        left = is_left(outputs[TO_DEVICE], device_frame)
-        if is_left(outputs[TO_POINT], point_frame) or left:
+        left = publish_outside(outputs[TO_DEVICE], device_frame)
+        if publish_outside(outputs[TO_POINT], point_frame) or left:
             return TO_SEND
     return TIME_IS_UP

@@ -40,11 +40,11 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SAY,
     TO_SEND,
     UNTIL,
-    is_left,
     is_set,
     look_is_due,
     note_read,
     peek,
+    publish_outside,
     read_command,
     send_to_all,
     take,
@@ -256,7 +256,7 @@ def drive_at_deadlines(
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
-        left = is_left(outputs[0], out_frame)
+        left = publish_outside(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
 
-What others add to the hand's wrench on a device: pushes, or in lockstep one for each sample.
+It hears what others add to the hand's wrench: pushes, or in lockstep one for each sample.
 """
 
 from __future__ import annotations

@@ -248,7 +248,7 @@ def write_stamp(frame: Array, stamp: int) -> None:
 
 
 @inner
-def is_left(topic: Array, frame: Array) -> bool:
+def publish_outside(topic: Array, frame: Array) -> bool:
     """Have the middleware carry what was sent last; return whether Python has to send it on.
 
     Args:

@@ -23,11 +23,11 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_SAY,
     TO_SEND,
     UNTIL,
-    is_left,
     is_set,
     look_is_due,
     note_read,
     peek,
+    publish_outside,
     read_command,
     send_to_all,
     take,
@@ -195,7 +195,7 @@ def move_at_deadlines(
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
-        left = is_left(outputs[0], out_frame)
+        left = publish_outside(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:
