@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from ros.harness import RATE
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.over_graph import FREQUENCIES_HZ, FeelGraphError, felt_over_graph
@@ -12,10 +13,12 @@ pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
 
 def test_a_graph_is_felt_as_heavy_as_the_mechanism() -> None:
-    """Twelve times the device. Late by a period and not corrected, it would be off by 100 %."""
+    """Twelve times the device, with the error of the law that the model predicts.
+
+    Late by a period and not corrected, it would be off by 100 %.
+    """
     try:
-        # At 250 Hz the steady error of the law itself is 5 %.
-        found = felt_over_graph(load_scene("two_link", 500.0), composed=True)
+        found = felt_over_graph(load_scene("two_link", RATE), composed=True)
     except FeelGraphError as error:
         if "too busy" in str(error):
             pytest.skip(str(error))
@@ -23,6 +26,9 @@ def test_a_graph_is_felt_as_heavy_as_the_mechanism() -> None:
     assert len(found) == 2
     for one in found:
         assert one.frequencies.tolist() == list(FREQUENCIES_HZ)
-        # 5 % and less on a free machine; samples that are missed make noise.
-        assert np.median(np.abs(one.ratio - 1.0)) < 0.2
-        assert one.steady_error(10.0) < 0.05
+        # Medians of 1 and 2 % on a free machine; samples that are missed make noise.
+        off = np.abs(one.ratio / one.steady - 1.0)
+        assert np.median(off) < 0.1
+        assert off[one.frequencies <= 10].max() < 0.15
+        # What the law itself is off at this rate; at 500 Hz that is a tenth.
+        assert one.steady_error(10.0) < 0.06
