@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from hapticmech_ros.nodes.child import watch, write_progress
+from hapticmech_ros.nodes.loop import watch, write_progress
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
 from hapticmech_ros.wire.topics import DIAGNOSTICS

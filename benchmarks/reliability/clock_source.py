@@ -14,8 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from hapticmech_ros.nodes.child import watch
-from hapticmech_ros.nodes.loop import wake_up_in_time
+from hapticmech_ros.nodes.loop import wake_up_in_time, watch
 from hapticmech_ros.times import NANOSECONDS
 
 PERIOD_S = 0.001

@@ -28,11 +28,10 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.child import watch, write_progress
-from hapticmech_ros.nodes.loop import wake_up_in_time
-from hapticmech_ros.nodes.message_info import Info, WithInfo
+from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
 from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.realtime import Realtime, Request
+from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.cdr import decode

@@ -24,13 +24,11 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.failures import Failures
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.lane import Waits
-from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import check_in_world, checked_time, deserialized
 from hapticmech_ros.nodes.node_time import Backlog, PeriodClock
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Origin, Sources, WithInfo
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.times import nanoseconds

@@ -17,7 +17,7 @@ from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.inputs import NEVER, Latest
+from hapticmech_ros.nodes.inputs import NEVER, Latest, SampleAge
 from hapticmech_ros.nodes.messages import (
     checked_stamp,
     read_framed_pose,
@@ -26,7 +26,6 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
-from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS

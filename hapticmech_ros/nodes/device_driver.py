@@ -9,7 +9,7 @@ obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
 from hapticmech_ros.device.position_servo import PositionServo
+from hapticmech_ros.device.safety import SafetyLimits, safety_limits
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes import device_kernels as own
@@ -28,8 +29,6 @@ from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.buttons import ButtonOutput
-from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
-from hapticmech_ros.nodes.device_limits import command_timeout_of, limits_of
 from hapticmech_ros.nodes.device_view import DeviceView
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
@@ -37,12 +36,14 @@ from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
-from hapticmech_ros.nodes.parameters import DriverParameters
+from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.sources import STOPPED, CommandGuard
 from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.nodes.timeouts import Losses
+from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.quaternions import turned
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
@@ -59,6 +60,70 @@ from hapticmech_ros.wire.topics import (
     DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
 )
+
+
+def command_timeout_of(parameters: DriverParameters, device: Device, period_s: float) -> float:
+    """Return how long (s) a device acts on a command.
+
+    Args:
+        parameters: of the device's node.
+        device: of the scene.
+        period_s: control period, s.
+
+    Raises:
+        InvalidInputError: longer than the scene allows, or less than three periods.
+    """
+    return timeout_of(parameters, "command_timeout", COMMAND, period_s, device)
+
+
+def limits_of(parameters: DriverParameters, device: Device, period_s: float) -> SafetyLimits:
+    """Return the limits that parameters choose within those of the scene's device.
+
+    Args:
+        parameters: of the device's node.
+        device: of the scene.
+        period_s: control period, s.
+
+    Raises:
+        ParameterError: names every parameter that breaks a rule, with value and rule.
+    """
+    problems = list(_problems(parameters, device, period_s))
+    if problems:
+        raise ParameterError("; ".join(problems))
+    scene = safety_limits(device)
+    return SafetyLimits(
+        force=parameters.force_limit or scene.force,
+        torque=parameters.torque_limit or scene.torque,
+        force_slew=parameters.force_slew or scene.force_slew,
+        torque_slew=parameters.torque_slew or scene.torque_slew,
+        ramp=parameters.start_ramp or scene.ramp,
+        radius=parameters.workspace_radius or scene.radius,
+    )
+
+
+def _problems(parameters: DriverParameters, device: Device, period_s: float) -> Iterator[str]:
+    safety = device.safety
+    for name, bound, key in (
+        ("force_limit", device.force_limit, "device.force_limit"),
+        ("torque_limit", device.torque_limit, "device.torque_limit"),
+        ("force_slew", safety.force_slew, "device.safety.force_slew"),
+        ("torque_slew", safety.torque_slew, "device.safety.torque_slew"),
+        ("workspace_radius", safety.workspace_radius or math.inf, "device.safety.workspace_radius"),
+    ):
+        value = getattr(parameters, name)
+        if value > bound:
+            yield f"{name}: must be at most the scene's {key}, {bound:g} (got {value:g})"
+    # 0 is the scene's; a shorter ramp opens sooner.
+    if 0.0 < parameters.start_ramp < safety.start_ramp:
+        yield (
+            "start_ramp: must be at least the scene's device.safety.start_ramp, "
+            f"{safety.start_ramp:g} (got {parameters.start_ramp:g})"
+        )
+    try:
+        command_timeout_of(parameters, device, period_s)
+    except InvalidInputError as error:
+        yield str(error)
+
 
 _HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
 D = TypeVar("D", bound=DriverParameters)

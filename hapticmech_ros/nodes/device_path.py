@@ -11,9 +11,8 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
-from hapticmech_ros.nodes.inputs import NEVER, InOrder
+from hapticmech_ros.nodes.inputs import NEVER, InOrder, SampleAge
 from hapticmech_ros.nodes.messages import check_age
-from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.wire.readings import DeviceReading

@@ -19,10 +19,9 @@ from functools import cache
 from typing import Any, Protocol
 
 from hapticmech_ros.nodes.lane import Arrived, Lane
-from hapticmech_ros.nodes.lane_connections import MOST_BYTES
-from hapticmech_ros.nodes.lane_folder import LaneError
-from hapticmech_ros.nodes.origin import INSIDE, BatchListener, Listener
-from hapticmech_ros.nodes.sent_numbers import check_finite
+from hapticmech_ros.nodes.lane_connections import MOST_BYTES, LaneError
+from hapticmech_ros.nodes.messages import check_finite
+from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
 from hapticmech_ros.times import NANOSECONDS
 
 # How many messages may be on their way through the middleware to those who had them already, and

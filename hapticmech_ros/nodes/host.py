@@ -9,8 +9,8 @@ from typing import Any, Protocol, TypeVar
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.pauses import OwnPauses
+from hapticmech_ros.nodes.sources import Listener
 
 E = TypeVar("E")
 

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A lane between processes of one host and one user, for messages of the control rate.
 
-Whoever listens has a socket in a folder of this user's own
-(:mod:`~hapticmech_ros.nodes.lane_folder`); whoever speaks connects to it, is told which topics are
-heard there, and sends those (:mod:`~hapticmech_ros.nodes.lane_connections`).
+Whoever listens has a socket in a folder of this user's own; whoever speaks connects to it, is told
+which topics are heard there, and sends those (:mod:`~hapticmech_ros.nodes.lane_connections`).
 """
 
 from __future__ import annotations
@@ -27,14 +26,15 @@ from hapticmech_ros.nodes.lane_connections import (
     MOST_CODES,
     BrokenRuleError,
     Incoming,
+    LaneError,
     Outgoing,
     connected,
     is_ours,
+    lane_folder,
     listening,
     remove_socket,
 )
-from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
-from hapticmech_ros.nodes.origin import INSIDE, Batch, BatchListener, Listener, Origin
+from hapticmech_ros.nodes.sources import INSIDE, Batch, BatchListener, Listener, Origin
 from hapticmech_ros.times import NANOSECONDS
 
 # Looks for new processes, and at what could not be sent, come so often.
@@ -268,7 +268,7 @@ class Lane:
 
         Args:
             topic: full name and type.
-            via: the publisher, see :class:`~hapticmech_ros.nodes.origin.Origin`.
+            via: the publisher, see :class:`~hapticmech_ros.nodes.sources.Origin`.
         """
         heard = self._heard.get(topic)
         for number, incoming in self._incoming.items():

@@ -25,8 +25,7 @@ from rosgraph_msgs.msg import Clock
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.child import write_progress
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
+from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages, write_progress
 from hapticmech_ros.nodes.messages import message_class, set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode

@@ -16,16 +16,19 @@ from __future__ import annotations
 import ctypes
 import gc
 import inspect
+import json
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
-from typing import Protocol
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from hapticmech_ros.nodes.exchange import Exchange
@@ -305,3 +308,31 @@ def _wait_s(nodes: Sequence[HasDeadlines]) -> float:
         if (deadline := node.next_deadline_ns()) is not None
     ]
     return min(max(min(ahead, default=LONGEST_WAIT_S), SHORTEST_WAIT_S), LONGEST_WAIT_S)
+
+
+def write_progress(event: str, **facts: object) -> None:
+    """Print a line of JSON for the parent process."""
+    print(json.dumps({"event": event, **facts}), flush=True)
+
+
+def watch(node_type: Callable[[], Node], arguments: Sequence[str], **facts: Any) -> int:
+    """Run a node, which takes no arguments, until a signal; return the exit code.
+
+    Args:
+        node_type: of the node.
+        arguments: for ROS.
+        facts: told as soon as it listens.
+    """
+    stop = StopRequest()
+    rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+    node = node_type()
+    executor = EventsExecutor()
+    executor.add_node(node)
+    write_progress("ready", **facts)
+    try:
+        while rclpy.ok() and not stop.asked:
+            wait_for_messages(executor, LONGEST_WAIT_S)
+        return 0
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()

@@ -18,18 +18,17 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from hapticmech_ros.errors import HapticMechError, as_ours
-from hapticmech_ros.nodes.acknowledged import wait_until_acknowledged
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.hosted_parameters import HostedParameters
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.node_time import Backlog, NodeTime, said_of_step
-from hapticmech_ros.nodes.origin import Listener
 from hapticmech_ros.nodes.parameters import NodeParameters, ParameterError
 from hapticmech_ros.nodes.pauses import OwnPauses
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.qos import STREAM_PUBLISHER, wait_until_acknowledged
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
+from hapticmech_ros.nodes.sources import Listener
 from hapticmech_ros.nodes.statistics import processor_time
 from hapticmech_ros.readiness import Report, say_report
 from hapticmech_ros.times import NANOSECONDS

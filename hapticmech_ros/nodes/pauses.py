@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.lane_kernels import SHORTEST_PAUSE_NS
-from hapticmech_ros.nodes.origin import Origin
+from hapticmech_ros.nodes.sources import Origin
 from hapticmech_ros.times import NANOSECONDS
 
 _REMEMBERED = 16

@@ -23,8 +23,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, Lane
 from hapticmech_ros.nodes.lane_connections import MESSAGE, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
-from hapticmech_ros.nodes.origin import OUTLETS, Origin
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 

@@ -13,11 +13,75 @@ else's only if the middleware lists two publishers, or if it has brought that nu
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from hapticmech_ros.nodes.origin import INSIDE, MIDDLEWARE, OUTLETS, Origin
 from hapticmech_ros.times import NANOSECONDS
+
+# By the middleware, which does not tell which publisher sent a message.
+MIDDLEWARE = 0
+# From a node of this process.
+WITHIN = -1
+# Of what stands for a publisher on the lane, the part that is its number in its process; the rest
+# is its process's connection.
+OUTLETS = (1 << 32) - 1
+
+
+class Origin(NamedTuple):
+    """The way of a message, and its publisher where that is known.
+
+    Attributes:
+        via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the one publisher on the lane that this stands
+            for in this process.
+        number: by which its publisher counts what it sends through the middleware.
+        sent: by which it counts what it sends over the lane; 0: it came another way.
+        sent_ns: when it was sent, ns of the sending machine's clock; 0: that is not known.
+    """
+
+    via: int
+    number: int
+    sent: int = 0
+    sent_ns: int = 0
+
+
+INSIDE = Origin(WITHIN, 0)
+
+Listener = Callable[[bytes, Origin], None]
+# Of a topic's messages that came together, in the order in which they were sent.
+Batch = list[tuple[bytes, Origin]]
+BatchListener = Callable[[Batch], None]
+
+
+Info = Mapping[str, Any]
+_POSITIONAL = inspect.Parameter.POSITIONAL_ONLY
+
+
+class WithInfo:
+    """Passes messages on to ``function(message, info)``, with any executor.
+
+    rclpy looks at a callback's signature to see whether it takes one argument or two. For a
+    callback of two, the events executor of ROS 2 Jazzy hands both over as one tuple, and ends in a
+    SystemError.
+
+    ``info`` has ``source_timestamp`` and ``received_timestamp`` (ns, by the machines' clocks) and
+    ``publication_sequence_number``, which each publisher counts up by one.
+    """
+
+    # What rclpy sees: two arguments. What may come: a message and its info, or a pair of them.
+    __signature__ = inspect.Signature(
+        [inspect.Parameter(name, _POSITIONAL) for name in ("message", "info")]
+    )
+
+    def __init__(self, function: Callable[[Any, Info], None]) -> None:
+        self._function = function
+
+    def __call__(self, *arguments: Any) -> None:
+        """Hand over one message."""
+        message, info = arguments if len(arguments) == 2 else arguments[0]
+        self._function(message, info)
+
 
 # What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
 UNNUMBERED = (1 << 64) - 1
@@ -262,3 +326,29 @@ class Sources:
         if len(told) < 2:
             told.append("one without a name" if told else "two without a name")
         return " and ".join(told)
+
+
+STOPPED = "emergency stop"
+
+
+class CommandGuard:
+    """Watches who commands a device.
+
+    Args:
+        sources: of each topic by which it is commanded; none may have a second publisher.
+    """
+
+    def __init__(self, *sources: Sources) -> None:
+        self._sources = sources
+        self.stopped = False
+
+    def forget(self) -> None:
+        """Forget who commanded; an emergency stop lasts."""
+        for one in self._sources:
+            one.forget()
+
+    def fault(self, now_ns: int) -> str:
+        """Return why the device must not obey; empty if it may."""
+        if self.stopped:
+            return STOPPED
+        return next((fault for one in self._sources if (fault := one.fault(now_ns))), "")

@@ -28,20 +28,23 @@ from hapticmech_ros.nodes import control_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.buttons import ButtonInput
-from hapticmech_ros.nodes.controller_outputs import NO_WRENCH, ControllerOutputs
+from hapticmech_ros.nodes.controller_outputs import (
+    NO_WRENCH,
+    PERIOD_S,
+    ControllerOutputs,
+    EngagementLog,
+)
 from hapticmech_ros.nodes.crtk_device import CrtkDevice
 from hapticmech_ros.nodes.device_path import DevicePath
-from hapticmech_ros.nodes.engagement_log import PERIOD_S, EngagementLog
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
-from hapticmech_ros.nodes.origin import Origin
 from hapticmech_ros.nodes.other_users import Transmissions
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.pauses import SenderPauses
 from hapticmech_ros.nodes.plain_messages import Heard, PlainCommand, PlainMessages, Said, frame_of
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller

@@ -6,9 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hapticmech_ros.nodes.command_guard import STOPPED, CommandGuard
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import MIDDLEWARE, STOPPED, CommandGuard, Origin, Sources
 
 MS = 1_000_000
 

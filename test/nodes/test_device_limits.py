@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.device_limits import limits_of
+from hapticmech_ros.nodes.device_driver import limits_of
 from hapticmech_ros.nodes.parameters import (
     SAFETY,
     ControllerParameters,

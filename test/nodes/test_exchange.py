@@ -5,7 +5,7 @@
 import time
 
 from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange, Outlet
-from hapticmech_ros.nodes.origin import INSIDE, Origin
+from hapticmech_ros.nodes.sources import INSIDE, Origin
 
 
 class FakePublisher:

@@ -22,9 +22,14 @@ from hapticmech_ros.nodes import lane as lane_module
 from hapticmech_ros.nodes import lane_connections
 from hapticmech_ros.nodes.exchange import CENSUS_NS, Exchange
 from hapticmech_ros.nodes.lane import Lane
-from hapticmech_ros.nodes.lane_connections import HEADER, MOST_BEHIND, MOST_BYTES
-from hapticmech_ros.nodes.lane_folder import LaneError, lane_folder
-from hapticmech_ros.nodes.origin import Batch, Origin
+from hapticmech_ros.nodes.lane_connections import (
+    HEADER,
+    MOST_BEHIND,
+    MOST_BYTES,
+    LaneError,
+    lane_folder,
+)
+from hapticmech_ros.nodes.sources import Batch, Origin
 
 TOPIC = "/topic Kind"
 # More messages than a socket holds.

@@ -7,12 +7,11 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes import sample_age
+from hapticmech_ros.nodes import inputs
 from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.device_path import DevicePath
-from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest
+from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest, SampleAge
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
-from hapticmech_ros.nodes.sample_age import SampleAge
 from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.readings import DeviceReading
 
@@ -55,7 +54,7 @@ def test_a_value_may_be_renewed_but_not_made():
 def clock(monkeypatch):
     """A steady clock that the test sets, in ns."""
     now = [1000 * S]
-    monkeypatch.setattr(sample_age.time, "monotonic_ns", lambda: now[0])
+    monkeypatch.setattr(inputs.time, "monotonic_ns", lambda: now[0])
     return now
 
 

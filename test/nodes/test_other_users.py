@@ -14,8 +14,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
-from hapticmech_ros.nodes.message_info import WithInfo
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
+from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain

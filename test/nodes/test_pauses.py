@@ -9,8 +9,8 @@ import time
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from hapticmech_ros.nodes.origin import INSIDE, MIDDLEWARE, Origin
 from hapticmech_ros.nodes.pauses import MINUTE_NS, SEVERAL, OwnPauses, Remedy, SenderPauses
+from hapticmech_ros.nodes.sources import INSIDE, MIDDLEWARE, Origin
 from hapticmech_ros.nodes.timeouts import Losses
 
 MS = 1_000_000

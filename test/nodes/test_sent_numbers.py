@@ -13,8 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros.errors import OutputError
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.sent_numbers import check_finite
+from hapticmech_ros.nodes.messages import check_finite, set_stamp
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray

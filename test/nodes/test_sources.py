@@ -9,8 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hapticmech_ros.nodes.origin import INSIDE, MIDDLEWARE, Origin
-from hapticmech_ros.nodes.sources import UNNUMBERED, Sources
+from hapticmech_ros.nodes.sources import INSIDE, MIDDLEWARE, UNNUMBERED, Origin, Sources
 from sampling import sampled
 
 MS = 1_000_000

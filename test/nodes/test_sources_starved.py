@@ -18,9 +18,8 @@ import pytest
 from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, SETTLES_NS, UNDERWAY_NS
 from hapticmech_ros.nodes.lane import BEHIND_NS
 from hapticmech_ros.nodes.lane_connections import STALLED_NS
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
-from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, Sources
 from sampling import sampled
 
 MS, S = 1_000_000, 1_000_000_000

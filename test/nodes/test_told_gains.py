@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
-from hapticmech_ros.nodes.origin import MIDDLEWARE, Origin
+from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
 

@@ -22,7 +22,7 @@ from std_msgs.msg import UInt8
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.nodes.bags.bag_qos import adapted_offer, adapted_request, as_recorded
-from hapticmech_ros.nodes.message_info import WithInfo
+from hapticmech_ros.nodes.sources import WithInfo
 from ros.bag_processes import bag_command
 from ros.harness import Peer
 

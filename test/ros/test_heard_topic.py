@@ -11,7 +11,7 @@ import pytest
 
 from hapticmech_ros.nodes.bags import heard_topic
 from hapticmech_ros.nodes.bags.heard_topic import UNDERWAY_S, HeardTopic
-from hapticmech_ros.nodes.origin import Origin
+from hapticmech_ros.nodes.sources import Origin
 
 
 class Kept:

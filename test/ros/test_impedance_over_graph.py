@@ -4,10 +4,10 @@
 
 import numpy as np
 import pytest
-from ros.harness import RATE
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.over_graph import FREQUENCIES_HZ, FeelGraphError, felt_over_graph
+from ros.harness import RATE
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 

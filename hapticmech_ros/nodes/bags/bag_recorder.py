@@ -28,8 +28,8 @@ from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
-from hapticmech_ros.nodes.message_info import Info
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
+from hapticmech_ros.nodes.sources import Info
 from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.topic import Rate

@@ -16,9 +16,8 @@ from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.nodes.bags.bag_qos import adapted_request, as_recorded
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.message_info import Info, WithInfo
 from hapticmech_ros.nodes.messages import message_class
-from hapticmech_ros.nodes.origin import Batch, Origin
+from hapticmech_ros.nodes.sources import Batch, Info, Origin, WithInfo
 
 # All publishers of a topic are not discovered at once. Their offers are written down after this.
 SETTLE_S = 0.4
