@@ -23,14 +23,18 @@ from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.past_rates import PastRates
+from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_MEASURED, OPERATIONAL_MODEL_FIELDS, POINT_MODEL_PART
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.layouts import (
+    DEVICE_MEASURED,
+    OPERATIONAL_MODEL_FIELDS,
+    POINT_MODEL_PART,
+    OperationalModelWriter,
+)
 from hapticmech_ros.wire.state import StateLayout, WireState
 from sampling import sampled
 

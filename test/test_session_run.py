@@ -11,8 +11,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture, control_for
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.control.flat import device_of
-from hapticmech_ros.control.prediction import point_ahead
+from hapticmech_ros.control.measurements import device_of, point_ahead
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.saturation import limited

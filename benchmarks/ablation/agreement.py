@@ -14,8 +14,8 @@ from benchmarks.oracle import oracle, readable_simulator
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
-from hapticmech_ros.control.flat import flat_operational_model
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
+from hapticmech_ros.control.measurements import flat_operational_model
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import Evaluation

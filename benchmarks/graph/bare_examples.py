@@ -42,15 +42,17 @@ from hapticmech_ros.wire.energies import (
     pack_controller_energy,
     pack_device_energy,
 )
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
+    GAIN_FIELDS,
     OPERATIONAL_MODEL_FIELDS,
     DeviceSample,
+    LocalFeedbackGain,
     OperationalModelMessage,
     pack_device,
     pack_energy,
+    pack_gain,
     pack_operational_model,
 )
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist

@@ -24,8 +24,7 @@ from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
 from hapticmech_ros.nodes.messages import WORLD
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_device
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE
 

@@ -15,11 +15,11 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                     + G ½ (1 - z⁻¹) F_h + (1 + 2 R²)⁻¹ (1 - 8/5 R²) G 5/12 (1 - z⁻¹)² F_h
 
 with G = (1 + C6) Λ_d X - 1 + (1 - β) Π and R = 1 + G. X and a are X_τ and a_τ of
-``operational/delay_compensation``, and c_d is c with C as it acts on the device. A force channel
-that is closed by the controller has neither what is in flight nor the correction by G: then V̂ = V
-and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c. Limits,
-ramps and encoder steps are left out, as is what a push bends: small motions of a device at full
-force.
+``operational/delay_compensation_kernels``, and c_d is c with C as it acts on the device. A force
+channel that is closed by the controller has neither what is in flight nor the correction by G: then
+V̂ = V and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c.
+Limits, ramps and encoder steps are left out, as is what a push bends: small motions of a device at
+full force.
 
 A hand's wrench varies within a period. On the device acts its mean F̄_h, while commands answer the
 sample F_h at the period's start; both are inputs here. So is a wrench F_c of an environment, which
@@ -36,8 +36,8 @@ import numpy as np
 from hapticmech_ros.analysis.linear_point import LinearPoint, LinearSystem, linear_point
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.force_gain import force_gain, lead_gains
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator

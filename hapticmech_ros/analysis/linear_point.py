@@ -19,8 +19,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.operational.analysis import Analyser
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.results import OperationalAnalysis
+from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Of a difference, in √kg m and √kg m/s, and N and N m. Errors are about 1e-9 of it where nothing

@@ -14,23 +14,225 @@ between both depths,
 so that the spring takes exactly what the motion loses, and dampers only take: no energy is made at
 any stiffness, mass or step (T16b of docs/derivations.md). How well a rebound is resolved is another
 question: steps are divided until (h ω)² of the points is below ``RESOLVED``.
+
+Forces at all points of contact at once: Newton's rule on the law, with its corners.
+
+The law at a point says that its impulse u stays as it is when it is pushed on by what is wrong with
+the rates, and brought back to what is allowed:
+
+    u_n = max(0, u_n - (w_n + C u_n - b) / (g + C)),      u_t = on a disk of μ u_n (u_t - w_t / H)
+
+with g and H what u does to the point's own rates; C and b are the spring's and the damper's. Of
+that Newton's rule finds the root in a few rounds where points keep sticking or sliding. Where many
+points hold one body G is singular: forces may act against each other across the body, and nothing
+says how much. So across the normal they are held, at 1e-8 of H, at what they ought to be near: at
+nothing, or at what was found before. T19 of docs/derivations.md.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, local, local_whole
 from hapticmech_ros.contact.layout import COULOMB, DAMPING, DISSIPATION, STIFFNESS, Contacts
-from hapticmech_ros.contact.newton_kernels import (
-    ACROSS,
-    FRICTION,
-    GIVE,
-    OWN,
-    PUSH,
-    put_velocity,
-)
+from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row, solve_in_place
+
+# Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.
+OWN, GIVE, PUSH, FRICTION, ACROSS, SCALE_VALUES = 0, 1, 2, 3, 4, 5
+# Share of H at which friction is held.
+HELD_SHARE = 1e-8
+MOST_ROUNDS = 12
+# Steps of Newton's are halved down to here until what is wrong gets less.
+LEAST_STEP = 0.1
+
+
+@inner
+def _pushed_on(
+    c: int, scales: Array, held: Array, share: float, impulse: Array, velocity: Array, out: Array
+) -> float:
+    """Put a point's impulse, pushed on by what is wrong, into ``out``; return μ u_n."""
+    k, across = 3 * c, scales[c, ACROSS]
+    own, give = scales[c, OWN], scales[c, GIVE]
+    wrong = velocity[k] + give * impulse[k] - scales[c, PUSH]
+    out[0] = impulse[k] - wrong / (own + give)
+    for i in range(k + 1, k + 3):
+        out[i - k] = 0.0
+        if across > 0.0:
+            away = velocity[i] + share * across * (impulse[i] - held[i])
+            out[i - k] = impulse[i] - away / (across * (1.0 + share))
+    return float(scales[c, FRICTION] * max(impulse[k], 0.0))
+
+
+@inner
+def mismatch(
+    scales: Array, held: Array, share: float, impulse: Array, velocity: Array, off: Array
+) -> tuple[float, float]:
+    """Fill ``off`` with what is wrong with each impulse; return the worst, m/s, and Σ of squares.
+
+    Args:
+        scales: (n, 5).
+        held: (3 n,) impulses that friction is held at.
+        share: of H, at which it is.
+        impulse: (3 n,) N s.
+        velocity: (3 n,) rates of the points with them, m/s.
+        off: (3 n,) to fill, N s.
+    """
+    out, worst, squares = local(3), 0.0, 0.0
+    for c in range(scales.shape[0]):
+        k = 3 * c
+        most = _pushed_on(c, scales, held, share, impulse, velocity, out)
+        length = np.sqrt(out[1] * out[1] + out[2] * out[2])
+        back = 1.0 if length <= most else most / length
+        off[k] = impulse[k] - max(out[0], 0.0)
+        off[k + 1] = impulse[k + 1] - back * out[1]
+        off[k + 2] = impulse[k + 2] - back * out[2]
+        for i in range(3):
+            size = abs(off[k + i]) * (scales[c, OWN] if i == 0 else scales[c, ACROSS])
+            worst, squares = max(worst, size), squares + size * size
+    return float(worst), float(squares)
+
+
+@inner
+def _slopes(
+    scales: Array,
+    held: Array,
+    coupling: Array,
+    impulse: Array,
+    velocity: Array,
+    slopes: Array,
+    acts: Array,
+) -> None:
+    """Fill ``slopes`` with how what is wrong changes with impulses, row by row.
+
+    ``acts`` (3 n,) becomes 1 where a row is not one of the identity, 0 where it is: there nothing
+    pushes.
+    """
+    out, size = local(3), impulse.size
+    for c in range(scales.shape[0]):
+        k, give, across = 3 * c, scales[c, GIVE], scales[c, ACROSS] * (1.0 + HELD_SHARE)
+        total = scales[c, OWN] + give
+        most = _pushed_on(c, scales, held, HELD_SHARE, impulse, velocity, out)
+        length = np.sqrt(out[1] * out[1] + out[2] * out[2])
+        for i in range(k, k + 3):
+            acts[i] = 0
+            for j in range(size):
+                slopes[i, j] = 0.0
+            slopes[i, i] = 1.0
+        if out[0] > 0.0:
+            acts[k] = 1
+            for j in range(size):
+                slopes[k, j] = coupling[k, j] / total
+            slopes[k, k] += give / total
+        if across <= 0.0 or most <= 0.0:
+            continue
+        acts[k + 1] = acts[k + 2] = 1
+        slides = length > most
+        # What is left of a change of u_t - w_t / H on the disk: all, or what is along its rim.
+        share = most / length if slides else 1.0
+        first, second = (out[1] / length, out[2] / length) if slides else (0.0, 0.0)
+        xx, yy = share * (1.0 - first * first), share * (1.0 - second * second)
+        xy = -share * first * second
+        for j in range(size):
+            one, two = -coupling[k + 1, j] / across, -coupling[k + 2, j] / across
+            if j == k + 1:
+                one += 1.0 / (1.0 + HELD_SHARE)
+            if j == k + 2:
+                two += 1.0 / (1.0 + HELD_SHARE)
+            slopes[k + 1, j] -= xx * one + xy * two
+            slopes[k + 2, j] -= xy * one + yy * two
+        slopes[k + 1, k] -= scales[c, FRICTION] * first
+        slopes[k + 2, k] -= scales[c, FRICTION] * second
+
+
+@inner
+def _step(slopes: Array, acts: Array, off: Array, change: Array, places: Array) -> bool:
+    """Fill ``change`` with Newton's step; return whether there is one. ``slopes`` is used up."""
+    size = 0
+    for i in range(off.size):
+        change[i] = 0.0
+        if acts[i] == 0:
+            change[i] = -off[i]
+        else:
+            places[size] = i
+            size += 1
+    wanted = local(size)
+    for r in range(size):
+        i = places[r]
+        wanted[r] = -off[i] - dot_with_row(slopes, i, change)
+        # Places grow, so that nothing is overwritten that is still needed.
+        for s in range(size):
+            slopes[r, s] = slopes[i, places[s]]
+    if not solve_in_place(slopes, wanted, size):
+        return False
+    for r in range(size):
+        change[places[r]] = wanted[r]
+    return True
+
+
+@inner
+def put_velocity(apart: Array, coupling: Array, impulse: Array, velocity: Array) -> None:
+    """Fill ``velocity`` with the rates of the points under impulses: w_free + G u."""
+    for i in range(impulse.size):
+        velocity[i] = apart[i] + dot_with_row(coupling, i, impulse)
+
+
+@inner
+def newton(
+    scales: Array,
+    apart: Array,
+    coupling: Array,
+    held: Array,
+    impulse: Array,
+    velocity: Array,
+    tolerance: float,
+    slopes: Array,
+) -> bool:
+    """Bring impulses nearer to what the law says, in place; return whether Newton's rule ended.
+
+    See the head of this file.
+
+    Args:
+        scales: (n, 5).
+        apart: (3 n,) rates of the points without impulses, m/s.
+        coupling: (3 n, 3 n) G, 1/kg.
+        held: (3 n,) impulses that friction is held at, N s.
+        impulse: (3 n,) N s.
+        velocity: (3 n,) with them, m/s.
+        tolerance: m/s at which to stop.
+        slopes: (3 n, 3 n) to work in.
+    """
+    size = impulse.size
+    off, change = local(size), local(size)
+    acts, places = local_whole(size), local_whole(size)
+    tried, there = local(size), local(size)
+    worst, squares = mismatch(scales, held, HELD_SHARE, impulse, velocity, off)
+    rounds = 0
+    while rounds < MOST_ROUNDS and worst > tolerance:
+        rounds += 1
+        _slopes(scales, held, coupling, impulse, velocity, slopes, acts)
+        if not _step(slopes, acts, off, change, places):
+            break
+        step, before = 1.0, squares
+        while step > LEAST_STEP:
+            for i in range(size):
+                tried[i] = impulse[i] + step * change[i]
+            put_velocity(apart, coupling, tried, there)
+            worst, squares = mismatch(scales, held, HELD_SHARE, tried, there, off)
+            if squares < before:
+                break
+            step *= 0.5
+        if not squares < before:
+            break
+        for i in range(size):
+            impulse[i], velocity[i] = tried[i], there[i]
+    for k in range(0, size, 3):
+        impulse[k] = max(impulse[k], 0.0)
+    put_velocity(apart, coupling, impulse, velocity)
+    return bool(worst <= tolerance)
+
 
 # A point rests while its rate, and the one of its swing, are below what its load accelerates it to
 # in so many steps, and below a rate (m/s) that nobody would call an impact without a load.

@@ -3,7 +3,8 @@
 """A period of a mechanism that touches things, in one call.
 
 Forces at the points first, at the step's start and implicit in the rates at its end; then the
-integrator's step with them held as wrenches on the links. See ``solver_kernels``.
+integrator's step with them held as wrenches on the links. See ``solver_kernels``. Points at a
+period's start are kept, in case it is not completed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.contact.effect_kernels import contact_effects
 from hapticmech_ros.contact.layout import (
     BEFORE,
     DIVISION,
@@ -20,15 +20,18 @@ from hapticmech_ros.contact.layout import (
     FAR_SHARE,
     FOUND,
     IS_PART,
+    JOINT_A,
+    JOINT_B,
     KNOWN,
     NOTHING,
     NOW,
     PERIOD,
     REPORT_VALUES,
+    SHAPE_A,
     UNSOLVED,
     Contacts,
 )
-from hapticmech_ros.contact.near_kernels import near_pairs, needs_search, place_shapes
+from hapticmech_ros.contact.shape_kernels import near_pairs, needs_search, place_shapes, put_point
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.touch_kernels import touching_points
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
@@ -45,7 +48,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
 from hapticmech_ros.mechanism.kernels.step_layout import (
     BEGINS_WITH,
@@ -59,6 +62,94 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     TOUCHING,
 )
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
+
+
+@inner
+def _copy(count: int, source: Array, target: Array) -> None:
+    for k in range(count):
+        for i in range(source.shape[1]):
+            target[k, i] = source[k, i]
+
+
+@inner
+def keep(contacts: Contacts) -> None:
+    """Keep points and forces as they are."""
+    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
+    put(contacts.kept_counts, contacts.counts)
+    for k in range(count):
+        kept[k] = owners[k]
+    _copy(count, contacts.points, contacts.kept_points)
+    _copy(count, contacts.forces, contacts.kept_forces)
+    _copy(count, contacts.origins, contacts.kept_origins)
+    put(contacts.kept_joint_force, contacts.joint_force)
+    put(contacts.kept_report, contacts.report)
+
+
+@inner
+def restore(contacts: Contacts) -> None:
+    """Put points and forces back as they were kept."""
+    found = contacts.counts[FOUND]
+    put(contacts.counts, contacts.kept_counts)
+    contacts.counts[FOUND] = found
+    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
+    for k in range(count):
+        owners[k] = kept[k]
+    _copy(count, contacts.kept_points, contacts.points)
+    _copy(count, contacts.kept_forces, contacts.forces)
+    _copy(count, contacts.kept_origins, contacts.origins)
+    put(contacts.joint_force, contacts.kept_joint_force)
+    put(contacts.report, contacts.kept_report)
+
+
+@inner
+def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
+    """Fill ``step_force``, ``origins`` and the links' rows of ``external``.
+
+    Args:
+        contacts: with so many points and the forces there.
+        places: (joints, 12) poses of the joints at the step's start.
+        count: number of points.
+    """
+    moment, force, axes, moves = local(3), contacts.step_force, contacts.axes, contacts.moves
+    points, forces, owners = contacts.points, contacts.forces, contacts.owners
+    pairs, poses, origins = contacts.pairs, contacts.poses, contacts.origins
+    for j in range(force.size):
+        force[j] = 0.0
+    for c in range(count):
+        pair = pairs[owners[c]]
+        cross(points[c], forces[c], moment)
+        for i in range(3):
+            origins[c, i] = poses[pair[SHAPE_A], 9 + i]
+        for j in range(force.size):
+            side = moves[pair[JOINT_A], j] - moves[pair[JOINT_B], j]
+            if side != 0.0:
+                for i in range(3):
+                    force[j] += side * (axes[j, i] * forces[c, i] + axes[j, 3 + i] * moment[i])
+    _push_links(contacts, places, count)
+
+
+@inner
+def _push_links(contacts: Contacts, places: Array, count: int) -> None:
+    """Fill the links' rows of ``external``; see ``motion_kernels.add_link_forces``."""
+    moment, arm, place = local(3), local(3), local(3)
+    carriers, link_origins, acts = contacts.carriers, contacts.link_origins, contacts.acts
+    points, forces, owners = contacts.points, contacts.forces, contacts.owners
+    for link in range(carriers.size):
+        push, origin = contacts.external[link], link_origins[link]
+        push[0] = carriers[link]
+        for i in range(3):
+            push[1 + i], push[4 + i], push[7 + i] = origin[i], 0.0, 0.0
+        put_point(places[carriers[link]], origin[0], origin[1], origin[2], place)
+        for c in range(count):
+            sign = acts[link, owners[c]]
+            if sign != 0.0:
+                for i in range(3):
+                    arm[i] = points[c, i] - place[i]
+                cross(arm, forces[c], moment)
+                for i in range(3):
+                    push[4 + i] += sign * forces[c, i]
+                    push[7 + i] += sign * moment[i]
+
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
 STEPS_AHEAD = 1.5

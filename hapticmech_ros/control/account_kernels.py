@@ -32,6 +32,7 @@ from hapticmech_ros.control.kernels import (
     TORQUE_LIMIT,
     answer_measurements,
     brake,
+    displacement,
     force_let_through,
     hand_on_mechanism,
     let_through,
@@ -47,7 +48,6 @@ from hapticmech_ros.control.loop_layout import (
     POSE_ERROR,
     WITH_MODEL,
 )
-from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.saturation_kernels import limit

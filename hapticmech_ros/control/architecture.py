@@ -1,35 +1,158 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. 3: the three controllers joined, from measurements to the wrenches of both sides."""
+"""Fig. 3: the three controllers joined, from measurements to the wrenches of both sides.
+
+Four-channel teleoperation controller (Lawrence; Hashtrudi-Zaad and Salcudean).
+
+On the device, and on the mechanism:
+
+    Λ_d ẍ = Λ_d X ((1 + C6) F_h + C2 F_c) + ... - C4 (1 - Π) C e
+    f     = C3 F_h + C5 F_c + C1 C e
+
+Force channels carry the contact wrench to the hand (C2) and the hand's wrench to the mechanism
+(C3). Position channels, a spring and damper C = C_m = C_s, pull operational point and device
+together; on the device's side only in the range of X, since the joint-constraint controller has
+the rest. C1 and C4 are shares of C: a local controller goes with its channel. C5 and C6 are local
+force feedback. Both sides move alike, which is transparency, where C2 = 1 + C5 = C3 = 1 + C6 and
+C1 = C4 = 1; then the mechanism feels 1 / (1 + C6) times as heavy.
+
+With a connection that is late by τ there and back, C's bandwidth ω on the device is held to
+ω τ <= 0.3: its stiffness is scaled by the square of a factor and its damping by the factor, so that
+it stays as damped. The mechanism's side closes its loop without the connection, and keeps C.
+
+Gains go from one set to another without a bump.
+"""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import Clutch, engage
-from hapticmech_ros.control.flat import device_of, flat_device, flat_operational_model, model_of
-from hapticmech_ros.control.four_channel import FourChannel
-from hapticmech_ros.control.gain_ramp import GainRamp
 from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
+    InFlight,
     OperationalModel,
     PointMeasurement,
+    device_of,
+    flat_device,
+    flat_operational_model,
+    model_of,
+    point_ahead,
+    predicted_twist,
 )
-from hapticmech_ros.control.prediction import InFlight, point_ahead, predicted_twist
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.scene.controller import Controller, ForceChannelGains, PositionChannelGains
 from hapticmech_ros.scene.device import Device
+from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG
+from hapticmech_ros.scene.part import Part
+
+
+class FourChannel:
+    """Channels with constant gains; kernels make their wrenches.
+
+    Args:
+        position: C, C1 and C4.
+        force: C2, C3, C5 and C6.
+        inertia: (6,) diagonal of Λ_d, kg and kg m²; needed with a lag.
+        lag: s, from measuring to acting, there and back.
+
+    Attributes:
+        stiffness, damping: (6,) of C, N/m, N m/rad and N s/m, N m s/rad.
+        held_stiffness, held_damping: (6,) of it as it acts on the device.
+    """
+
+    def __init__(
+        self,
+        position: PositionChannelGains,
+        force: ForceChannelGains,
+        inertia: Array | None = None,
+        lag: float = 0.0,
+    ) -> None:
+        self.position, self.force = position, force
+        stiffness = np.array([position.stiffness] * 3 + [position.angular_stiffness] * 3)
+        damping = np.array([position.damping] * 3 + [position.angular_damping] * 3)
+        share = (
+            np.ones(6) if inertia is None else bandwidth_factor(stiffness, damping, inertia, lag)
+        )
+        self.stiffness, self.damping = stiffness, damping
+        self.held_stiffness, self.held_damping = share**2 * stiffness, share * damping
+
+
+def bandwidth_factor(stiffness: Array, damping: Array, inertia: Array, lag: float) -> Array:
+    """Return the factor (6,) that keeps ω τ and its damper's phase lag within 0.3 rad.
+
+    ω and damping are multiplied by it, stiffness by its square.
+
+    Args:
+        stiffness: (6,) of C, N/m and N m/rad.
+        damping: (6,) of C, N s/m and N m s/rad.
+        inertia: (6,) diagonal of Λ_d, kg and kg m².
+        lag: τ, s.
+    """
+    pace = np.maximum(np.sqrt(stiffness / inertia), damping / inertia)
+    return np.asarray(DESIGN_PHASE_LAG / np.maximum(pace * lag, DESIGN_PHASE_LAG))
+
+
+P = TypeVar("P", bound=Part)
+
+
+class GainRamp(NamedTuple):
+    """Gains on their way to others, all in a straight line over the new ones' ``gain_ramp``.
+
+    A spring that becomes stiffer while it is stretched takes up energy: the ledger tells it, and
+    passivity control does not give it away.
+
+    Attributes:
+        start: s.
+        old, new: gains before and after.
+        old_delay, new_delay: one-way delays (s) that they are for.
+    """
+
+    start: float
+    old: Controller
+    new: Controller
+    old_delay: float = 0.0
+    new_delay: float = 0.0
+
+    def at(self, time: float) -> tuple[Controller, bool]:
+        """Return the gains of ``time`` (s), and whether they are the new ones."""
+        share = self._share(time)
+        if share >= 1.0:
+            return self.new, True
+        return blended(self.old, self.new, share), False
+
+    def delay_at(self, time: float) -> float:
+        """Return the one-way delay (s) that the gains of ``time`` (s) are for."""
+        share = min(self._share(time), 1.0)
+        return self.old_delay * (1.0 - share) + self.new_delay * share
+
+    def _share(self, time: float) -> float:
+        ramp = self.new.gain_ramp
+        return max((time - self.start) / ramp, 0.0) if ramp > 0.0 else 1.0
+
+
+def blended(old: P, new: P, share: float) -> P:
+    """Return a part whose numbers are so far from old to new; what is no number is new."""
+    changed = {}
+    for name in type(new).model_fields:
+        before, after = getattr(old, name), getattr(new, name)
+        if isinstance(after, Part):
+            changed[name] = blended(before, after, share)
+        elif isinstance(after, float) and before != after:
+            changed[name] = before + share * (after - before)
+    return new.model_copy(update=changed)
+
 
 _GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "carries")
 _LIMITS = SETTINGS.slice("force_limit", "torque_limit")
@@ -45,7 +168,7 @@ class ControlArchitecture:
 
     Holds gains only; state is the :class:`Clutch`. Gains can be changed while it renders: they
     pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
-    :mod:`~hapticmech_ros.control.flat`.
+    :mod:`~hapticmech_ros.control.measurements`.
 
     A control law of one's own is a function (:func:`~hapticmech_ros.control.law.control_for`), or,
     for more, a subclass that overrides :meth:`answer`; ``super().answer`` is the scene's. Who has a
@@ -254,7 +377,7 @@ class ControlArchitecture:
                 is extrapolated by its twist for as long.
             in_flight: what of earlier commands to the mechanism has not acted yet, for a device
                 that corrects commands by itself; see
-                :func:`~hapticmech_ros.control.prediction.point_ahead`.
+                :func:`~hapticmech_ros.control.measurements.point_ahead`.
 
         Raises:
             InvalidInputError: an array of another size.

@@ -20,8 +20,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import PUSH
 from hapticmech_ros.control.hand_lead_kernels import lead
+from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
-from hapticmech_ros.control.pose_kernels import displacement
 from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.saturation_kernels import limit

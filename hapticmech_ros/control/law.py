@@ -12,13 +12,15 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch, pose_error
-from hapticmech_ros.control.flat import device_of, model_of
 from hapticmech_ros.control.measurements import (
     DeviceMeasurement,
+    InFlight,
     OperationalModel,
     PointMeasurement,
+    device_of,
+    model_of,
+    point_ahead,
 )
-from hapticmech_ros.control.prediction import InFlight, point_ahead
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene import Scene

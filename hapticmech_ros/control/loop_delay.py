@@ -6,15 +6,24 @@ The device measures the round trip with its own clock, from sending a sample to 
 command that refers to it, so clocks need not be synchronised. Gains are designed for the declared
 delay. If the measured delay is longer, the design delay is raised at once; it is lowered only after
 the delay has been shorter for some time, so that gains do not follow fluctuations of the traffic.
+
+``operational/delay_compensation_kernels`` compensates for a delay τ of the whole loop. A command
+computed from a state acts d periods later, on average half a period longer for being held. Where
+the device closes the force channel, the mechanism's state is as late besides: it learns of F_h that
+much later than the device, and in samples that are held. A controller that closes it tells both at
+once. A connection between device and controller makes both ways longer.
 """
 
 from __future__ import annotations
 
 import math
+from math import ceil
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection, Controller
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, damping_for, lag_of
@@ -137,7 +146,7 @@ def made_for(gains: Controller, device: Device, period: float, delay: float) -> 
     """Return gains whose joint constraint is designed for a one-way delay.
 
     They are unchanged if the device closes the joint constraint itself. The position channel is
-    scaled with the delay by :class:`~hapticmech_ros.control.four_channel.FourChannel`.
+    scaled with the delay by :class:`~hapticmech_ros.control.architecture.FourChannel`.
 
     Args:
         gains: without that delay.
@@ -157,3 +166,46 @@ def made_for(gains: Controller, device: Device, period: float, delay: float) -> 
         "damping": min(joint.damping, damping_for(admissible, device)),
     }
     return gains.model_copy(update={"joint_constraint": joint.model_copy(update=softer)})
+
+
+# Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
+# the hand's sake: whoever falls silent, it is without force soon after the last command.
+MOST_ALLOWED_S = 0.005
+
+
+def jitter_allowance(connection: Connection) -> float:
+    """Return how much longer (s) than a timeout a network may be silent: its jitter, to 5 ms."""
+    return min(connection.expected_jitter * connection.expected, MOST_ALLOWED_S)
+
+
+def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
+    """Return τ in s: 2 t_c + (2 d + 1) T with the force channel closed in the device.
+
+    Closed in the controller it is half of that, t_c the delay of the connection.
+
+    Args:
+        scene: its period, and what closes the force channel.
+        delay: whole periods d from measuring to acting.
+
+    Raises:
+        InvalidInputError: a negative delay.
+    """
+    if delay < 0:
+        raise InvalidInputError("delay", delay, "must be 0 or more periods")
+    times = 2 if scene.controller.force_channel.local else 1
+    return times * (scene.connection.designed + (delay + 0.5) * scene.simulation.period)
+
+
+def periods_before(scene: Scene, delay: int = 1) -> int:
+    """Return how many periods before a state the rates are of that its compensation knows.
+
+    As many as τ has, rounded up. Over a connection it is none: rates of so long ago say nothing of
+    what a hand does now.
+
+    Args:
+        scene: as of :func:`compensated_loop_delay`.
+        delay: likewise.
+    """
+    if scene.connection.designed > 0.0:
+        return 0
+    return ceil(compensated_loop_delay(scene, delay) / scene.simulation.period - 1e-6)

@@ -1,17 +1,29 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into the controllers of Fig. 3 and what comes out, in one control period."""
+"""What goes into the controllers of Fig. 3 and what comes out, in one control period.
+
+As flat arrays they travel between nodes, and controllers read them. A device's sample is laid out
+as :data:`~hapticmech_ros.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism report of
+a point as :data:`~hapticmech_ros.layout.OPERATIONAL_MODEL` (139,). Units and frames are those of
+the measurements.
+
+Measured poses are carried on to another time, so that those of different times can be compared:
+what the hand did acts on the mechanism some periods later than on a device that corrects commands
+by itself. The difference is no drift: it is known, and predicted.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
+from hapticmech_ros.operational.results import CompensatedResponse
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +101,145 @@ def operational_model_of(
         analysis.wrench_projector,
         compensated.free_acceleration,
     )
+
+
+_PLACE = DEVICE_SAMPLE.slice("position", "quaternion")
+_TWIST, _FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
+_MATRICES = OPERATIONAL_MODEL.slice("inverse_inertia", "wrench_projector")
+_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
+_POINT_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
+_POINT_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
+_NO_SPECTRUM = np.zeros(OPERATIONAL_MODEL["s"])
+
+
+def flat_device(measured: DeviceMeasurement) -> Array:
+    """Return a device's measurement as a ``layout.DEVICE_SAMPLE`` (19,), SI, world axes."""
+    place = pin.SE3ToXYZQUAT(measured.pose)
+    return np.concatenate((place, measured.twist, measured.hand_wrench))
+
+
+def flat_operational_model(model: OperationalModel, point: PointMeasurement) -> Array:
+    """Return what the analysis and the mechanism report of a point as numbers (139,), without s."""
+    return np.concatenate(
+        (
+            _NO_SPECTRUM,
+            model.inverse_inertia.ravel(),
+            model.constraint_projector.ravel(),
+            model.wrench_projector.ravel(),
+            model.free_acceleration,
+            pin.SE3ToXYZQUAT(point.pose),
+            point.twist,
+            point.contact_wrench,
+        )
+    )
+
+
+def device_of(device: Array) -> DeviceMeasurement:
+    """Return the measurement that numbers (19,) stand for, of any length of quaternion but 0.
+
+    Args:
+        device: (19,) pose, twist and F_h; m, m/s, rad/s, N and N m, world axes.
+    """
+    return DeviceMeasurement(place_of(device[_PLACE]), device[_TWIST], device[_FORCE])
+
+
+def model_of(operational_model: Array) -> OperationalModel:
+    """Return the analysis in numbers (139,).
+
+    Args:
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+    """
+    matrices = operational_model[_MATRICES].reshape(3, 6, 6)
+    return OperationalModel(matrices[0], matrices[1], matrices[2], operational_model[_FREE])
+
+
+def point_of(operational_model: Array) -> PointMeasurement:
+    """Return the operational point's measurement in numbers (139,).
+
+    Args:
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+    """
+    place = place_of(operational_model[_POINT_PLACE])
+    return PointMeasurement(place, operational_model[_POINT_TWIST], operational_model[_CONTACT])
+
+
+def place_of(numbers: Array) -> pin.SE3:
+    """Return the pose of a position, m, and a quaternion of any length but 0, (7,) in all.
+
+    Args:
+        numbers: (7,) position, m, and quaternion x, y, z, w.
+    """
+    quaternion = numbers[3:]
+    length = float(np.sqrt(quaternion @ quaternion))
+    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), numbers[:3])
+
+
+class InFlight(NamedTuple):
+    """Commands to the mechanism that have not acted yet, and half of the one that is made now.
+
+    The mechanism gets a hand's wrench of the samples, held over a period: half a period later, in
+    the mean, than the device on which it acts.
+
+    Attributes:
+        duration: s, for which they will act, one after the other.
+        impulse: (6,) what they will have done then, N s and N m s, world axes.
+    """
+
+    duration: float
+    impulse: Array
+
+
+def carried_on(pose: pin.SE3, twist: Array, duration: float) -> pin.SE3:
+    """Return where a frame with constant twist is after ``duration`` (s, may be negative).
+
+    Args:
+        pose: of the frame in the world.
+        twist: (6,) of its origin, world axes, m/s and rad/s.
+        duration: s.
+    """
+    turn = np.asarray(pin.exp3(duration * twist[3:]))
+    return pin.SE3(turn @ pose.rotation, pose.translation + duration * twist[:3])
+
+
+def predicted_twist(
+    twist: Array,
+    inverse_inertia: Array,
+    free_acceleration: Array,
+    contact_wrench: Array,
+    in_flight: InFlight,
+) -> Array:
+    """Return the twist (6,) of the operational point once what is in flight has acted.
+
+    Nothing is predicted of a mechanism that stands still under it, held by contacts, springs or
+    gravity.
+
+    Args:
+        twist: (6,) now, m/s and rad/s, world axes.
+        inverse_inertia: (6, 6) X, 1/kg, 1/(kg m) and 1/(kg m²), world axes at the point.
+        free_acceleration: (6,) a_0, m/s² and rad/s², world axes at the point.
+        contact_wrench: (6,) F_c, N and N m, taken as constant.
+        in_flight: what has not acted yet.
+    """
+    impulse = in_flight.impulse + in_flight.duration * contact_wrench
+    return np.asarray(twist + inverse_inertia @ impulse + in_flight.duration * free_acceleration)
+
+
+def point_ahead(
+    operational_model: Array, ahead: float, in_flight: InFlight | None = None
+) -> PointMeasurement:
+    """Return the operational point's measurement as a control law is to see it.
+
+    Its pose is carried on by its twist; once what is in flight has acted, if anything is.
+
+    Args:
+        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        ahead: s, from its time to that of the device's measurement.
+        in_flight: commands that have not acted yet.
+    """
+    seen, model = point_of(operational_model), model_of(operational_model)
+    twist, contact = seen.twist, seen.contact_wrench
+    if in_flight is not None:
+        x, free = model.inverse_inertia, model.free_acceleration
+        twist = predicted_twist(twist, x, free, contact, in_flight)
+        ahead += in_flight.duration
+    return PointMeasurement(carried_on(seen.pose, twist, ahead), twist, contact)

@@ -20,6 +20,8 @@ what the hand once put in and the mechanism has long lost.
 
 A command that would go below is changed by as little damping as does it, -λ Λ_d v, and is shortened
 where even the most damping does not: at rest nothing else helps.
+
+What a device does with a command before its actuators give it: safety, and passivity.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.device_side_kernels import (
+    allow_command,
     available_energy,
     correct_command,
     enforce_passivity,
@@ -38,6 +41,7 @@ from hapticmech_ros.control.device_side_kernels import (
 )
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
@@ -210,3 +214,50 @@ def passivity_for(scene: Scene) -> PassivityController:
     lag = 1.0 / bandwidth if bandwidth > 0.0 else 0.0
     filtered = device.position_resolution > 0.0 or device.angle_resolution > 0.0
     return PassivityController(bounds, inertia, period, limits, acts, filtered, lag)
+
+
+class DeviceSide:
+    """The device's side of the rendering loop, in a session and in the device's node.
+
+    Args:
+        scene: whose device.
+        limits: of what leaves; the scene's if left out.
+
+    Attributes:
+        passivity: the account of its energies.
+        envelope: the last before a force leaves.
+    """
+
+    def __init__(self, scene: Scene, limits: SafetyLimits | None = None) -> None:
+        self.passivity: PassivityController = passivity_for(scene)
+        if limits is None:
+            limits = safety_limits(scene.device)
+        self.envelope = SafetyEnvelope(scene.simulation.period, limits)
+
+    def begin(self) -> None:
+        """Start anew: the hand takes hold, or nobody holds."""
+        self.passivity.begin()
+        self.envelope.stop()
+
+    def allow(
+        self,
+        command: Array,
+        sample: Array,
+        applied: Array,
+        to_mechanism: float | None,
+        added: Array = NO_WRENCH,
+    ) -> Array:
+        """Account for the last period, and return what leaves (6,) of a command for the next one.
+
+        Args:
+            command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
+            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+            applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
+            to_mechanism: E_m, J, as it is told; None while nobody tells it.
+            added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
+        """
+        found = np.array(command, dtype=float)
+        given = math.nan if to_mechanism is None else to_mechanism
+        arrays = self.passivity.account, self.envelope.numbers
+        allow_command(*arrays, found, sample, applied, added, given)
+        return found

@@ -62,7 +62,7 @@ def act(
         given: the last answer that was given, whether it has arrived or not.
         told: (delay, 6) what the mechanism was told and does not act yet.
         device: the device's account.
-        safety: its envelope, a :data:`~hapticmech_ros.device.safety_layout.SAFETY`.
+        safety: its envelope, a :data:`~hapticmech_ros.device.safety_kernels.SAFETY`.
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
             that has arrived.
         sample: (19,) of the device.

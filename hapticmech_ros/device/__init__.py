@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated impedance device and the hand that holds it."""
 
-from hapticmech_ros.device.grasp_schedule import GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.hand import HandLaw
+from hapticmech_ros.device.hand_kernels import GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.impedance_device import ImpedanceDevice, device_for
-from hapticmech_ros.device.protocol import SimulatedDevice
-from hapticmech_ros.device.state import NO_WRENCH, DeviceState
+from hapticmech_ros.device.state import NO_WRENCH, DeviceState, SimulatedDevice
 
 __all__ = [
     "NO_WRENCH",

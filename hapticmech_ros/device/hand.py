@@ -3,7 +3,7 @@
 """The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
 What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`; when a hand holds, and its
-own mass, in :mod:`~hapticmech_ros.device.grasp_schedule`.
+own mass, in :mod:`~hapticmech_ros.device.hand_kernels`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import hand_kernels as laws
-from hapticmech_ros.device.grasp_schedule import GraspSchedule
+from hapticmech_ros.device.hand_kernels import GraspSchedule
 from hapticmech_ros.scene.hand import (
     ArmHand,
     ConstantWrenchHand,

@@ -23,7 +23,7 @@ LONGEST_PERIOD_S = 0.1
 
 
 class HandObserver:
-    """Estimates F_h as :mod:`~hapticmech_ros.device.driver_kernels` does, at any period.
+    """Estimates F_h as :mod:`~hapticmech_ros.device.kernels` does, at any period.
 
     The driver is taken to lift the device's weight.
 

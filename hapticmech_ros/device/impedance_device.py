@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device import driver_kernels, kernels
+from hapticmech_ros.device import kernels
 from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
-from hapticmech_ros.device.grasp_schedule import ALWAYS, OPEN, GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.hand import HandLaw, hand_numbers
+from hapticmech_ros.device.hand_kernels import ALWAYS, OPEN, GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
@@ -27,9 +27,9 @@ _PUSH, _HELD = DEVICE_MODEL.slice("push"), DEVICE_MODEL.slice("held")
 _OWN, _REPORTED = DEVICE_STATE.slice("own"), DEVICE_STATE.slice("hand_wrench")
 # Where the reported wrench of the hand is from.
 _SENSORS: dict[ForceSensor, float] = {
-    "measured": driver_kernels.MEASURED,
-    "estimated": driver_kernels.ESTIMATED,
-    "absent": driver_kernels.ABSENT,
+    "measured": kernels.MEASURED,
+    "estimated": kernels.ESTIMATED,
+    "absent": kernels.ABSENT,
 }
 
 

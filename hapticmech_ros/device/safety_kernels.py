@@ -4,11 +4,40 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.device.safety_layout import SAFETY
+from hapticmech_ros.layout import Field, Layout
+
+
+class Reason(str, Enum):
+    """Why a device does not give what it is told to give."""
+
+    WORKSPACE = "workspace"
+    FORCE_LIMIT = "force_limit"
+    TORQUE_LIMIT = "torque_limit"
+    FORCE_SLEW = "force_slew"
+    TORQUE_SLEW = "torque_slew"
+    NOT_FINITE = "not_finite"
+
+
+_ONE = Field(1)
+# Limits, as SafetyLimits has them; period of a sample, s; centre of the workspace, m; wrench that
+# left last; samples since the start; and samples that each reason has changed.
+SAFETY = Layout(
+    {
+        **dict.fromkeys(("force", "torque", "force_slew", "torque_slew", "ramp", "radius"), _ONE),
+        "period": _ONE,
+        "centre": Field(3),
+        "last": Field(6),
+        "started": _ONE,
+        **{f"limited_by_{reason.value}": _ONE for reason in Reason},
+    }
+)
+
 
 # From this share of the workspace's radius on, an outward force is taken away, all of it at 1.
 EDGE = 0.9

@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""State of the simulated device at a tick."""
+"""State of the simulated device at a tick, and what a session asks of any device."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -146,7 +146,7 @@ class DeviceState:
 
     @property
     def window(self) -> int:
-        """In which the hand holds; see :mod:`~hapticmech_ros.device.grasp_schedule`."""
+        """In which the hand holds; see :mod:`~hapticmech_ros.device.hand_kernels`."""
         return int(self.flat[_WINDOW][0])
 
     @property
@@ -173,3 +173,56 @@ class DeviceState:
         start = _PLACES[name]
         rotation = self.flat[start + 3 : start + 12].reshape(3, 3)
         return pin.SE3(rotation, self.flat[start : start + 3])
+
+
+class SimulatedDevice(Protocol):
+    """A device that a session can hold and move: ``Session(scene, device=...)``.
+
+    Of the states that it returns a session reads what is published of them, and ``pose`` of the
+    first one; it hands each back to the next step as it is. One that needs more than a
+    :class:`~hapticmech_ros.device.state.DeviceState` has room for is a subclass of that.
+    """
+
+    def at_rest(
+        self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
+    ) -> DeviceState:
+        """Return the device standing still.
+
+        Args:
+            pose: where, in the world.
+            held: whether the hand can take hold now.
+            home: pose about which the workspace is; ``pose`` if left out.
+        """
+        ...
+
+    def step(
+        self,
+        state: DeviceState,
+        command: Array | None,
+        held: DeviceState | None,
+        ticks: int,
+        push: Array = NO_WRENCH,
+    ) -> DeviceState:
+        """Return the state one period later; ``state`` is left as it is.
+
+        Args:
+            state: where to start.
+            command: (6,) servo_cf, N and N m, on the hand by the device, world axes, held over the
+                period; None for actuators off, compensation included.
+            held: state in which the hand could take hold; None if nobody is there.
+            ticks: whole periods since then, until ``state``.
+            push: (6,) by others than the hand, on the device, N and N m, world axes.
+        """
+        ...
+
+    def compensation(self, state: DeviceState) -> Array:
+        """Return the wrench (6,) that the driver adds over the next period, N, N m, world axes."""
+        ...
+
+    def sensed(self, push: Array) -> Array:
+        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
+
+        Args:
+            push: (6,) by others on the device, N and N m, world axes at the point held.
+        """
+        ...

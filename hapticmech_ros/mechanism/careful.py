@@ -3,7 +3,7 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (see :mod:`~hapticmech_ros.mechanism.branch`). So
+stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.singular`). So
 none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
 what a stage needs there is that of an interpolation. The step is divided until its energy account
 closes.
@@ -20,7 +20,6 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.branch import Branch, branch_along
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.energy_balance import Balance
@@ -29,7 +28,13 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
 from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.singular import REACH, free_change, nearest_branch
+from hapticmech_ros.mechanism.singular import (
+    REACH,
+    Branch,
+    branch_along,
+    free_change,
+    nearest_branch,
+)
 from hapticmech_ros.mechanism.tolerances import SINGULAR
 
 # Parts of the step move no joint of a loop next to a singular position further, rad, or m over the

@@ -8,19 +8,74 @@ further, until the account closes to a hundredth of what it may be off by. If eq
 help, in the same number of steps of other lengths: short where the accounts of the equal ones are
 off, as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an error,
 see de Boor, "Good approximation by splines with variable knots II", 1974).
+
+If a kernel could not end a step at all, its reason becomes an error here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import NamedTuple, cast
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.mechanism.constraint_space import failure
 from hapticmech_ros.mechanism.energy_balance import NO_BALANCE, Balance
-from hapticmech_ros.mechanism.motion import Start, Stepped, end_of
+from hapticmech_ros.mechanism.inertia import diverged
+from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
+from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
+from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN
+from hapticmech_ros.mechanism.kernels.step_layout import ERROR, PROJECTED, STEP, TERMS_TAIL, WENT
+from hapticmech_ros.mechanism.mechanism import Mechanism
+from hapticmech_ros.mechanism.motion import Start, Stepped, end_of, not_finite
+from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
+
+
+def step_error(
+    mechanism: Mechanism,
+    parts: SimpleNamespace,
+    code: int,
+    packed: Array,
+    active: Active,
+) -> HapticMechError:
+    """Return the error of a step.
+
+    Args:
+        mechanism: that was stepped.
+        parts: of the work; see ``step_kernels.Work``.
+        code: how the step failed; see ``run_kernels.advance``.
+        packed: (size,) terms at its end.
+        active: per closure, whether it is closed.
+    """
+    worst, names = float(packed.item(ERROR - TERMS_TAIL.size)), mechanism.names_of(active)
+    if code == OPEN:
+        return came_apart(worst, names)
+    if code == JUMPED:
+        return jumped(float(parts.account[PROJECTED] / parts.account[WENT]), names)
+    if code == FLIPPED:
+        wrong = [i for i, on in enumerate(active) if on and mechanism.on_wrong_branch(i, parts.q)]
+        return flipped(worst, [mechanism.closures[i].name for i in wrong[:1]] or names)
+    if code == RATES_NOT_FINITE:
+        return not_finite("rates", parts.v)
+    if code == NOT_FINITE:
+        return not_finite("state", parts.q)
+    return _diverged(mechanism, parts) or failure(code, mechanism.tree)
+
+
+def _diverged(mechanism: Mechanism, parts: SimpleNamespace) -> HapticMechError | None:
+    """Return the error of a step that went astray, if its start has what its stages lack."""
+    none = tuple(False for _ in mechanism.closures)
+    try:
+        mechanism.closing_terms(parts.q0, none)
+    except HapticMechError:
+        return None
+    step = float(parts.settings[STEP])
+    return diverged(mechanism.tree, mechanism.difference(parts.q0, parts.q), step)
+
 
 # Lengths of steps are set anew so many times.
 MESHES = 3

@@ -22,10 +22,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hapticmech_ros.mechanism.implicit import REACHED, WEIGHTS
+from hapticmech_ros.mechanism.tableaus import REACHED, WEIGHTS
+from hapticmech_ros.mechanism.tableaus import REACHED as TSITOURAS_REACHED
+from hapticmech_ros.mechanism.tableaus import WEIGHTS as TSITOURAS
 from hapticmech_ros.mechanism.tolerances import DRIFT
-from hapticmech_ros.mechanism.tsitouras import REACHED as TSITOURAS_REACHED
-from hapticmech_ros.mechanism.tsitouras import WEIGHTS as TSITOURAS
 
 
 class Scheme(NamedTuple):
@@ -37,7 +37,7 @@ class Scheme(NamedTuple):
         history: whether later stages are reached from all those before, not from the last one.
         late: positions move with the rates at the step's end, not with the sum of θ̇.
         corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
-        implicit: stages are those of :mod:`~hapticmech_ros.mechanism.implicit`.
+        implicit: stages are those of :mod:`~hapticmech_ros.mechanism.tableaus`.
         tolerance: of a step's energy account, see :mod:`~hapticmech_ros.mechanism.energy_balance`,
             if the scene names none; infinite for a rule of order 1, whose own error in a step from
             rest is of the size of what is exchanged: it is counted, and steps are left as they are.

@@ -68,9 +68,8 @@ from hapticmech_ros.mechanism.motion import (
     check_external,
     end_of,
 )
-from hapticmech_ros.mechanism.refinement import Ways, refined
+from hapticmech_ros.mechanism.refinement import Ways, refined, step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.step_errors import step_error
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
     PROJECTION_FAILURE,

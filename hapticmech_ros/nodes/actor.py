@@ -17,7 +17,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.compensated_delay import jitter_allowance
+from hapticmech_ros.control.loop_delay import jitter_allowance
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.exchange import Outlet
@@ -34,7 +34,7 @@ from hapticmech_ros.scene.limit_rules import check_limits
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.wrench import decode_wrench
 

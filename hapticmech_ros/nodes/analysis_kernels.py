@@ -27,9 +27,13 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
-from hapticmech_ros.operational.counter_kernels import count_rigid
-from hapticmech_ros.operational.observe_kernels import MODEL_SIZE, observe_point
-from hapticmech_ros.operational.past_rates_kernels import rates_before, remember_state
+from hapticmech_ros.operational.observe_kernels import (
+    MODEL_SIZE,
+    count_rigid,
+    observe_point,
+    rates_before,
+    remember_state,
+)
 from hapticmech_ros.wire.kernels import (
     COUNT,
     MODEL_QUATERNION,

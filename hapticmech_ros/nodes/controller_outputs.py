@@ -20,10 +20,16 @@ from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, gain_bounds, pack_gain
-from hapticmech_ros.wire.stamps import nearest_stamp
+from hapticmech_ros.wire.layouts import (
+    GAIN_FIELDS,
+    CouplingMatrices,
+    CouplingWire,
+    LocalFeedbackGain,
+    gain_bounds,
+    pack_gain,
+)
+from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
     CONSTRAINT_PART,

@@ -18,22 +18,20 @@ from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.device_side import DeviceSide
+from hapticmech_ros.control.passivity import DeviceSide
 from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
-from hapticmech_ros.device.position_servo import PositionServo
-from hapticmech_ros.device.safety import SafetyLimits, safety_limits
+from hapticmech_ros.device.safety import PositionServo, SafetyLimits, safety_limits
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.answers import Answers
 from hapticmech_ros.nodes.buttons import ButtonOutput
 from hapticmech_ros.nodes.device_view import DeviceView
+from hapticmech_ros.nodes.failures import LastValidState
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
-from hapticmech_ros.nodes.last_valid_state import LastValidState
-from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
+from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
@@ -46,9 +44,15 @@ from hapticmech_ros.quaternions import turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, gain_bounds
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, DEVICE_MEASURED, DeviceWriter, device_bounds
-from hapticmech_ros.wire.stamps import nearest_stamp
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    DEVICE_MEASURED,
+    GAIN_FIELDS,
+    DeviceWriter,
+    device_bounds,
+    gain_bounds,
+)
+from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     DEVICE_BODY_AXES,

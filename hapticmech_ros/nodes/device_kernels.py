@@ -14,13 +14,14 @@ from hapticmech_ros.control.device_side_kernels import (
     take_energy,
 )
 from hapticmech_ros.control.hand_lead_kernels import remember
-from hapticmech_ros.device.driver_kernels import command_device, compensate
 from hapticmech_ros.device.kernels import (
     APPLIED,
     BODY,
     PUBLISHED_SIZE,
     REPORTED,
     SPEED,
+    command_device,
+    compensate,
     move_device,
 )
 from hapticmech_ros.device.motion_kernels import is_too_fast

@@ -25,9 +25,9 @@ from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
+from hapticmech_ros.nodes.failures import LastValidState
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
-from hapticmech_ros.nodes.last_valid_state import LastValidState
 from hapticmech_ros.nodes.mechanism_ports import (
     ContactPort,
     OperationalPoints,

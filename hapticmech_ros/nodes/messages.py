@@ -37,7 +37,7 @@ from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of
-from hapticmech_ros.wire.stamps import seconds_of, stamp_of
+from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 
 
 def message_class(msgtype: str) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
@@ -22,18 +22,17 @@ from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.nodes.plain_messages import Heard, PlainMessages, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.counter import ConstraintCounter
 from hapticmech_ros.operational.coupling import coupling, transmission
-from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.operational.past_rates import PastRates
-from hapticmech_ros.operational.spectrum import rank_of
+from hapticmech_ros.operational.observation import ConstraintCounter, Observation, PastRates
+from hapticmech_ros.operational.results import rank_of
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.layouts import (
     COMMANDED,
     OPERATIONAL_MODEL_FIELDS,
+    CouplingMatrices,
+    CouplingWire,
     operational_model_bounds,
 )
 from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter

@@ -21,8 +21,7 @@ from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.sources import Sources
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, device_bounds
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire, device_bounds
 from hapticmech_ros.wire.readings import read_device
 from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION
 

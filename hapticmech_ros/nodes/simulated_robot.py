@@ -23,7 +23,7 @@ from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
 from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
 from hapticmech_ros.times import nanoseconds
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of
 
 # Of MuJoCo in a period.
 STEPS = 4

@@ -34,8 +34,7 @@ from hapticmech_ros.nodes.controller_outputs import (
     ControllerOutputs,
     EngagementLog,
 )
-from hapticmech_ros.nodes.crtk_device import CrtkDevice
-from hapticmech_ros.nodes.device_path import DevicePath
+from hapticmech_ros.nodes.device_inputs import CrtkDevice, DevicePath
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped

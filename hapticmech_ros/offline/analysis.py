@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.operational.observation import ConstraintCounter
 from hapticmech_ros.times import NANOSECONDS
 
 # Number of states between reports of progress.

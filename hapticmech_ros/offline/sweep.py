@@ -18,7 +18,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
-from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.workers import Crew, Workers
 

@@ -25,10 +25,9 @@ from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
-from hapticmech_ros.operational.results import OperationalAnalysis
+from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.rules import inertia_matrix
@@ -124,7 +123,7 @@ class Analyser:
             active: which closures are closed.
             closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
             before: (1 + nv,) how long ago, s, and the rates that were, rad/s or m/s; see
-                :mod:`.delay_compensation`.
+                :mod:`.delay_compensation_kernels`.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
@@ -155,7 +154,7 @@ class Analyser:
     def compensated(
         self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
     ) -> CompensatedResponse:
-        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.delay_compensation`.
+        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.delay_compensation_kernels`.
 
         Args:
             terms: of Eq. 1 at a state.

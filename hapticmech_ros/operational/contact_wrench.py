@@ -14,7 +14,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.evaluation import Evaluation
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.operational.analysis import Analyser
-from hapticmech_ros.operational.contact_wrench_kernels import consistent_wrench
+from hapticmech_ros.operational.observe_kernels import consistent_wrench
 
 
 def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) -> Array:

@@ -1,19 +1,34 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the analysis of an operational point finds at a state, as one array."""
+"""What the analysis of an operational point finds at a state, as one array.
+
+Beside it: the number of joint constraints reported to the user, by a Schmitt trigger with dwell on
+each s_i; and rates of a mechanism's last states, for the delay compensation of the next one.
+"""
 
 from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import PointKinematics
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.results import OperationalAnalysis
-from hapticmech_ros.operational.spectrum import Spectrum
+from hapticmech_ros.operational.observe_kernels import (
+    BEGUN,
+    COUNT,
+    COUNTER,
+    PAST_SIZE,
+    WANTED,
+    count_constraints,
+    rates_before,
+    remember_state,
+)
+from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis, Spectrum
+from hapticmech_ros.scene.rendering import Perception
 
 _FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 _X, _P_C, _SHARE = (
@@ -103,3 +118,109 @@ class Observation:
         jacobian = self._part("jacobian").reshape(6, self._nv)
         pose = pin.XYZQUATToSE3(self.numbers[_PLACE])
         return PointKinematics(pose, jacobian, motion[:6], motion[6:])
+
+
+class ConstraintCounter:
+    """Counts directions that are reported as rigid.
+
+    A direction is rigid at first where s <= s_on. It turns rigid once s has stayed at or below s_on
+    for the dwell time, and free once it has stayed at or above s_off for it; in between nothing
+    changes.
+
+    Args:
+        perception: thresholds and dwell time.
+
+    Attributes:
+        numbers: a :data:`~hapticmech_ros.operational.observe_kernels.COUNTER`.
+    """
+
+    def __init__(self, perception: Perception) -> None:
+        self.numbers: Array = np.zeros(COUNTER.size)
+        constants = perception.s_on, perception.s_off, perception.dwell
+        self.numbers[COUNTER.slice("s_on", "dwell")] = constants
+
+    def begin(self) -> None:
+        """Start anew with the next s."""
+        self.numbers[BEGUN] = 0.0
+
+    def update(self, s: Array, time: float) -> int:
+        """Return the count after s was observed at ``time``.
+
+        Args:
+            s: (t,) singular values, descending.
+            time: s.
+        """
+        return count_constraints(self.numbers, np.ascontiguousarray(s, dtype=float), time)
+
+
+def rigid_count(s: Array, perception: Perception) -> int:
+    """Return the count of a configuration by itself: directions with s at most s_on.
+
+    Args:
+        s: (t,) singular values, descending.
+        perception: its thresholds.
+    """
+    return int(np.count_nonzero(s <= perception.s_on))
+
+
+# Rates as much longer ago than wanted, in periods wanted, say nothing of now; and so much of a
+# period may be missing.
+FARTHEST, MISSING = 2.0, 0.25
+
+
+class PastRates:
+    """Remembers rates, and tells those of a number of periods ago.
+
+    Args:
+        periods: how many, see :func:`~hapticmech_ros.control.loop_delay.periods_before`; 0
+            if none are ever wanted.
+        period_ns: T, ns.
+        size: nv.
+
+    Attributes:
+        arrays: for kernels; see :mod:`.past_rates_kernels`.
+    """
+
+    def __init__(self, periods: int, period_ns: int, size: int) -> None:
+        remembered = round(FARTHEST * periods) + 2
+        numbers = np.zeros(PAST_SIZE, dtype=np.int64)
+        wanted = periods * period_ns
+        numbers[WANTED:] = wanted, round(MISSING * period_ns), round(FARTHEST * wanted)
+        self.arrays: tuple[Array, Array, Array] = (
+            numbers,
+            np.zeros(remembered, dtype=np.int64),
+            np.zeros((remembered, size)),
+        )
+        self._active: Active | None = None
+
+    def forget(self) -> None:
+        """Forget all states: the mechanism may be elsewhere."""
+        self.arrays[0][COUNT] = 0
+
+    def add(self, stamp_ns: int, rates: Array, active: Active) -> None:
+        """Remember a state.
+
+        Args:
+            stamp_ns: its time, ns; not before that of the one before, or those are forgotten.
+            rates: (nv,) rad/s or m/s.
+            active: which closures are closed; if others than before, those before are forgotten.
+        """
+        if active != self._active:
+            self.forget()
+            self._active = active
+        remember_state(*self.arrays, stamp_ns, rates)
+
+    def before(self, stamp_ns: int, active: Active) -> Array:
+        """Return (1 + nv,) how long before a time, s, and the rates that were.
+
+        They are the newest ones of so many periods ago or longer, of the same closures; zeros where
+        there are none.
+
+        Args:
+            stamp_ns: the time, ns.
+            active: which closures are closed then.
+        """
+        found = np.zeros(1 + self.arrays[2].shape[1])
+        if active == self._active:
+            rates_before(*self.arrays, stamp_ns, found)
+        return found

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.dense_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
-from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.plan.running import Running
 
 

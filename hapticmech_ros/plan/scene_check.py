@@ -12,11 +12,11 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
+from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
-from hapticmech_ros.mechanism.stiffness import stiff_elements
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy

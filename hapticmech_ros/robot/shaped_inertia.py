@@ -51,7 +51,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.lapack import dtrsm
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.operational.spectrum import RANK_TOLERANCE
+from hapticmech_ros.operational.results import RANK_TOLERANCE
 from hapticmech_ros.robot.gains import Gains
 
 

@@ -15,9 +15,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
-from hapticmech_ros.control.device_side import DeviceSide
 from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
     FORCE_LOCAL,
@@ -28,6 +27,7 @@ from hapticmech_ros.control.loop_layout import (
     TOLD,
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.control.passivity import DeviceSide
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
     DeviceState,
@@ -43,7 +43,7 @@ from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import contact_wrench
-from hapticmech_ros.operational.counter import ConstraintCounter
+from hapticmech_ros.operational.observation import ConstraintCounter
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data

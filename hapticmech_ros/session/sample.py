@@ -10,8 +10,8 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
-from hapticmech_ros.control.flat import model_of
 from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import PointKinematics

@@ -7,8 +7,7 @@ from __future__ import annotations
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import gathering_kernel, inner, local_whole, put
 from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
-from hapticmech_ros.contact.memory_kernels import keep, restore
-from hapticmech_ros.contact.step_kernels import WHOLE, advance_period
+from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
     CONTACT,
     GIVEN,
@@ -27,16 +26,18 @@ from hapticmech_ros.control.channel_kernels import TAG, receive, send
 from hapticmech_ros.control.device_side_kernels import ACTUATORS
 from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
 from hapticmech_ros.control.render_kernels import act
-from hapticmech_ros.device.driver_kernels import (
+from hapticmech_ros.device.kernels import (
     APPLIED,
+    BODY,
     MEASURED,
     REPORTED,
+    SEEN,
     SENSES_ITSELF,
     SPEED,
     command_device,
     compensate,
+    move_device,
 )
-from hapticmech_ros.device.kernels import BODY, SEEN, move_device
 from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.kernels.data import unpack
@@ -64,9 +65,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     TERMS_KNOWN,
     WORK_IN,
 )
-from hapticmech_ros.operational.contact_wrench_kernels import consistent_wrench
-from hapticmech_ros.operational.counter_kernels import count_rigid
-from hapticmech_ros.operational.observe_kernels import observe_point
+from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
 from hapticmech_ros.session.data import TIMES, TOTALS, SessionData
 
 # What a tick consists of, in this order; a call does all of it or some.

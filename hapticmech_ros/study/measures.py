@@ -22,7 +22,7 @@ from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.operational.results import RIGID, felt_masses
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator

@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import is_massless
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.mechanism import Inertia, Inertial

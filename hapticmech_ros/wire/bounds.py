@@ -21,7 +21,7 @@ from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.layout import ANY, Layout
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
-from hapticmech_ros.wire.stamps import LAST_SECOND, stamp_of
+from hapticmech_ros.wire.stamped import LAST_SECOND, stamp_of
 
 # Quantities that no scene says anything about.
 FIXED: dict[str, float] = {

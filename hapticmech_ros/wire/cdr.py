@@ -17,7 +17,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.wire.bounds import Bounds
-from hapticmech_ros.wire.stamps import stamp_of
+from hapticmech_ros.wire.stamped import stamp_of
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _HEADER = len(_LITTLE_ENDIAN)

@@ -18,7 +18,7 @@ from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import STAMP, checked_values
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching

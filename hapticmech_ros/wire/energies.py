@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.simulation import MechanismState
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.layouts import STAMP, Energy, checked_values
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of
 
 # J. What passivity control makes available may be infinite: told as finite, and bounded by that.
 _ENERGY = Field(1)

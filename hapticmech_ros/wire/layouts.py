@@ -3,11 +3,13 @@
 """Layouts of the Float64MultiArray messages that carry more than one matrix.
 
 Names and sizes of the fields go into the messages' layout labels, so that a bag can be read without
-this package.
+this package. ``device/local_feedback_gain`` says how commands depend on the device, for its own
+loop; ``transmission`` and ``device/coupling_gain`` what other hands do to a point and its device.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +18,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
-from hapticmech_ros.control.flat import (
+from hapticmech_ros.control.measurements import (
     device_of,
     flat_device,
     flat_operational_model,
@@ -36,7 +38,7 @@ from hapticmech_ros.layout import (
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 
 # Seconds and nanoseconds, as two numbers, to lose no bit.
 STAMP = Field(2, SECONDS)
@@ -302,3 +304,112 @@ class DeviceWriter:
         self.values[ROUND_TRIP], self.values[OBEYS] = round_trip, obeys
         if push is not NO_WRENCH:
             self.hand_wrench += push
+
+
+GAIN_FIELDS = Layout(
+    {
+        "stamp": STAMP,
+        "answered": STAMP,
+        "to_mechanism": Field(1, ("energy",)),
+        "force": Field(36, ("ratio",)),
+        "stiffness": Field(36, ("stiffness",)),
+        "damping": Field(36, ("damping",)),
+    }
+)
+_ANSWERED, _MODEL = GAIN_FIELDS.slice("answered"), GAIN_FIELDS.slice("force", "damping")
+_TO_MECHANISM = GAIN_FIELDS.start("to_mechanism")
+
+
+class LocalFeedbackGain(NamedTuple):
+    """A decoded ``device/local_feedback_gain`` message.
+
+    Attributes:
+        stamp_ns: of the command that it goes with, ns.
+        answered_ns: of the device's sample that this command answers, ns.
+        to_mechanism: E_m, J: what the mechanism has got through its point.
+        model: (108,) G, K and B, row by row.
+    """
+
+    stamp_ns: int
+    answered_ns: int
+    to_mechanism: float
+    model: Array
+
+
+def pack_gain(gain: LocalFeedbackGain) -> Array:
+    """Return the data (113,) of a ``device/local_feedback_gain`` message."""
+    stamps = *seconds_of(gain.stamp_ns), *seconds_of(gain.answered_ns)
+    return np.concatenate(((*stamps, gain.to_mechanism), gain.model))
+
+
+def gain_bounds(limits: Limits | None = None) -> Bounds:
+    """Return the bounds of ``local_feedback_gain``; of finite numbers where no scene is known."""
+    return bounds_of("gain", GAIN_FIELDS, limits)
+
+
+_ANY = gain_bounds()
+
+
+def unpack_gain(data: object, bounds: Bounds = _ANY) -> LocalFeedbackGain:
+    """Return the decoded message.
+
+    Raises:
+        InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
+    """
+    stamp, values = checked_values(data, bounds)
+    answered = stamp_of(*values[_ANSWERED].tolist())
+    return LocalFeedbackGain(stamp, answered, float(values[_TO_MECHANISM]), values[_MODEL])
+
+
+_SQUARE = Field(36, ("ratio",))
+
+
+class CouplingMatrices(NamedTuple):
+    """A decoded message.
+
+    Attributes:
+        stamp_ns: of the mechanism's state, ns; of ``coupling_gain``, that of the device's sample
+            that its command answers.
+        by_point: (6, 6) by operational point that another hand holds: Y_ij, or H_j; 1, m and 1/m.
+    """
+
+    stamp_ns: int
+    by_point: Mapping[str, Array]
+
+
+class CouplingWire:
+    """Layout of both messages: a stamp, and a matrix per other operational point.
+
+    Args:
+        others: operational points, in the scene's order.
+        limits: of the scene.
+
+    Attributes:
+        fields: of the messages.
+        bounds: of their numbers.
+    """
+
+    def __init__(self, others: Iterable[str], limits: Limits) -> None:
+        self._others = tuple(others)
+        matrices = dict.fromkeys(self._others, _SQUARE)
+        self.fields = Layout({"stamp": STAMP, **matrices})
+        self.bounds: Bounds = bounds_of("coupling", self.fields, limits)
+
+    def pack(self, found: CouplingMatrices) -> Array:
+        """Return a message's data (n,); zero for a point that ``by_point`` has not."""
+        values = np.zeros(self.fields.size)
+        values[:2] = seconds_of(found.stamp_ns)
+        for name, matrix in found.by_point.items():
+            values[self.fields.slice(name)] = matrix.ravel()
+        return values
+
+    def unpack(self, data: object) -> CouplingMatrices:
+        """Return the decoded message, without matrices that are zero.
+
+        Raises:
+            InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
+        """
+        stamp, values = checked_values(data, self.bounds)
+        parts = {name: values[self.fields.slice(name)] for name in self._others}
+        matrices = {name: part.reshape(6, 6) for name, part in parts.items() if part.any()}
+        return CouplingMatrices(stamp, matrices)

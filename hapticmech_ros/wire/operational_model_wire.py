@@ -8,8 +8,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.operational.past_rates import PastRates
+from hapticmech_ros.operational.observation import Observation, PastRates
 from hapticmech_ros.wire.kernels import COUNT, MODEL, write_operational_model
 from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.state import WireState

@@ -28,7 +28,7 @@ from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.layouts import FLAG, GRASP_FIELD, STAMP, checked_values
-from hapticmech_ros.wire.stamps import seconds_of
+from hapticmech_ros.wire.stamped import seconds_of
 
 
 def coordinate_names(mechanism: Mechanism) -> tuple[str, ...]:

@@ -11,8 +11,12 @@ from collections.abc import Iterator
 
 from hapticmech_ros.layout import Layout
 from hapticmech_ros.wire.energies import CONTROLLER_ENERGY_FIELDS, DEVICE_ENERGY_FIELDS
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, ENERGY_FIELDS, OPERATIONAL_MODEL_FIELDS
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    ENERGY_FIELDS,
+    GAIN_FIELDS,
+    OPERATIONAL_MODEL_FIELDS,
+)
 from hapticmech_ros.wire.topic import TEXT
 from hapticmech_ros.wire.topics import TOPICS
 

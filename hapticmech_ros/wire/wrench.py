@@ -15,7 +15,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.wire.bounds import ANY_WRENCH, SixBounds
-from hapticmech_ros.wire.stamps import seconds_of, stamp_of
+from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 
 WORLD = "world"
 # Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.

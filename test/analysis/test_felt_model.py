@@ -16,8 +16,8 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.force_gain import lead_gains
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_stability import loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError

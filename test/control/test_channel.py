@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from hapticmech_ros.control.channel import Channel
+from hapticmech_ros.control.rendering_controller import Channel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
 from oracles.delay_line import DelayLine

@@ -6,7 +6,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, periods_before
+from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import InvalidInputError
 
 

@@ -15,14 +15,14 @@ from hapticmech_ros.control import (
     PointMeasurement,
 )
 from hapticmech_ros.control.clutch import engage, pose_error
-from hapticmech_ros.control.flat import (
+from hapticmech_ros.control.measurements import (
+    InFlight,
     device_of,
     flat_device,
     flat_operational_model,
     model_of,
     point_of,
 )
-from hapticmech_ros.control.prediction import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document

@@ -12,7 +12,7 @@ from hapticmech_ros.control.account_kernels import (
     account_for_springs,
     queue_wrench,
 )
-from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.architecture import FourChannel
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.scene.controller import (
     ForceChannelGains,

@@ -8,11 +8,14 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
-from hapticmech_ros.control.measurements import operational_model_of
+from hapticmech_ros.control.measurements import (
+    InFlight,
+    flat_device,
+    operational_model_of,
+    predicted_twist,
+)
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.control.prediction import InFlight, predicted_twist
 from oracles.control import ReadableControl
 from oracles.local_model import local_model
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.architecture import FourChannel
 from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
 from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG
 from oracles.control.four_channel import channel_wrenches

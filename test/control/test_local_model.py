@@ -9,11 +9,10 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.flat import flat_device
 from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
-from hapticmech_ros.control.measurements import operational_model_of
+from hapticmech_ros.control.kernels import displacement
+from hapticmech_ros.control.measurements import flat_device, operational_model_of
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.control.pose_kernels import displacement
 from oracles.control import ReadableControl
 from oracles.local_model import NO_MODEL, local_model
 

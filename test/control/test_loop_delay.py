@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.compensated_delay import compensated_loop_delay, jitter_allowance
 from hapticmech_ros.control.loop_delay import (
     EVERY,
     SHORTER_AFTER_S,
@@ -16,6 +15,8 @@ from hapticmech_ros.control.loop_delay import (
     DelayFollower,
     RoundTripEstimate,
     admissible_round_trip,
+    compensated_loop_delay,
+    jitter_allowance,
     made_for,
 )
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController

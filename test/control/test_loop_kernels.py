@@ -7,9 +7,8 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.device_side import DeviceSide
-from hapticmech_ros.control.passivity import PassivityController
-from hapticmech_ros.control.pose_kernels import displacement
+from hapticmech_ros.control.kernels import displacement
+from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.device.safety import Reason
 from hapticmech_ros.scene.controller import Connection, Passivity
 from hapticmech_ros.scene.mechanism import Origin

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.control.pose_kernels import carry_on, follow, log6, turn_between
-from hapticmech_ros.control.prediction import carried_on
+from hapticmech_ros.control.kernels import carry_on, follow, log6, turn_between
+from hapticmech_ros.control.measurements import carried_on
 
 # Rotations are good to a few 1e-16; a logarithm is no worse conditioned than 1 + θ²/12 < 2.
 CLOSE = 1e-14

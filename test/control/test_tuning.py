@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.gain_ramp import GainRamp, blended
+from hapticmech_ros.control.architecture import GainRamp, blended
 from hapticmech_ros.control.tuning import TUNED, tuned
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Controller

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.device import GraspSchedule, grasp_schedule_of
-from hapticmech_ros.device.grasp_schedule import OPEN
+from hapticmech_ros.device.hand_kernels import OPEN
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand, Waypoint
 from oracles.device.grasp_schedule import window_of

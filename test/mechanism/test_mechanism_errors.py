@@ -18,8 +18,8 @@ from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_u
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
 from hapticmech_ros.mechanism.kernels.step_layout import STEP
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.step_errors import step_error
 from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import (
     INERTIAS,

@@ -8,8 +8,8 @@ import pytest
 from hapticmech_ros import Session
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.elements import DAMPED, STIFF, stiff_elements
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.stiffness import DAMPED, STIFF, stiff_elements
 from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.scene import scene_from_document
 

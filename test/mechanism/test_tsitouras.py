@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.tsitouras import REACHED, WEIGHTS
+from hapticmech_ros.mechanism.tableaus import REACHED, WEIGHTS
 
 Tree = tuple  # of its root's subtrees, sorted
 

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError
-from hapticmech_ros.nodes.failures import MOST_DEFECTS, Failures
-from hapticmech_ros.nodes.last_valid_state import CALM_S, SILENCE_NS, LastValidState
+from hapticmech_ros.nodes.failures import CALM_S, MOST_DEFECTS, SILENCE_NS, Failures, LastValidState
 
 
 class Node:

@@ -8,7 +8,7 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
-from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain, unpack_gain
+from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_gain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
 COMMAND = np.full(6, 0.5)

@@ -16,9 +16,14 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
 from hapticmech_ros.wire.cdr import FlatArray, decode
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    GAIN_FIELDS,
+    CouplingMatrices,
+    CouplingWire,
+    LocalFeedbackGain,
+    pack_gain,
+)
 from hapticmech_ros.wire.wrench import encode_wrench
 
 SECOND_NS = 1_000_000_000

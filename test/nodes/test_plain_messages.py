@@ -27,13 +27,18 @@ from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.past_rates import PastRates
+from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire import kernels
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.layouts import (
+    DEVICE_FIELDS,
+    GAIN_FIELDS,
+    OPERATIONAL_MODEL_FIELDS,
+    LocalFeedbackGain,
+    OperationalModelWriter,
+    pack_gain,
+)
 from hapticmech_ros.wire.readings import read_device
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND

@@ -16,8 +16,7 @@ from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
-from hapticmech_ros.device.position_servo import ANGULAR_STIFFNESS, STIFFNESS, PositionServo
-from hapticmech_ros.device.safety import safety_limits
+from hapticmech_ros.device.safety import ANGULAR_STIFFNESS, STIFFNESS, PositionServo, safety_limits
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.gain_wire import GAIN_FIELDS, LocalFeedbackGain, pack_gain
+from hapticmech_ros.wire.layouts import GAIN_FIELDS, LocalFeedbackGain, pack_gain
 
 TOPIC = "/device/local_feedback_gain"
 DEVICE = "haptic_device"

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.operational.counter import ConstraintCounter, rigid_count
+from hapticmech_ros.operational.observation import ConstraintCounter, rigid_count
 from hapticmech_ros.scene.rendering import Perception
 from oracles.counter import first_count, next_count
 

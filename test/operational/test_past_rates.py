@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.operational.past_rates import PastRates
+from hapticmech_ros.operational.observation import PastRates
 
 PERIOD_NS = 1_000_000
 CLOSED, OPEN = (True,), (False,)

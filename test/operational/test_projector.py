@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from hapticmech_ros.operational.spectrum import Spectrum
+from hapticmech_ros.operational.results import Spectrum
 from oracles.analysed import sample_terms, terms_of
 from oracles.differences import relative
 from oracles.generator import random_mechanism

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.architecture import FourChannel
 from hapticmech_ros.scene.controller import JointConstraintGains
 
 

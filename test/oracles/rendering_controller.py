@@ -12,8 +12,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch
-from hapticmech_ros.control.flat import model_of
-from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.measurements import InFlight, model_of
 from hapticmech_ros.control.rendering_controller import ControllerInput
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection

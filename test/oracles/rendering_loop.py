@@ -81,7 +81,7 @@ class RenderingLoop:
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) its sample, see :mod:`~hapticmech_ros.control.flat`.
+            device: (19,) its sample, see :mod:`~hapticmech_ros.control.measurements`.
             applied: (6,) by the actuators until now.
             operational_model: (139,) operational model, F_c included.
             added: (6,) by the device's driver, to the next command.

@@ -21,7 +21,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import UInt8
 
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.nodes.bags.bag_qos import adapted_offer, adapted_request, as_recorded
+from hapticmech_ros.nodes.bags.heard_topic import adapted_offer, adapted_request, as_recorded
 from hapticmech_ros.nodes.sources import WithInfo
 from ros.bag_processes import bag_command
 from ros.harness import Peer

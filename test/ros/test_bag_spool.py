@@ -14,7 +14,7 @@ from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.bags import bag_spool
-from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
+from hapticmech_ros.nodes.bags.bag_player import Prefetch
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
 
 UINT8 = "std_msgs/msg/UInt8"

@@ -15,8 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.control.prediction import InFlight
+from hapticmech_ros.control.measurements import InFlight, operational_model_of
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.messages import write_pose

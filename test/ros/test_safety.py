@@ -12,7 +12,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.gain_wire import LocalFeedbackGain, pack_gain
+from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain
 from ros.harness import Peer, allowing, figures, running, six
 
 pytestmark = pytest.mark.ros

@@ -31,8 +31,7 @@ from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.share import shared
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.coupling_wire import CouplingMatrices, CouplingWire
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topic import users_of
 from hapticmech_ros.wire.topics import DEVICE_STATE

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker
 
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.nodes.viewer.view_messages import (
+from hapticmech_ros.nodes.viewer.scene_outputs import (
     marker_array,
     marker_of,
     tf_message,

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from hapticmech_ros.operational.counter import rigid_count
+from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.sessions import SessionRun
 

@@ -9,7 +9,7 @@ import pytest
 
 from hapticmech_ros.contact.hull import hull
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.nodes.viewer.view_messages import marker_of
+from hapticmech_ros.nodes.viewer.scene_outputs import marker_of
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, palette
 from hapticmech_ros.view.contact_shapes import Hulls, touch_shapes

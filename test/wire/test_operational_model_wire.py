@@ -13,13 +13,13 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.past_rates import PastRates
+from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.wire.layouts import (
     OPERATIONAL_MODEL_FIELDS,
     OperationalModelMessage,
+    OperationalModelWriter,
     pack_operational_model,
 )
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import WireState
 
 

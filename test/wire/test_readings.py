@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
-from hapticmech_ros.control.flat import flat_device, flat_operational_model
+from hapticmech_ros.control.measurements import flat_device, flat_operational_model
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.wire.cdr import FlatArray, decode

@@ -10,7 +10,6 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, local_whole, shaped
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
-from hapticmech_ros.mechanism.kernels.coupling_kernels import add_gear
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
@@ -22,7 +21,7 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
     triangularise,
 )
 from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair
+from hapticmech_ros.mechanism.kernels.pair_kernels import add_gear, add_pair
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     EPSILON,
     dot_rows,

@@ -16,7 +16,6 @@ from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED, factor_band
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, residual_of, wrenches_of
-from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_error
 from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.dense_kernels import factor_dense
 from hapticmech_ros.mechanism.kernels.metric_kernels import (
@@ -26,6 +25,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     lift,
 )
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
+from hapticmech_ros.mechanism.kernels.pair_kernels import gear_error
 from hapticmech_ros.mechanism.kernels.small_matrices import cholesky
 from hapticmech_ros.mechanism.kernels.step_layout import (
     ERROR,

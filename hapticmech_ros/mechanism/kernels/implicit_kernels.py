@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stages of the linearly implicit rule, see :mod:`~hapticmech_ros.mechanism.implicit`."""
+"""Stages of the linearly implicit rule, see :mod:`~hapticmech_ros.mechanism.tableaus`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, shaped
-from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_slopes
 from hapticmech_ros.mechanism.kernels.model import Model
@@ -21,6 +20,7 @@ from hapticmech_ros.mechanism.kernels.small_matrices import (
 )
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, reach
 from hapticmech_ros.mechanism.kernels.step_layout import RANK, STEP
+from hapticmech_ros.mechanism.tableaus import COUPLED, DIAGONAL, REACHED
 
 STAGES: int = len(REACHED)
 

@@ -12,7 +12,6 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import Part, Structure, inner, local, shaped, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, end_of_rows
-from hapticmech_ros.mechanism.kernels.coupling_kernels import gear_speed
 from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
@@ -24,7 +23,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
     closure_bias,
     move_joints,
 )
-from hapticmech_ros.mechanism.kernels.pair_kernels import pair_power
+from hapticmech_ros.mechanism.kernels.pair_kernels import gear_speed, pair_power
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_layout import (
     BAUMGARTE_RATE,
@@ -42,7 +41,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     WORK_IN,
 )
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.tsitouras import REACHED
+from hapticmech_ros.mechanism.tableaus import REACHED
 
 # Of the rule that is reached from all its stages.
 STAGES: int = len(REACHED)

@@ -1,14 +1,24 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a rosbag2 bag into the graph: recorded bytes, recorded QoS, recorded times."""
+"""Plays a rosbag2 bag into the graph: recorded bytes, recorded QoS, recorded times.
+
+Messages are read ahead in a thread, so that a slow disk does not delay their publication.
+"""
 
 from __future__ import annotations
 
+import os
+import queue
+import select
 import sys
+import termios
+import threading
 import time
+import tty
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import rclpy
@@ -22,14 +32,103 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.bag.schedule import Cut, Message, Timeline, cut_of, latched_first, stream
 from hapticmech_ros.errors import BagError, HapticMechError
-from hapticmech_ros.nodes.bags.bag_prefetch import Prefetch
-from hapticmech_ros.nodes.bags.bag_qos import adapted_offer
-from hapticmech_ros.nodes.bags.keyboard import Keyboard
+from hapticmech_ros.nodes.bags.heard_topic import adapted_offer
 from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.nodes.qos import wait_until_acknowledged
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.times import NANOSECONDS
+
+
+class Keyboard:
+    """Reads single keys while its block lasts; without a terminal there are none."""
+
+    def __init__(self) -> None:
+        self._saved: list[Any] | None = None
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a terminal to read from."""
+        return self._saved is not None
+
+    def pressed(self) -> str:
+        """Return what was pressed since the last time."""
+        if self._saved is None or not select.select([sys.stdin], [], [], 0.0)[0]:
+            return ""
+        return os.read(sys.stdin.fileno(), 64).decode(errors="replace")
+
+    def __enter__(self) -> Keyboard:
+        # A job in the background is stopped by the terminal if it changes the terminal.
+        if sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp():
+            self._saved = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._saved is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
+
+
+MOST_AHEAD = 4000
+_POLL_S = 0.1
+
+
+class Prefetch:
+    """A queue of messages that a thread fills while its block lasts."""
+
+    def __init__(self, messages: Iterator[Message]) -> None:
+        self._messages = messages
+        self._queue: queue.Queue[Message | BagError | None] = queue.Queue(MOST_AHEAD)
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, name="prefetch", daemon=True)
+
+    def take(self) -> Message | None:
+        """Return the next message, or None behind the last.
+
+        Raises:
+            BagError: the bag is damaged here.
+        """
+        item = self._queue.get()
+        if isinstance(item, BagError):
+            raise item
+        return item
+
+    def _work(self) -> None:
+        try:
+            for message in self._messages:
+                if not self._put(message):
+                    return
+            self._put(None)
+        except BagError as error:
+            self._put(error)
+
+    def _put(self, item: Message | BagError | None) -> bool:
+        while not self._ended:
+            try:
+                self._queue.put(item, timeout=_POLL_S)
+            except queue.Full:
+                continue
+            return True
+        return False
+
+    def __enter__(self) -> Prefetch:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._ended = True
+        self._thread.join()
+
 
 CLOCK = "/clock"
 SHORTEST_WAIT_S = 20e-6

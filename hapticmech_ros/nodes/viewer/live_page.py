@@ -3,7 +3,7 @@
 """The live page of a running graph: a node that looks on, and pushes as anybody may.
 
 It has a process of its own and uses topics and services only. The page's threads and the node's
-meet in a :class:`~hapticmech_ros.nodes.viewer.page_link.PageLink`.
+meet in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.
 """
 
 from __future__ import annotations
@@ -40,11 +40,8 @@ from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import LiveParameters
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
-from hapticmech_ros.nodes.viewer.graph_commands import GraphCommands
-from hapticmech_ros.nodes.viewer.onlooker import Onlooker
-from hapticmech_ros.nodes.viewer.page_device import STALE, PageDevice
-from hapticmech_ros.nodes.viewer.page_link import PageLink
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser
+from hapticmech_ros.nodes.viewer.page_device import STALE, GraphCommands, PageDevice, PageLink
+from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser, Onlooker
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.state import WireState

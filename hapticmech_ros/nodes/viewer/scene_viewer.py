@@ -11,8 +11,7 @@ from __future__ import annotations
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
-from hapticmech_ros.nodes.viewer.onlooker import Onlooker
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard
+from hapticmech_ros.nodes.viewer.scene_inputs import Heard, Onlooker
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.view import (

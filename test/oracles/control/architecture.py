@@ -18,8 +18,13 @@ from hapticmech_ros.control import (
     PointMeasurement,
 )
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.control.flat import device_of, flat_operational_model, model_of
-from hapticmech_ros.control.prediction import InFlight, point_ahead
+from hapticmech_ros.control.measurements import (
+    InFlight,
+    device_of,
+    flat_operational_model,
+    model_of,
+    point_ahead,
+)
 from hapticmech_ros.saturation import limited
 from oracles.control.four_channel import channel_wrenches
 from oracles.control.impedance import impedance_wrench

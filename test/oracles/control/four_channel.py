@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.four_channel import FourChannel
+from hapticmech_ros.control.architecture import FourChannel
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ def channel_wrenches(
     hand_wrench: Array,
     contact_wrench: Array,
 ) -> ChannelWrenches:
-    """Return both sides' wrenches; see :mod:`hapticmech_ros.control.four_channel`.
+    """Return both sides' wrenches; see :mod:`hapticmech_ros.control.architecture`.
 
     Args:
         channels: their gains.

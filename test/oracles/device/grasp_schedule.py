@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.device.grasp_schedule import OPEN, START_TOLERANCE, GraspSchedule
+from hapticmech_ros.device.hand_kernels import OPEN, START_TOLERANCE, GraspSchedule
 
 
 def window_of(schedule: GraspSchedule, elapsed: float) -> int:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import HandLaw
-from hapticmech_ros.device.grasp_schedule import START_TOLERANCE
+from hapticmech_ros.device.hand_kernels import START_TOLERANCE
 from hapticmech_ros.scene.hand import (
     ConstantWrenchHand,
     Hand,

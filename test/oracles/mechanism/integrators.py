@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.implicit import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.mechanism.inertia import singular_inertia
 from hapticmech_ros.mechanism.lapack import dpotrf, dtrsv
 from hapticmech_ros.mechanism.motion import Rates
-from hapticmech_ros.mechanism.tsitouras import REACHED as TSITOURAS_REACHED
-from hapticmech_ros.mechanism.tsitouras import WEIGHTS as TSITOURAS
+from hapticmech_ros.mechanism.tableaus import COUPLED, DIAGONAL, REACHED, WEIGHTS
+from hapticmech_ros.mechanism.tableaus import REACHED as TSITOURAS_REACHED
+from hapticmech_ros.mechanism.tableaus import WEIGHTS as TSITOURAS
 from oracles.mechanism.mechanism import ReadableSpace
 
 

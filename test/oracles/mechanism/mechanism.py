@@ -22,7 +22,7 @@ from hapticmech_ros.mechanism.inertia import (
     singular_joint,
 )
 from hapticmech_ros.mechanism.lapack import dtrsv
-from hapticmech_ros.mechanism.multibody import MultibodyModel
+from hapticmech_ros.mechanism.mechanism import MultibodyModel
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
     DRIFT_FACTOR,

@@ -14,8 +14,8 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.evaluation import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import TaskMetric
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
 from hapticmech_ros.operational.observation import Observation, observation_layout
+from hapticmech_ros.operational.results import CompensatedResponse
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 from oracles.operational.delay_compensation import compensated_response
 from oracles.operational.projector import constraint_projector, rigidity, wrench_projector

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How an operational point answers through a late loop; see ``operational.delay_compensation``."""
+"""How an operational point answers through a late loop; see ``delay_compensation_kernels``."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.operational.delay_compensation import CompensatedResponse
-from hapticmech_ros.operational.spectrum import RANK_TOLERANCE, Spectrum
+from hapticmech_ros.operational.results import RANK_TOLERANCE, CompensatedResponse, Spectrum
 from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than

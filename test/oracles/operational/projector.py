@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.operational.spectrum import Spectrum
+from hapticmech_ros.operational.results import Spectrum
 
 
 def rigidity(s: Array, s_on: float, s_off: float) -> Array:

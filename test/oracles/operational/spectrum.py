@@ -15,7 +15,7 @@ from scipy.linalg import lapack
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.operational.analysis import TaskMetric
-from hapticmech_ros.operational.spectrum import Spectrum
+from hapticmech_ros.operational.results import Spectrum
 
 
 class Space(Protocol):
