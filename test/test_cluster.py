@@ -40,13 +40,12 @@ def free_port() -> int:
 
 @contextmanager
 def process(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a process of Dask with our modules, and end it."""
+    """Run a process of Dask with our modules, and end it; a test that fails shows what it said."""
     path = os.pathsep.join([str(HERE), *filter(None, sys.path)])
     found = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:]],
         env={**os.environ, "PYTHONPATH": path, **environment},
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
         cwd="/",
         start_new_session=True,
     )

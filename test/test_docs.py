@@ -172,15 +172,9 @@ def test_every_benchmark_of_the_documents_is_understood(line: str) -> None:
     ["demo", "experiment", "run", "topics", "parameters", "bag", "feel", "scene", "device"],
 )
 def test_subcommands_explain_themselves(command: str) -> None:
-    run = subprocess.run(
-        [Path(sys.prefix) / "bin" / "hapticmech", command, "--help"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert run.returncode == 0
-    assert "Usage" in run.stdout
+    said = CliRunner().invoke(app, [command, "--help"])
+    assert said.exit_code == 0, said.output
+    assert "Usage" in said.output
 
 
 def test_links_in_the_documents_lead_somewhere() -> None:

@@ -15,7 +15,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from benchmarks.reliability import files
 from benchmarks.reliability.files import Tally, Worker
 
-MUTANTS = 120
+MUTANTS = 100
 
 
 def test_mutants_are_read_or_refused(tmp_path):

@@ -24,7 +24,7 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from ament_index_python.resources import get_resource
 
-from sampling import only_long
+from sampling import only_long, sampled
 
 PACKAGE = "hapticmech_ros"
 EXECUTABLES = [
@@ -195,7 +195,7 @@ def test_pip_installs_every_module_and_every_shared_file(prefix: Path, site_pack
     assert shared_files(prefix / "share" / PACKAGE) == shared_files(ROOT)
 
 
-@pytest.mark.parametrize("node", EXECUTABLES)
+@pytest.mark.parametrize("node", sampled(EXECUTABLES))
 def test_executable_that_pip_installed_runs(prefix: Path, site_packages: Path, node: str) -> None:
     env = own_world(PYTHONPATH=str(site_packages))
     assert_answers_help(prefix / "lib" / PACKAGE / node, prefix, env)

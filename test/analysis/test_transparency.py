@@ -13,7 +13,7 @@ from hapticmech_ros.analysis.impedance import FREQUENCIES_HZ, Felt, felt
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
-from sampling import sampled
+from sampling import only_long, sampled
 
 
 def at_period(scene, period):
@@ -34,7 +34,7 @@ ERRORS = {
 DIRECTIONS = {"five_bar": 2, "door": 1, "spatial_arm": 6, "ur5e": 6, "stewart_platform": 6}
 
 
-@pytest.mark.parametrize("name", sampled(ERRORS, every=2))
+@pytest.mark.parametrize("name", sampled(ERRORS, every=3))
 def test_free_directions_feel_as_the_mechanism_does(name):
     found = felt(load_scene(name))
     assert len(found) == DIRECTIONS[name]
@@ -59,11 +59,12 @@ def test_whatever_the_delay_the_device_corrects_it(delay, error):
 def test_what_is_left_falls_with_the_period():
     """Second order and more: transparent in the limit, 0.1 % at 30 Hz at 4 kHz."""
     scene = load_scene("five_bar")
-    runs = [felt(at_period(scene, period)) for period in (1e-3, 5e-4, 2.5e-4)]
+    periods = (1e-3, 5e-4, *only_long(2.5e-4))
+    runs = [felt(at_period(scene, period)) for period in periods]
     for direction in range(2):
         errors = [run[direction].steady_error(10.0) for run in runs]
         assert (np.log2(np.divide(errors[:-1], errors[1:])) > 1.9).all()
-        assert runs[-1][direction].error(30.0) < 0.001
+        assert runs[-1][direction].error(30.0) < (0.001 if len(runs) == 3 else 0.0042)
 
 
 def test_bandwidth_and_errors_of_a_ratio():

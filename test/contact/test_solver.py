@@ -24,7 +24,7 @@ from oracles.touching import (
     shape,
     valley,
 )
-from sampling import only_long
+from sampling import only_long, sampled
 
 NAMES = ("one", "two", "three")
 
@@ -90,7 +90,7 @@ HARD = {
 }
 
 
-@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize("name", sampled(HARD, every=2))
 def test_the_solver_always_gets_there(name):
     """Rates as the law has them to 1e-8 of the largest one: no step runs out of sweeps."""
     make, duration = HARD[name]

@@ -11,6 +11,7 @@ from rich.console import Console
 from hapticmech_ros.experiment import GraphHealth, NodeHealth, compare, record_from_bag
 from hapticmech_ros.experiment.report import table
 from hapticmech_ros.experiment.run import write_results
+from hapticmech_ros.experiment.summary import summarise
 
 
 def printed(summary):
@@ -35,11 +36,7 @@ def test_writes_summary_and_figures(session_record, scene, tmp_path):
     assert "1 → 2 at" in text
     assert "Hz" not in text
     assert "incomplete" not in text
-
-
-def test_writes_again_over_what_it_wrote(session_record, scene, tmp_path):
-    first = write_results(session_record, scene, tmp_path)
-    assert write_results(session_record, scene, tmp_path) == first
+    assert write_results(session_record, scene, folder) == summary
 
 
 def test_graph_with_diagnostics_and_agreement(make_bag, session_record, scene, tmp_path):
@@ -63,18 +60,18 @@ def test_graph_with_diagnostics_and_agreement(make_bag, session_record, scene, t
     assert "deviation from session" in text
 
 
-def test_table_of_a_graph_that_says_nothing(handmade, scene, tmp_path):
-    summary = write_results(handmade(source="graph"), scene, tmp_path)
+def test_table_of_a_graph_that_says_nothing(handmade, scene):
+    summary = summarise(handmade(source="graph"), scene, None)
     assert "1 throughout" in printed(summary)
     assert "–" in printed(summary)
 
 
-def test_table_says_what_was_not_recorded(session_record, scene, tmp_path):
+def test_table_says_what_was_not_recorded(session_record, scene):
     late = session_record.wrench_times > 1.2
     record = dataclasses.replace(
         session_record,
         wrench_times=session_record.wrench_times[late],
         constraint_wrench=session_record.constraint_wrench[late],
     )
-    text = " ".join(printed(write_results(record, scene, tmp_path)).split())
+    text = " ".join(printed(summarise(record, scene, None)).split())
     assert "recording incomplete │ no constraint wrench for 1.20 s" in text

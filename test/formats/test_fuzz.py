@@ -18,7 +18,7 @@ from formats.test_urdf import random_urdf
 from formats.test_urdf_mimic import MIMICS
 from sampling import sampled
 
-MUTANTS = len(sampled(range(200), every=4))
+MUTANTS = len(sampled(range(200), every=8))
 SIDECAR = f"""{REST}{PIN}
 springs: [{{name: s, a: {{link: world}}, b: {{link: link3}}, stiffness: 10.0}}]
 initial_state: {{q: {{joint1: 0.1, joint4: 0.2}}, v: {{joint2: 0.1}}}}

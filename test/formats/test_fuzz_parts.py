@@ -19,7 +19,7 @@ from formats.test_urdf import inertial_of
 from hapticmech_ros.scene.contact_rules import MESH_SUFFIXES
 from sampling import sampled
 
-MUTANTS = len(sampled(range(160), every=4))
+MUTANTS = len(sampled(range(160), every=8))
 SHAPES = {
     "urdf": URDF.format(
         a=collision(GEOMETRIES["box"]),

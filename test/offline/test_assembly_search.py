@@ -94,10 +94,10 @@ def test_one_that_cannot_close_says_by_how_much(tmp_path):
 
 def test_results_do_not_depend_on_the_number_of_processes(tmp_path):
     loaded = load_scene(written(tmp_path, four_bar(bars=(1.0, 0.2, 0.2, 0.2))))
-    alone = search_assemblies(loaded, starts=40, processes=1)
-    shared = search_assemblies(loaded, starts=40, processes=2)
+    alone = search_assemblies(loaded, starts=20, processes=1)
+    shared = search_assemblies(loaded, starts=20, processes=2)
     np.testing.assert_array_equal(alone.open_q, shared.open_q)
-    assert alone.starts == shared.starts == 40
+    assert alone.starts == shared.starts == 20
 
 
 def test_a_configuration_within_stops_comes_first(tmp_path):

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.operational import analyse
 from hapticmech_ros.operational.results import Spectrum
-from oracles.analysed import sample_terms, terms_of
+from hapticmech_ros.scene import scene_from_document
+from oracles.analysed import sample_terms
 from oracles.differences import relative
 from oracles.generator import random_mechanism
 from oracles.operational.projector import constraint_projector, rigidity, wrench_projector
@@ -111,10 +114,8 @@ def test_normalisation(seed):
 
 
 def largest_change(count):
-    bends = np.linspace(-0.4, 0.4, count)
-    found = [
-        terms_of(five_bar(), five_bar_bent(1.9, bend), point="end2").analysis for bend in bends
-    ]
+    mechanism, bends = Mechanism(scene_from_document(five_bar())), np.linspace(-0.4, 0.4, count)
+    found = [analyse(mechanism, five_bar_bent(1.9, bend), "end2") for bend in bends]
     ranks = {a.rank for a in found}
     counts = {int(np.count_nonzero(a.weights == 1.0)) for a in found}
     assert ranks == {1, 2}
