@@ -33,8 +33,8 @@ from hapticmech_ros.wire.layouts import (
     DEVICE_MEASURED,
     OPERATIONAL_MODEL_FIELDS,
     POINT_MODEL_PART,
-    OperationalModelWriter,
 )
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 from sampling import sampled
 

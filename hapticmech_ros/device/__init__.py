@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated impedance device and the hand that holds it."""
 
-from hapticmech_ros.device.hand import HandLaw
-from hapticmech_ros.device.hand_kernels import GraspSchedule, grasp_schedule_of
+from hapticmech_ros.device.hand import GraspSchedule, HandLaw, grasp_schedule_of
 from hapticmech_ros.device.impedance_device import ImpedanceDevice, device_for
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState, SimulatedDevice
 

@@ -15,8 +15,14 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
-from hapticmech_ros.device.hand import HandLaw, hand_numbers
-from hapticmech_ros.device.hand_kernels import ALWAYS, OPEN, GraspSchedule, grasp_schedule_of
+from hapticmech_ros.device.hand import (
+    ALWAYS,
+    GraspSchedule,
+    HandLaw,
+    grasp_schedule_of,
+    hand_numbers,
+)
+from hapticmech_ros.device.hand_kernels import OPEN
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene

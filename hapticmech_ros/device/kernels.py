@@ -84,17 +84,31 @@ from hapticmech_ros.rotation_kernels import (
 )
 from hapticmech_ros.saturation_kernels import limit
 
-PERIOD, MOST_FORCE, MOST_TORQUE = DEVICE_MODEL.starts("period", "force_limit", "torque_limit")
-FRICTION, TURN_FRICTION, DAMPING, COMMAND, WEIGHT, TASK = DEVICE_MODEL.starts(
-    *("friction", "angular_friction", "damping", "command", "weight", "task")
+STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
+POSITION_STEP, ANGLE_STEP, LAG, LAG_MEAN = DEVICE_MODEL.starts(
+    "position_step", "angle_step", "lag", "lag_mean"
 )
+FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
+    "friction", "angular_friction", "stop", "angular_stop"
+)
+DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD, TASK = DEVICE_MODEL.starts(
+    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held", "task")
+)
+HAND = DEVICE_MODEL.size
+SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
+    "twist", "hand_wrench", "applied", "body", "seen"
+)
+HOME, ANCHOR, WINDOW, LIMB, PULL, OWN = DEVICE_STATE.starts(
+    "home", "anchor", "window", "limb", "pull", "own"
+)
+PUBLISHED_SIZE = BODY
+MOST_FORCE, MOST_TORQUE = DEVICE_MODEL.starts("force_limit", "torque_limit")
 ACTS, COMPENSATED, DEAD_ZONE, ANGULAR_DEAD_ZONE, LIFTS = DEVICE_MODEL.starts(
     *("acts", "compensated", "dead_zone", "angular_dead_zone", "lifts")
 )
 SENSES_ITSELF, OBSERVER_SHARE, ACTUATOR_SHARE, INERTIA = DEVICE_MODEL.starts(
     "senses_itself", "observer_share", "actuator_share", "inertia"
 )
-SPEED, REPORTED, APPLIED = DEVICE_STATE.starts("twist", "hand_wrench", "applied")
 # Of what a device reports of its hand's wrench.
 MEASURED, ESTIMATED, ABSENT = 0.0, 1.0, 2.0
 
@@ -199,24 +213,6 @@ def rub(rate: Array, most: float) -> None:
         rate[i] *= share
 
 
-STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
-POSITION_STEP, ANGLE_STEP, LAG, LAG_MEAN = DEVICE_MODEL.starts(
-    "position_step", "angle_step", "lag", "lag_mean"
-)
-FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
-    "friction", "angular_friction", "stop", "angular_stop"
-)
-DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD, TASK = DEVICE_MODEL.starts(
-    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held", "task")
-)
-HAND = DEVICE_MODEL.size
-SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
-    "twist", "hand_wrench", "applied", "body", "seen"
-)
-HOME, ANCHOR, WINDOW, LIMB, PULL, OWN = DEVICE_STATE.starts(
-    "home", "anchor", "window", "limb", "pull", "own"
-)
-PUBLISHED_SIZE = BODY
 # Of a substep: the twist at its start, all forces but the hand's, the hand's in its middle, and the
 # twist of the mass behind a grip at its start.
 BEFORE_SIZE = 24

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-from hapticmech_ros.device.hand_kernels import grasp_schedule_of
+from hapticmech_ros.device.hand import grasp_schedule_of
 from hapticmech_ros.scene import Scene
 
 

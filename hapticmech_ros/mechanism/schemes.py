@@ -22,9 +22,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hapticmech_ros.mechanism.tableaus import REACHED, WEIGHTS
-from hapticmech_ros.mechanism.tableaus import REACHED as TSITOURAS_REACHED
-from hapticmech_ros.mechanism.tableaus import WEIGHTS as TSITOURAS
+from hapticmech_ros.mechanism.tableaus import (
+    REACHED,
+    TSITOURAS_REACHED,
+    TSITOURAS_WEIGHTS,
+    WEIGHTS,
+)
 from hapticmech_ros.mechanism.tolerances import DRIFT
 
 
@@ -59,7 +62,7 @@ class Scheme(NamedTuple):
 SCHEMES: dict[str, Scheme] = {
     "rk4": Scheme((1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.5, 0.5, 1.0), corrected=True),
     "tsit5": Scheme(
-        tuple(TSITOURAS.tolist()),
+        tuple(TSITOURAS_WEIGHTS.tolist()),
         tuple(TSITOURAS_REACHED.sum(axis=1).tolist()[1:]),
         history=True,
         corrected=True,

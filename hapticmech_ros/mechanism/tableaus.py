@@ -51,9 +51,8 @@ COUPLED = np.array(
 # w = α_4 + γ_4: the last stage is at the end of the step.
 WEIGHTS = REACHED[3] + COUPLED[3] + np.array((0.0, 0.0, 0.0, DIAGONAL))
 
-
-# α: where stages are reached from those before; the first one is the step's start.
-REACHED = np.array(
+# Tsitouras' rule: where stages are reached from those before; the first one is the step's start.
+TSITOURAS_REACHED = np.array(
     (
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         (0.161, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -69,7 +68,7 @@ REACHED = np.array(
         ),
     )
 )
-WEIGHTS = np.array(
+TSITOURAS_WEIGHTS = np.array(
     (
         *(0.09646076681806523, 0.01, 0.4798896504144996),
         *(1.379008574103742, -3.290069515436081, 2.324710524099774),

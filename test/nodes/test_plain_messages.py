@@ -36,9 +36,9 @@ from hapticmech_ros.wire.layouts import (
     GAIN_FIELDS,
     OPERATIONAL_MODEL_FIELDS,
     LocalFeedbackGain,
-    OperationalModelWriter,
     pack_gain,
 )
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.readings import read_device
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND

@@ -17,9 +17,9 @@ from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.wire.layouts import (
     OPERATIONAL_MODEL_FIELDS,
     OperationalModelMessage,
-    OperationalModelWriter,
     pack_operational_model,
 )
+from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
 from hapticmech_ros.wire.state import WireState
 
 

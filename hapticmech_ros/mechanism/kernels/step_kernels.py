@@ -41,10 +41,10 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     WORK_IN,
 )
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.tableaus import REACHED
+from hapticmech_ros.mechanism.tableaus import TSITOURAS_REACHED
 
 # Of the rule that is reached from all its stages.
-STAGES: int = len(REACHED)
+STAGES: int = len(TSITOURAS_REACHED)
 
 
 @structure
@@ -222,7 +222,7 @@ def aim_by_all(model: Model, work: Work, history: Array, stage: int, acceleratio
     turns, gains = rows[0], rows[1]
     for c in range(nv):
         turns[stage, c], gains[stage, c] = work.turn[c], acceleration[c]
-    reach(model, work, turns, gains, REACHED, stage)
+    reach(model, work, turns, gains, TSITOURAS_REACHED, stage)
 
 
 @inner

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.device.hand_kernels import OPEN, START_TOLERANCE, GraspSchedule
+from hapticmech_ros.device.hand import GraspSchedule
+from hapticmech_ros.device.hand_kernels import OPEN, START_TOLERANCE
 
 
 def window_of(schedule: GraspSchedule, elapsed: float) -> int:

@@ -21,7 +21,8 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState, GraspSchedule, HandLaw
-from hapticmech_ros.device.hand_kernels import ALWAYS, OPEN
+from hapticmech_ros.device.hand import ALWAYS
+from hapticmech_ros.device.hand_kernels import OPEN
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.device import Device
 from oracles.device.driver import DeviceDriver

@@ -14,9 +14,14 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.inertia import singular_inertia
 from hapticmech_ros.mechanism.lapack import dpotrf, dtrsv
 from hapticmech_ros.mechanism.motion import Rates
-from hapticmech_ros.mechanism.tableaus import COUPLED, DIAGONAL, REACHED, WEIGHTS
-from hapticmech_ros.mechanism.tableaus import REACHED as TSITOURAS_REACHED
-from hapticmech_ros.mechanism.tableaus import WEIGHTS as TSITOURAS
+from hapticmech_ros.mechanism.tableaus import (
+    COUPLED,
+    DIAGONAL,
+    REACHED,
+    TSITOURAS_REACHED,
+    TSITOURAS_WEIGHTS,
+    WEIGHTS,
+)
 from oracles.mechanism.mechanism import ReadableSpace
 
 
@@ -98,10 +103,10 @@ def tsit5(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -
         turns.append(speed if flat or not turns else local_rate(model, q, theta, speed))
         gains.append(rates.acceleration)
         powers.append((rates.power_in, rates.power_lost))
-    change = period * (TSITOURAS @ np.array(turns))
-    work, lost = period * (TSITOURAS @ np.array(powers))
+    change = period * (TSITOURAS_WEIGHTS @ np.array(turns))
+    work, lost = period * (TSITOURAS_WEIGHTS @ np.array(powers))
     new_q = np.asarray(pin.integrate(model, q, change))
-    return Advance(new_q, v + period * (TSITOURAS @ np.array(gains)), change, work, lost)
+    return Advance(new_q, v + period * (TSITOURAS_WEIGHTS @ np.array(gains)), change, work, lost)
 
 
 def rk2(model: pin.Model, motion: Motion, q: Array, v: Array, period: float) -> Advance:
