@@ -12,7 +12,7 @@ from benchmarks.machine import machine, speed_line
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
-from hapticmech_ros.plan.step_choice import StepChoices, step_choices
+from hapticmech_ros.plan.step_accuracy import StepChoices, step_choices
 
 ERRORS = (1e-4, 1e-6, 1e-9)
 

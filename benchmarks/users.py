@@ -4,7 +4,7 @@
 
 Of three shipped scenes, held at two links or at both ends of one: a free hand pushes at one, a firm
 arm holds the other: its mass behind a grip, rigidly on its device, or without mass; see
-``analysis/beside_others.py``.
+``analysis/users.py``.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ import numpy as np
 import typer
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis.beside_others import FREQUENCIES_HZ, felt_beside_others
-from hapticmech_ros.analysis.users import Row
+from hapticmech_ros.analysis.users import FREQUENCIES_HZ, Row, felt_beside_others
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ArmHand, SpringDamperHand

@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from hapticmech_ros.bag.former_topics import refuse_former_topics
-from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.bag.reader import BagReader, refuse_former_topics
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep

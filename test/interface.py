@@ -23,9 +23,8 @@ import typer
 import hapticmech_ros
 from hapticmech_ros.cli import app
 from hapticmech_ros.nodes.parameter_table import markdown as parameters
-from hapticmech_ros.scene.key_reference import key_reference
+from hapticmech_ros.scene.key_reference import key_reference, scene_schema
 from hapticmech_ros.scene.part import Part
-from hapticmech_ros.scene.schema import scene_schema
 from hapticmech_ros.wire.table import markdown as topics
 
 PACKAGE = Path(hapticmech_ros.__file__).parent

@@ -9,7 +9,7 @@ import pytest
 
 from hapticmech_ros import InvalidInputError, Session, SharedSession, Simulator, load_scene
 from hapticmech_ros.analysis.impedance import amplitudes, faded_in, multisine
-from hapticmech_ros.analysis.scripted_push import fine_times, samples_of, scripted
+from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.control import control_for
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.contact_wrench import ContactWrenches

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from benchmarks.graph.recorded import Recorded, steady_topics
 from benchmarks.graph.statuses import ANSWERS, Status, gained
-from hapticmech_ros.experiment.bag_topics import full_name
+from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM

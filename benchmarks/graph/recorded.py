@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.graph.statuses import Percentiles, percentiles_of
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.experiment.bag_topics import full_name
+from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp
 from hapticmech_ros.wire.topic import ARRAY, Topic
 from hapticmech_ros.wire.topics import (

@@ -19,10 +19,10 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.interfaces import Interface, servo_torque
 from hapticmech_ros.robot.law import OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
+from hapticmech_ros.robot.target import Gains
 
 SCENE = "two_link"
 # A hand that goes 30 mm through where the wall is 10 mm away, and stays; N/m, N s/m.

@@ -17,10 +17,8 @@ from benchmarks.robot.tasks import Task
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.law import OperationalLaw, RobotState
-from hapticmech_ros.robot.target import Target
-from hapticmech_ros.robot.torque_limits import Limited, limited_torque
+from hapticmech_ros.robot.law import Limited, OperationalLaw, RobotState, limited_torque
+from hapticmech_ros.robot.target import Gains, Target
 from hapticmech_ros.robot.tuning import inertia_ratio, loop_rates
 
 OURS, IMPEDANCE, DAMPED = "ours", "impedance", "damped inverse"

@@ -28,7 +28,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.robot.disturbance import DisturbanceObserver, Observed, balanced
+from hapticmech_ros.robot.follower import DisturbanceObserver, Observed, balanced
 from hapticmech_ros.robot.law import RobotState
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall
 from hapticmech_ros.robot.target import ForceTask, Target

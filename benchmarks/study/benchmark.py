@@ -21,10 +21,9 @@ from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, ProcessesOption, carry_out
-from hapticmech_ros.cluster import DASK, cluster
 from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.study import Design, Variation, run_study
-from hapticmech_ros.workers import Workers
+from hapticmech_ros.workers import DASK, Workers, cluster
 
 SCENE, MEASURES = "five_bar", ("felt", "limits")
 VARIED = ("links.link1.inertial.mass=0.05:0.5:log", "device.mass=0.1:0.4")

@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticmech_ros.analysis.felt_model import felt_model
-from hapticmech_ros.analysis.scripted_push import (
+from hapticmech_ros.analysis.touch import (
     ROWS,
+    Setup,
     fine_times,
     means_of,
     samples_of,
     scripted,
 )
-from hapticmech_ros.analysis.touch import Setup
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis

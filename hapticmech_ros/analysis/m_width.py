@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.analysis.frontier import FINE, frontier
 from hapticmech_ros.analysis.impedance import TORQUE_UNIT
 from hapticmech_ros.analysis.linear_loop import Held, diverges, held_by, law_of, tick_matrix
 from hapticmech_ros.analysis.scene_variants import (
@@ -23,7 +22,7 @@ from hapticmech_ros.analysis.scene_variants import (
     held_still,
     scaled,
 )
-from hapticmech_ros.analysis.stability_rules import lightest_mass
+from hapticmech_ros.analysis.stability_rules import FINE, frontier, lightest_mass
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture

@@ -9,8 +9,7 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import PositionChannelGains
-from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.device_presets import device_presets
+from hapticmech_ros.scene.device import Device, device_presets
 from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.scene.mechanism import Inertial
 

@@ -1,6 +1,16 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Felt impedance of scenes with several users, the others' arms included."""
+"""Felt impedance of scenes with several users, the others' arms included.
+
+One user's device is pushed by a small multisine, the others hold the mechanism by their arms of
+impedance Z, which stay where they took hold. With Y the admittance of the mechanism alone between
+points, and b all points that the others hold, desired is
+
+    v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
+
+Y is that of the simulator's own step, linearised (``analysis/linear_point.py``), of which the
+continuous system is taken: the push and the arms act all the time.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +22,21 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.linalg import block_diag, logm
 
-from hapticmech_ros.analysis.beside_others import FeltBesideOthers, felt_beside_others
+from hapticmech_ros.analysis.impedance import (
+    PUSH_N_PER_HZ,
+    amplitudes,
+    faded_in,
+    free_directions,
+    multisine,
+)
+from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
+from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.device.hand import spring_gains
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -26,7 +47,201 @@ from hapticmech_ros.experiment.figure_style import (
     legend_outside,
     new_figure,
 )
+from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.hand import (
+    ArmHand,
+    ConstantWrenchHand,
+    Hand,
+    SpringDamperHand,
+    TargetHand,
+    Waypoint,
+)
+from hapticmech_ros.session.shared_session import SharedSession
+from hapticmech_ros.simulation import Simulator
+
+FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
+# In which the push fades in, until what that has set in motion has died away, and how long is
+# looked at, s.
+FADING_S, SETTLING_S, WINDOW_S = 0.5, 8.0, 1.0
+# Rows of the script in a second, at least two a period: at 4 kHz eight a period would be more than
+# is read of a script.
+ROWS_PER_S = 8000.0
+_NOBODY = ConstantWrenchHand(kind="constant_wrench")
+
+
+@dataclass(frozen=True, slots=True)
+class FeltBesideOthers:
+    """What a user feels along one direction.
+
+    Attributes:
+        point: operational point that the user holds.
+        direction: (6,) of the push, largest part 1 N or 0.02 N m, world axes.
+        frequencies: (k,) Hz.
+        ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
+        desired: (k,) complex, desired impedance along the direction, N s/m or N m s/rad.
+        alone: (k,) the same of the mechanism that nobody else holds.
+    """
+
+    point: str
+    direction: Array
+    frequencies: Array
+    ratio: Array
+    desired: Array
+    alone: Array
+
+    def error(self, frequency: float) -> float:
+        """Return the largest |ratio - 1| up to a frequency, Hz."""
+        return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
+
+    @property
+    def share(self) -> Array:
+        """(k,) by how much the others change what is felt, relative to the mechanism alone."""
+        return np.asarray(np.abs(self.desired / self.alone - 1.0))
+
+
+def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
+    """Return what a user feels along every direction that the mechanism leaves free at its start.
+
+    Args:
+        scene: with several ``hands``; the one at the point pushes, those of the others hold still.
+        point: operational point of the user who pushes.
+
+    Raises:
+        InvalidInputError: a point that is not held, a scripted hand, or a period that does not
+            divide 1 s or is too long for 30 Hz.
+    """
+    period, frequencies = scene.simulation.period, np.array(FREQUENCIES_HZ, dtype=float)
+    samples = round(WINDOW_S / period)
+    if abs(samples * period - WINDOW_S) > 1e-9 or samples < 4 * frequencies[-1]:
+        rule = f"must divide {WINDOW_S:g} s and be below {0.25 / frequencies[-1]:.4f} s"
+        raise InvalidInputError("simulation.period", period, rule)
+    still = _holding_still(scene, point)
+    simulator = Simulator(still)
+    terms = simulator.evaluate(simulator.initial_state())
+    directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
+    desired, alone = admittances(still, simulator, point, frequencies)
+    rows = max(2, round(ROWS_PER_S * period))
+    fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period), rows)
+    push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
+    push *= faded_in(fine, FADING_S)
+    times = samples_of(fine, rows)
+    last = slice(times.size - samples, None)
+    given = amplitudes(times[last], samples_of(push, rows)[last], frequencies)
+    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6)), times.size), []
+    for direction in directions:
+        moved = (
+            _twists(still, point, fine, push[:, None] * direction, times.size) - calm
+        ) @ direction
+        felt = given / amplitudes(times[last], moved[last], frequencies)
+        wanted, free = (
+            1.0 / np.einsum("i,kij,j->k", direction, one, direction) for one in (desired, alone)
+        )
+        found.append(FeltBesideOthers(point, direction, frequencies, felt / wanted, wanted, free))
+    return found
+
+
+def _holding_still(scene: Scene, point: str) -> Scene:
+    """Return the scene with nobody's hand at a point, and all others where they take hold."""
+    if point not in scene.held_points or len(scene.held_points) < 2:
+        rule = f"must be one of several points that are held, here {list(scene.held_points)}"
+        raise InvalidInputError("point", point, rule)
+    hands = []
+    for name in scene.held_points:
+        own = scene.held_at(name)
+        hand = _NOBODY if name == point else _still(own.hand)
+        entry = {"point": name, "hand": hand, "device": own.device}
+        hands.append(entry | {"controller": own.controller, "connection": own.connection})
+    return scene.with_(hands=hands)
+
+
+def _still(hand: Hand) -> Hand:
+    """Return a hand that takes hold at once and stays there.
+
+    Raises:
+        InvalidInputError: a hand whose impedance is not known.
+    """
+    if isinstance(hand, TargetHand):
+        calm = {"start_delay": 0.0, "release_at": (), "grab_at": (), "tremor": None}
+        return hand.model_copy(update={**calm, "waypoints": (Waypoint(time=0.0),)})
+    if isinstance(hand, ConstantWrenchHand):
+        return _NOBODY
+    rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be known"
+    raise InvalidInputError("hand", hand.kind, rule)
+
+
+def hand_impedance(hand: Hand, s: complex) -> Array:
+    """Return Z(s) (6, 6) of a hand that holds still, N s/m and N m s/rad, world axes.
+
+    It is s M + D + K / s; behind a grip with Z_g = D_g + K_g / s it is (1 / Z + 1 / Z_g)⁻¹.
+
+    Args:
+        hand: an arm, a spring and damper, or nobody's.
+        s: complex frequency, 1/s; not 0.
+    """
+    if not isinstance(hand, ArmHand | SpringDamperHand):
+        return np.zeros((6, 6), dtype=complex)
+    stiffness, damping = spring_gains(hand)
+    along = damping + stiffness / s
+    if isinstance(hand, ArmHand):
+        along += s * np.repeat((hand.mass, hand.angular_inertia), 3)
+        if hand.grip is not None:
+            held, lost = spring_gains(hand.grip)
+            grip = lost + held / s
+            along = along * grip / (along + grip)
+    return np.diag(along)
+
+
+def _twists(scene: Scene, point: str, times: Array, pushes: Array, ticks: int) -> Array:
+    """Return twists (ticks, 6) of the device that is pushed, given the rows of a hand's script."""
+    with scripted(times, pushes) as hand:
+        hands = [
+            one.model_copy(update={"hand": hand}) if one.point == point else one
+            for one in scene.hands
+        ]
+        session = SharedSession(scene.model_copy(update={"hands": tuple(hands)}))
+    return session.run(ticks)[point]["device_true_twist"]
+
+
+def admittances(
+    scene: Scene, simulator: Simulator, point: str, frequencies: Array
+) -> tuple[Array, Array]:
+    """Return the admittance of a mechanism at a point, with the others' arms and without.
+
+    Args:
+        scene: with several ``hands``.
+        simulator: of the scene.
+        point: operational point, of one of them.
+        frequencies: (k,) Hz, not 0.
+
+    Returns:
+        Twist per wrench, (k, 6, 6) complex each, world axes, m/s and rad/s per N and N m.
+    """
+    names = [point, *(name for name in scene.held_points if name != point)]
+    state, period = simulator.initial_state(), simulator.period
+    points = [linear_point(simulator, state, name) for name in names]
+    size, width = len(points[0].step), 6 * len(points)
+    whole = np.eye(size + width)
+    whole[:size, :size] = points[0].step
+    whole[:size, size:] = np.hstack([one.push for one in points])
+    rates = np.real(logm(whole)) / period
+    shown = np.vstack([one.twist for one in points])
+    y = _response(rates[:size, :size], rates[:size, size:], shown, frequencies)
+    hands, held = [scene.held_at(name).hand for name in names[1:]], []
+    for one, frequency in zip(y, frequencies, strict=True):
+        s = 2j * np.pi * frequency
+        z = block_diag(*(hand_impedance(hand, s) for hand in hands))
+        shared = np.linalg.solve(np.eye(len(z)) + one[6:, 6:] @ z, one[6:, :6])
+        held.append(one[:6, :6] - one[:6, 6:] @ z @ shared)
+    return np.array(held), y[:, :6, :6]
+
+
+def _response(a: Array, b: Array, c: Array, frequencies: Array) -> Array:
+    """Return C (s - A)⁻¹ B (k, ...) at s = i ω of ẋ = A x + B u."""
+    one = np.eye(len(b))
+    answers = [np.linalg.solve(s * one - a, b) for s in 2j * np.pi * frequencies]
+    return np.array([c @ answer for answer in answers])
+
 
 CAPTION = (
     "Impedance that a user's hand feels along each direction that the mechanism leaves free, "
@@ -135,7 +350,7 @@ def users(scenes: Sequence[Scene], show: Show = silent) -> Users:
         Felt impedance of every user along every free direction.
 
     Raises:
-        InvalidInputError: as :func:`~hapticmech_ros.analysis.beside_others.felt_beside_others`.
+        InvalidInputError: as :func:`~hapticmech_ros.analysis.users.felt_beside_others`.
     """
     rows: list[Row] = []
     for scene in scenes:

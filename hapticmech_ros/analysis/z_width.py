@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.analysis.directions import directions
-from hapticmech_ros.analysis.frontier import FINE, frontier
 from hapticmech_ros.analysis.linear_loop import (
     NOBODY,
     diverges,
@@ -23,6 +21,7 @@ from hapticmech_ros.analysis.linear_loop import (
     law_of,
     tick_matrix,
 )
+from hapticmech_ros.analysis.penetration import directions
 from hapticmech_ros.analysis.scene_variants import (
     at_once,
     held_by_nobody,
@@ -30,7 +29,12 @@ from hapticmech_ros.analysis.scene_variants import (
     with_constraint,
     without_channel,
 )
-from hapticmech_ros.analysis.stability_rules import delayed_stiffness, passive_stiffness
+from hapticmech_ros.analysis.stability_rules import (
+    FINE,
+    delayed_stiffness,
+    frontier,
+    passive_stiffness,
+)
 from hapticmech_ros.analysis.touch import Observe, Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture

@@ -26,7 +26,15 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
-from hapticmech_ros.bag.scan import Found, FoundTopic, Scan
+from hapticmech_ros.bag.scan import (
+    FILE_RATIO,
+    UNPACKED_LIMIT,
+    Found,
+    FoundTopic,
+    Scan,
+    unpack_file,
+    unpacked,
+)
 from hapticmech_ros.bag.scan_mcap import McapScan
 from hapticmech_ros.bag.storage import COMPRESSED, SUFFIXES
 from hapticmech_ros.bag.tables import (
@@ -39,7 +47,6 @@ from hapticmech_ros.bag.tables import (
     refuse_strange_tables,
     stored_topics,
 )
-from hapticmech_ros.bag.unpack import FILE_RATIO, UNPACKED_LIMIT, unpack_file, unpacked
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.cage import CageError, Limits, caged
 from hapticmech_ros.errors import BagError, FileError

@@ -22,10 +22,9 @@ from rosbags.rosbag2.reader import DirectoryReader, Reader
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.metadata import load_metadata, read_offers
-from hapticmech_ros.bag.scan import NO_DEFINITION
-from hapticmech_ros.bag.unpack import unpack_file, unpacked
-from hapticmech_ros.bag.wanted_mcap import WantedMcap
-from hapticmech_ros.bag.wanted_sqlite import CountedSqlite, WantedSqlite
+from hapticmech_ros.bag.scan import NO_DEFINITION, unpack_file, unpacked
+from hapticmech_ros.bag.scan_mcap import WantedMcap
+from hapticmech_ros.bag.tables import CountedSqlite, WantedSqlite
 from hapticmech_ros.files import exists
 
 _NEVER = 2**63 - 1

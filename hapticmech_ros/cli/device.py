@@ -34,8 +34,7 @@ def list_devices() -> None:
     from rich.table import Table
 
     from hapticmech_ros.cli.console import console
-    from hapticmech_ros.scene.device import Device
-    from hapticmech_ros.scene.device_presets import device_presets
+    from hapticmech_ros.scene.device import Device, device_presets
 
     table = Table(box=SIMPLE_HEAD)
     table.add_column("preset", no_wrap=True)

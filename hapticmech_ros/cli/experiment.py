@@ -137,9 +137,8 @@ def experiment(
 
 def _shared(scene: Scene, duration: float | None, out: Path) -> dict[str, object]:
     """Run the experiment of several users, and return the summary that was written."""
-    from hapticmech_ros.experiment.from_session import UnfinishedRunError
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_shared_session
     from hapticmech_ros.experiment.run import write_shared_results
-    from hapticmech_ros.experiment.shared_from_session import run_shared_session
 
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)

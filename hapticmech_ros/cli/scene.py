@@ -118,7 +118,7 @@ def steps(
     from hapticmech_ros.cli.scene_tables import show_steps
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.loading.copying import copy_scene
-    from hapticmech_ros.plan.step_choice import step_choices
+    from hapticmech_ros.plan.step_accuracy import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
     if json_only:
@@ -250,8 +250,7 @@ def schema(
     import json
 
     from hapticmech_ros.loading import load_scene, shipped_scenes
-    from hapticmech_ros.scene.key_reference import examples, key_reference
-    from hapticmech_ros.scene.schema import scene_schema
+    from hapticmech_ros.scene.key_reference import examples, key_reference, scene_schema
 
     if markdown:
         scenes = [load_scene(name) for name in shipped_scenes()]

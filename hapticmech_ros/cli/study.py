@@ -37,12 +37,12 @@ def workers_of(processes: int, address: str) -> Iterator[Workers]:
     """Yield who shares the work: processes of this machine, or of a cluster if it has an address.
 
     Raises:
-        HapticMechError: as :func:`hapticmech_ros.cluster.cluster`.
+        HapticMechError: as :func:`hapticmech_ros.workers.cluster`.
     """
     if not address:
         yield processes
         return
-    from hapticmech_ros.cluster import cluster
+    from hapticmech_ros.workers import cluster
 
     with cluster(address) as executor:
         yield executor

@@ -31,8 +31,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation.cache import folder
-from hapticmech_ros.compilation.custody import is_safe, warn
-from hapticmech_ros.compilation.sealed import BrokenSealError, put_in_place, read_sealed
+from hapticmech_ros.compilation.custody import (
+    BrokenSealError,
+    is_safe,
+    put_in_place,
+    read_sealed,
+    warn,
+)
 from hapticmech_ros.errors import HapticMechError
 
 NAME = "hapticmech_kernels"

@@ -10,8 +10,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.experiment.orientation import angle_between, slerp
-from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.record import ExperimentRecord, angle_between, slerp
 from hapticmech_ros.experiment.summary import count_changes, root_mean_square
 
 

@@ -15,12 +15,10 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.cpu_list import available_cores
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.agreement import compare
-from hapticmech_ros.experiment.from_bag import record_from_bag
-from hapticmech_ros.experiment.from_session import run_session
+from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
+from hapticmech_ros.experiment.from_session import run_session, run_shared_session
 from hapticmech_ros.experiment.health import health_from_bag
 from hapticmech_ros.experiment.run import write_results, write_shared_results
-from hapticmech_ros.experiment.shared_from_bag import shared_record_from_bag
-from hapticmech_ros.experiment.shared_from_session import run_shared_session
 from hapticmech_ros.graph import (
     Graph,
     ending,

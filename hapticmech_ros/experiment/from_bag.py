@@ -3,38 +3,230 @@
 """A record of the experiment from a bag of a graph of nodes.
 
 Times are the senders' stamps, not those of reception.
+
+Of several users the mechanism is sampled once for all of them; device, analyser and controller of
+each are in a namespace of its point's name.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bag.reader import refuse_former_topics
+from hapticmech_ros.bag.recorded_states import states_from_bag
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.experiment.bag_topics import chosen_topics
-from hapticmech_ros.experiment.orientation import slerp
-from hapticmech_ros.experiment.record import ExperimentRecord, first_push
-from hapticmech_ros.experiment.stamped import samples_of
+from hapticmech_ros.experiment.record import ExperimentRecord, first_push, slerp
+from hapticmech_ros.experiment.shared_record import SharedRecord, couplings
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import build_tree
+from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.times import nanoseconds
-from hapticmech_ros.wire.layouts import ENERGY_NAMES
-from hapticmech_ros.wire.topic import Topic
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.wire.layouts import (
+    ENERGY_NAMES,
+    unpack_device,
+    unpack_energy,
+    unpack_operational_model,
+)
+from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
     ENERGY,
     JOINT_STATES,
+    POINT_COMMAND,
+    POINT_FORCE,
     POINT_MODEL,
 )
 
+ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
+
+
+class StampedSamples:
+    """Collects the messages of one topic as numbers.
+
+    Args:
+        topic: full name, for error messages.
+        kind: its message type: a stamped wrench, joint states, or ``state``,
+            ``operational_model`` or ``energy`` for the arrays of wire/layouts.py.
+    """
+
+    def __init__(self, topic: str, kind: str) -> None:
+        self.topic = topic
+        self._read = _READERS[kind]
+        self._stamps: list[int] = []
+        self._rows: list[Any] = []
+
+    def add(self, message: Any) -> None:
+        """Add a message.
+
+        Raises:
+            BagError: a message that is invalid for the topic.
+        """
+        try:
+            stamp, row = self._read(message)
+        except (InvalidInputError, AttributeError) as error:
+            raise BagError(f"topic {self.topic}, message {len(self._stamps)}: {error}") from error
+        self._stamps.append(stamp)
+        self._rows.append(row)
+
+    def ordered(self) -> tuple[Array, Array]:
+        """Return increasing stamps (n,), ns, and rows (n, ...); of equal stamps the last is kept.
+
+        Raises:
+            BagError: non-finite values, or rows of different lengths.
+        """
+        stamps = np.array(self._stamps, dtype=np.int64)
+        order = np.argsort(stamps, kind="stable")
+        stamps = stamps[order]
+        last = np.append(np.diff(stamps) > 0, True) if stamps.size else np.zeros(0, dtype=bool)
+        try:
+            rows = np.array(self._rows, dtype=float)[order[last]]
+        except ValueError:
+            raise BagError(f"topic {self.topic}: messages of different lengths") from None
+        if not np.isfinite(rows).all():
+            bad = int(np.argwhere(~np.isfinite(rows))[0][0])
+            rule = "holds a value that is not finite"
+            raise BagError(f"topic {self.topic}, message {bad} in order of time: {rule}")
+        return stamps[last], rows
+
+
+def _stamp_ns(header: Any) -> int:
+    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+
+
+def _wrench(message: Any) -> tuple[int, tuple[float, ...]]:
+    f, t = message.wrench.force, message.wrench.torque
+    return _stamp_ns(message.header), (f.x, f.y, f.z, t.x, t.y, t.z)
+
+
+def _joint_state(message: Any) -> tuple[int, Array]:
+    return _stamp_ns(message.header), np.array(message.position, dtype=float)
+
+
+def _operational_model(message: Any) -> tuple[int, Array]:
+    """Return a row: count, position (3), quaternion (4), Π (36), s (t)."""
+    found = unpack_operational_model(message.data)
+    share = found.model.wrench_projector
+    pose = _pose_row(found.point.pose)
+    return found.stamp_ns, np.concatenate(([found.count], pose, share.ravel(), found.s))
+
+
+def _device(message: Any) -> tuple[int, Array]:
+    """Return a row: position (3), quaternion (4), hand wrench (6)."""
+    stamp_ns, measured, *_ = unpack_device(message.data)
+    return stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
+
+
+def _pose_row(pose: pin.SE3) -> Array:
+    return np.concatenate((pose.translation, quaternion_of(pose.rotation)))
+
+
+def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
+    """Return a row: ``ENERGY_NAMES``."""
+    energy = unpack_energy(message.data)
+    return energy.stamp_ns, tuple(getattr(energy, name) for name in ENERGY_NAMES)
+
+
+_READERS = {
+    "geometry_msgs/msg/WrenchStamped": _wrench,
+    "sensor_msgs/msg/JointState": _joint_state,
+    "state": _device,
+    "operational_model": _operational_model,
+    "energy": _energy,
+}
+
+
+def samples_of(topic: str, message_type: str) -> StampedSamples:
+    """Return an empty collector for a topic; the end of its name determines an array's layout."""
+    kind = topic.rsplit("/", 1)[-1] if message_type == ARRAY_TYPE else message_type
+    return StampedSamples(topic, kind)
+
+
+NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
+# Needed where several users hold one mechanism, of each.
+SHARED = (POINT_COMMAND, POINT_FORCE)
+# Needed only for the drawing of the mechanism.
+WELCOME = (JOINT_STATES,)
+
+
+def full_name(topic: Topic, point: str, namespace: str = "", user: str = "") -> str:
+    """Return the absolute name of a topic of a graph.
+
+    Args:
+        topic: of it.
+        point: operational point.
+        namespace: that the graph runs under.
+        user: namespace of one of several users within it.
+    """
+    name = topic.of(point, user)
+    if name.startswith("/"):
+        return name
+    prefix = namespace.strip("/")
+    return f"/{prefix}/{name}" if prefix else f"/{name}"
+
+
+def chosen_topics(bag: BagReader, point: str, namespace: str, user: str = "") -> dict[Topic, str]:
+    """Return the topics to read and their full names in ``bag``.
+
+    Args:
+        bag: to read.
+        point: operational point that the user holds.
+        namespace: of the graph.
+        user: namespace of one of several users; empty of one alone.
+
+    Raises:
+        BagError: topics missing, empty, of another type or under a former name; the message lists
+            all of them.
+    """
+    refuse_former_topics(bag)
+    needed = NEEDED + SHARED if user else NEEDED
+    names = {topic: full_name(topic, point, namespace, user) for topic in needed}
+    missing = [name for name in names.values() if name not in bag.topics]
+    empty = [n for n in names.values() if n in bag.topics and bag.topics[n].count == 0]
+    other = [
+        f"{name} (is {bag.topics[name].type}, should be {topic.type})"
+        for topic, name in names.items()
+        if name in bag.topics and bag.topics[name].type != topic.type
+    ]
+    complaints = [
+        f"{what}: {', '.join(which)}"
+        for what, which in (
+            ("missing topics", missing),
+            ("topics without messages", empty),
+            ("topics of another type", other),
+        )
+        if which
+    ]
+    if complaints:
+        hint = _namespace_hint(bag, missing, f"{namespace}/{user}")
+        raise BagError(f"bag {bag.path}: {'; '.join(complaints)}{hint}")
+    for topic in WELCOME:
+        name = full_name(topic, point, namespace, user)
+        if name in bag.topics and bag.topics[name].type == topic.type:
+            names[topic] = name
+    return names
+
+
+def _namespace_hint(bag: BagReader, missing: list[str], namespace: str) -> str:
+    """Return a hint if the bag has the device's state under another namespace."""
+    if not missing:
+        return ""
+    ending = f"/{DEVICE_STATE.name}"
+    found = [name.removesuffix(ending) or "/" for name in bag.topics if name.endswith(ending)]
+    other = [place for place in found if place.strip("/") != namespace.strip("/")]
+    return f" (the bag has the namespace {', '.join(other)})" if other else ""
+
+
 Series = tuple[Array, Array]
-# Columns in the rows of stamped.py: of device states, and of operational models.
+# Columns in the rows: of device states, and of operational models.
 HAND = slice(7, 13)
 POINT = slice(1, 8)
 SHARE = slice(8, 44)
@@ -242,3 +434,77 @@ def held(series: Series, at: Array) -> Array:
     stamps, rows = series
     index = np.searchsorted(stamps, at, side="right") - 1
     return np.where((index >= 0)[:, None], rows[np.maximum(index, 0)], 0.0)
+
+
+def shared_record_from_bag(
+    path: str | os.PathLike[str],
+    scene: Scene,
+    namespace: str = "",
+    duration: float | None = None,
+) -> SharedRecord:
+    """Return the run of several users that was recorded in the bag at ``path``.
+
+    Time 0 is the first sample in which any hand pushes. Whenever the mechanism told F_c, X_ij is
+    computed from its state, and F_j is the last command by then.
+
+    Args:
+        path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
+        scene: of the run, with several ``hands``; its points are where the scene has them.
+        namespace: of the graph.
+        duration: s after the first push; to the bag's end if left out.
+
+    Raises:
+        BagError: no bag, a damaged one, topics missing or empty, invalid messages, or hands that
+            never pushed.
+    """
+    series = {
+        point: read_series(path, point, namespace, user)
+        for user, point in users_of(scene.held_points)
+    }
+    pushes = [first_push_ns(found) for found in series.values()]
+    pushed = [stamp for stamp in pushes if stamp is not None]
+    if not pushed:
+        raise never_pushed(path)
+    start_ns = min(pushed)
+    users = {
+        point: record_of(path, found, scene.held_at(point), point, start_ns, duration)
+        for point, found in series.items()
+    }
+    mechanism = Mechanism(scene)
+    states = states_from_bag(path, mechanism, "", namespace)
+    stamps = _stamps(series, users, start_ns)
+    chosen = np.searchsorted(states.stamps_ns, stamps, side="right") - 1
+    known = chosen >= 0
+    if not known.any():
+        raise BagError(f"bag {path}: nothing of the mechanism while the hands were there")
+    stamps, chosen = stamps[known], chosen[known]
+    return SharedRecord(
+        users,
+        (stamps - start_ns) / NANOSECONDS,
+        # What answers a sample of this time acts from the next one on.
+        _rows([found[POINT_COMMAND] for found in series.values()], stamps - 1),
+        _rows([found[POINT_FORCE] for found in series.values()], stamps),
+        couplings(
+            mechanism,
+            scene.held_points,
+            states.q[chosen],
+            [tuple(row) for row in states.active[chosen].tolist()],
+        ),
+    )
+
+
+def _stamps(
+    series: Mapping[str, Mapping[Topic, Series]],
+    users: Mapping[str, ExperimentRecord],
+    start_ns: int,
+) -> Array:
+    """Return when the mechanism told F_c during the run, ns; it does so of all points at once."""
+    point, user = next(iter(users.items()))
+    stamps, _ = series[point][POINT_FORCE]
+    times = (stamps - start_ns) / NANOSECONDS
+    return np.asarray(stamps[(times >= user.times[0]) & (times <= user.times[-1])])
+
+
+def _rows(series: list[Series], stamps: Array) -> Array:
+    """Return (k, n, 6) what each series had last by k stamps."""
+    return np.stack([held(one, stamps) for one in series], axis=1)

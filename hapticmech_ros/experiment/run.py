@@ -22,8 +22,7 @@ from hapticmech_ros.experiment.from_session import UnfinishedRunError
 from hapticmech_ros.experiment.health import GraphHealth
 from hapticmech_ros.experiment.record import ExperimentRecord
 from hapticmech_ros.experiment.shared_record import SharedRecord
-from hapticmech_ros.experiment.shared_summary import summarise_shared
-from hapticmech_ros.experiment.summary import summarise
+from hapticmech_ros.experiment.summary import summarise, summarise_shared
 from hapticmech_ros.scene import Scene
 
 SUMMARY, FAILURE = "summary.json", "failure.json"

@@ -4,20 +4,79 @@
 
 The summary covers the time after the hand starts to push (t >= 0); changes of the count are listed
 from the record's start.
+
+A record's coverage is its start, end and pauses of each group of samples. If a recorder discovers a
+publisher late or a node stops early, averages over the record are misleading, which only its
+coverage shows.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.experiment.coverage import coverage
 from hapticmech_ros.experiment.health import GraphHealth
-from hapticmech_ros.experiment.orientation import angle_between
-from hapticmech_ros.experiment.record import ExperimentRecord
+from hapticmech_ros.experiment.record import ExperimentRecord, angle_between
+from hapticmech_ros.experiment.shared_record import Grips, SharedRecord, grips_of
 from hapticmech_ros.scene import Scene
+
+# Pauses longer than this (s) make a record incomplete: ten samples of the topics at view rate.
+LONGEST_PAUSE_S = 0.1
+# A control loop whose rate is too low for its gains oscillates within about this time.
+WINDOW_S = 0.03
+
+GROUPS = {
+    "device and point": "times",
+    "constraint wrench": "wrench_times",
+    "analysis": "analysis_times",
+    "energy": "energy_times",
+}
+
+
+def coverage(record: ExperimentRecord) -> dict[str, Any]:
+    """Return the coverage of the run by samples, from the hand's push to the record's end.
+
+    ``complete`` is true if no group pauses for longer than :data:`LONGEST_PAUSE_S`; ``groups``
+    gives first and last time, longest pause (including both ends), number of samples, and their
+    least rate over :data:`WINDOW_S`.
+    """
+    end = max(float(getattr(record, name)[-1]) for name in GROUPS.values() if _any(record, name))
+    groups = {what: _group(getattr(record, name), end) for what, name in GROUPS.items()}
+    # Tolerance of 1 ns for the rounding of times that are sums of periods.
+    limit = LONGEST_PAUSE_S + 1e-9
+    complete = all(group["longest_pause_s"] <= limit for group in groups.values())
+    return {"complete": complete, "groups": groups}
+
+
+def _any(record: ExperimentRecord, name: str) -> bool:
+    return bool(getattr(record, name).size)
+
+
+def _group(times: Array, end: float) -> dict[str, Any]:
+    started = times[times >= 0.0]
+    edges = np.concatenate(([0.0], started, [end]))
+    return {
+        "samples": int(started.size),
+        "first_s": float(started[0]) if started.size else None,
+        "last_s": float(started[-1]) if started.size else None,
+        "longest_pause_s": float(np.diff(edges).max()),
+        "slowest_rate_hz": _slowest_rate(edges),
+    }
+
+
+def _slowest_rate(times: Array) -> float | None:
+    """Return the least rate of samples, 1/s, over windows that begin at a sample."""
+    starts = times[times + WINDOW_S <= times[-1]]
+    if not starts.size:
+        return None
+    # Tolerance of 0.5 ns for the rounding of times that are sums of periods.
+    ends = np.searchsorted(times, starts + WINDOW_S + 5e-10, side="right")
+    counts = ends - np.searchsorted(times, starts, side="right")
+    return float(counts.min() / WINDOW_S)
+
 
 Json = dict[str, Any]
 
@@ -220,3 +279,80 @@ def _largest(values: Array) -> float | None:
 
 def _ratio(value: float | None, reference: float | None) -> float | None:
     return None if value is None or not reference else value / reference
+
+
+def summarise_shared(record: SharedRecord, scene: Scene, graph: GraphHealth | None = None) -> Json:
+    """Return the summary of a run of several users.
+
+    Args:
+        record: the run.
+        scene: of the run.
+        graph: diagnostics of the nodes, for a run of the graph.
+    """
+    health = graph or GraphHealth({})
+    return {
+        "scene": record.scene,
+        "source": record.source,
+        "duration_s": float(record.first.times[-1]),
+        "users": {
+            point: summarise(user, scene.held_at(point), _of_user(health, point))
+            for point, user in record.users.items()
+        },
+        "spans": [_span(record, span) for span in grips_of(scene, float(record.first.times[-1]))],
+    }
+
+
+def _of_user(health: GraphHealth, point: str) -> GraphHealth:
+    """Return the health of the nodes that one user has, the mechanism's included."""
+    nodes = {
+        name: node
+        for name, node in health.nodes.items()
+        if "/" not in name or name.rpartition("/")[0].rpartition("/")[2] == point
+    }
+    return replace(health, nodes=nodes)
+
+
+def _span(record: SharedRecord, span: Grips) -> Json:
+    """Return what each user does and feels while the same hands hold."""
+    return {
+        "begin_s": span.begin,
+        "end_s": span.end,
+        "holding": list(span.holding),
+        "users": {point: _user(record, point, span) for point in record.points},
+    }
+
+
+def _user(record: SharedRecord, point: str, span: Grips) -> Json:
+    user, index = record.users[point], record.points.index(point)
+    coupled, own = _during(record.times, span), record.coupling[:, index, index]
+    counts = user.count[_during(user.analysis_times, span)]
+    moved = user.device_position - user.device_position[0]
+    found: Json = {
+        "displacement_max_m": _largest_norm(moved[_during(user.times, span)]),
+        "hand_force_rms_n": root_mean_square(user.hand_wrench[_during(user.times, span), :3]),
+        "by_others_force_rms_n": root_mean_square(record.felt[coupled, index, :3]),
+        "counts_seen": sorted({int(count) for count in counts}),
+        "count_at_end": int(counts[-1]) if counts.size else None,
+        "mass_least_kg": _ratio(1.0, _largest_singular_value(own[coupled])),
+    }
+    accelerations = record.accelerations(point)[coupled, :, :3]
+    found["acceleration_rms_m_per_s2"] = {
+        other: root_mean_square(accelerations[:, place])
+        for place, other in enumerate(record.points)
+    }
+    return found
+
+
+def _during(times: Array, span: Grips) -> Array:
+    return np.asarray((times >= span.begin) & (times < span.end))
+
+
+def _largest_norm(rows: Array) -> float | None:
+    return float(np.linalg.norm(rows, axis=1).max()) if rows.size else None
+
+
+def _largest_singular_value(matrices: Array) -> float | None:
+    """Return that of the translation blocks of (k, 6, 6)."""
+    return (
+        float(np.linalg.norm(matrices[:, :3, :3], 2, axis=(1, 2)).max()) if matrices.size else None
+    )

@@ -13,13 +13,16 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.mjcf_classes import Context, settings
-from hapticmech_ros.formats.mjcf_equalities import INACTIVE, WHY_INACTIVE, Equalities
-from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of
-from hapticmech_ros.formats.mjcf_keyframes import read_keyframes
+from hapticmech_ros.formats.mjcf_equalities import (
+    INACTIVE,
+    WHY_INACTIVE,
+    Equalities,
+    read_keyframes,
+)
+from hapticmech_ros.formats.mjcf_inertias import WHY as WHY_ROTORS
+from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of, with_rotors
 from hapticmech_ros.formats.mjcf_replicate import WHY as WHY_REPLICAS
 from hapticmech_ros.formats.mjcf_replicate import open_replicas
-from hapticmech_ros.formats.mjcf_rotors import WHY as WHY_ROTORS
-from hapticmech_ros.formats.mjcf_rotors import with_rotors
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
 from hapticmech_ros.formats.model import (
     DRAWN,

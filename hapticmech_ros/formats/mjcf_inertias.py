@@ -1,19 +1,58 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The inertia of a body in MJCF: as written, or that of its geoms."""
+"""The inertia of a body in MJCF: as written, or that of its geoms.
+
+Rotors of actuators add to the inertia of the joints that they drive.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.mjcf_classes import UP, Context
-from hapticmech_ros.formats.mjcf_compiled import NotCompiledError
-from hapticmech_ros.formats.model import Body
+from hapticmech_ros.formats.mjcf_classes import ACTUATOR, UP, Context, NotCompiledError
+from hapticmech_ros.formats.model import WHY_ELSEWHERE, Body, Joint
 from hapticmech_ros.formats.xml_nodes import Node
+
+OF_TENDON, ELSEWHERE = "armature of a tendon", "armature of an actuator on no hinge or slide"
+WHY = {OF_TENDON: WHY_ELSEWHERE, ELSEWHERE: WHY_ELSEWHERE}
+_JOINT_KEYS = ("joint", "jointinparent")
+
+
+def with_rotors(context: Context, hinges: Sequence[Joint], notes: Counter[str]) -> list[Joint]:
+    """Return joints with the inertia of rotors that drive them: gear ratio squared times theirs.
+
+    Args:
+        context: the file.
+        hinges: its joints.
+        notes: counts rotors that are left out.
+    """
+    source = context.source
+    alone = {hinge.name for hinge in hinges if hinge.type in ("revolute", "prismatic")}
+    added: dict[str, float] = {}
+    for section in source.root.all("tendon"):
+        for tendon in section.children:
+            full = context.full(tendon)
+            notes[OF_TENDON] += source.value(full, "armature", 0.0) != 0.0
+    for section in source.root.all(ACTUATOR):
+        for actuator in section.children:
+            full = context.full(actuator)
+            armature = source.value(full, "armature", 0.0)
+            if armature == 0.0:
+                continue
+            named = [full.attributes[key].strip() for key in _JOINT_KEYS if key in full.attributes]
+            if len(named) != 1 or named[0] not in alone:
+                notes[ELSEWHERE] += 1
+                continue
+            gear = context.padded(full, "gear", (1.0,) + (0.0,) * 5)[0]
+            added[named[0]] = added.get(named[0], 0.0) + gear * gear * armature
+    return [replace(one, armature=one.armature + added.get(one.name, 0.0)) for one in hinges]
+
 
 # How many sizes a shape has, of which the last is half its length where that is from here to there.
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}

@@ -1,24 +1,32 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn of a live session: shapes, hulls of meshes, and what of them can be dragged."""
+"""What is drawn of a live session: shapes, hulls of meshes, and what of them can be dragged.
+
+Meshes are drawn as their hulls: a hull has few triangles, which is what a browser without a GPU
+needs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import LiveState, Opened, UserState
-from hapticmech_ros.live.shape_links import shape_links
-from hapticmech_ros.live.visual_bodies import visual_bodies
+from hapticmech_ros.live.instances import unit_body
+from hapticmech_ros.loading import find_scene
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.results import felt_masses
-from hapticmech_ros.scene.contacts import Mesh
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 from hapticmech_ros.view import (
     Picture,
     Placement,
@@ -28,10 +36,109 @@ from hapticmech_ros.view import (
     UserSnapshot,
     palette,
 )
-from hapticmech_ros.view.mass_ellipsoid import MASS, mass_ellipsoid
+from hapticmech_ros.view.mechanism_shapes import MASS, joint_shape, mass_ellipsoid
 from hapticmech_ros.view.palette import Colour
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
+from hapticmech_ros.view.shapes import Key
 from hapticmech_ros.view.user_look import hues, looks
+
+
+class VisualBody(NamedTuple):
+    """A body that is drawn of a link.
+
+    Attributes:
+        link: of the scene, or ``world``.
+        place: its frame in the link's.
+        corners: (n, 3) m, in its frame.
+        triangles: (k, 3) of corners.
+    """
+
+    link: str
+    place: pin.SE3
+    corners: Array
+    triangles: Array
+
+
+def visual_bodies(scene: str) -> list[VisualBody]:
+    """Return what the model's file of a scene draws; what cannot be read is left out.
+
+    Args:
+        scene: name of a shipped one, or a path.
+    """
+    # Here, so that scenes without a file of a model do not load what reads them.
+    from hapticmech_ros.formats import drawn_shapes
+
+    try:
+        shapes = drawn_shapes(find_scene(scene))
+    except HapticMechError:
+        return []
+    hulls = iter(_drawn_hulls([one.geometry for one in shapes if isinstance(one.geometry, Mesh)]))
+    found = []
+    for shape in shapes:
+        geometry = shape.geometry
+        body = next(hulls) if isinstance(geometry, Mesh) else _primitive(geometry)
+        if body is not None:
+            found.append(VisualBody(shape.link, se3(shape.origin), *body))
+    return found
+
+
+def _drawn_hulls(meshes: list[Mesh]) -> list[tuple[Array, Array] | None]:
+    if not meshes:
+        return []
+    from hapticmech_ros.contact.mesh_hulls import drawn_hulls
+
+    found = drawn_hulls(meshes)
+    return [None if one is None else (one.vertices, one.triangles) for one in found]
+
+
+def _primitive(
+    geometry: Sphere | Box | Cylinder | Capsule | HalfSpace,
+) -> tuple[Array, Array] | None:
+    """Return corners and triangles of a body; None for a half-space, which has no end."""
+    if isinstance(geometry, HalfSpace):
+        return None
+    if isinstance(geometry, Box):
+        corners, triangles = unit_body("box")
+        return corners * np.array(geometry.size), triangles
+    thick = 2.0 * geometry.radius
+    if isinstance(geometry, Cylinder):
+        corners, triangles = unit_body("cylinder")
+        return corners * np.array((thick, thick, geometry.length)), triangles
+    corners, triangles = unit_body("sphere")
+    if isinstance(geometry, Sphere):
+        return thick * corners, triangles
+    # A capsule: a ball whose halves are apart.
+    apart = 0.5 * geometry.length * np.sign(np.round(corners[:, 2:], 9))
+    return thick * corners + apart * np.array((0.0, 0.0, 1.0)), triangles
+
+
+# A limb is a capsule: a cylinder and two balls. Of a mesh there is no shape, but a hull.
+_CAPSULE = 3
+
+
+def shape_links(scene: Scene, placement: Placement) -> dict[Key, str]:
+    """Return shape -> name of the link that it moves with; what is fixed is left out."""
+    drawn = [name for name, _ in placement.limbs for _ in range(_CAPSULE)]
+    limbs = {name for name, _ in placement.limbs}
+    drawn += [link.name for link in scene.links if link.name not in limbs]
+    joints = [link.name for link in scene.links if link.joint.type == "prismatic"]
+    for link in scene.links:
+        pose, axis = placement.links[link.name], placement.axes[link.name]
+        joints += [link.name] * len(joint_shape(link.joint, pose, axis, 1.0))
+    solids: list[str] = []
+    for shape in scene.shapes:
+        parts = _CAPSULE if isinstance(shape.geometry, Capsule) else 1
+        solids += [shape.link] * (0 if isinstance(shape.geometry, Mesh) else parts)
+    found = {
+        (namespace, number): name
+        for namespace, names in (("links", drawn), ("joints", joints), ("solids", solids))
+        for number, name in enumerate(names)
+    }
+    for point in scene.operational_points:
+        for axes in (f"point/{point.name}", f"point/{point.name}_world"):
+            found.update({(axes, number): point.link for number in range(3)})
+    return {key: name for key, name in found.items() if name in placement.links}
+
 
 # Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
 FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5

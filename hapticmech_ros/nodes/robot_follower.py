@@ -34,8 +34,8 @@ from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WREN
 from hapticmech_ros.robot.arm_scene import load_arm
 from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.target import Gains
 from hapticmech_ros.robot.tuning import Tuning, inertia_ratio, loop_rates
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
 from hapticmech_ros.times import NANOSECONDS, nanoseconds

@@ -28,7 +28,7 @@ from hapticmech_ros.operational.observe_kernels import (
     remember_state,
 )
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis, Spectrum
-from hapticmech_ros.scene.rendering import Perception
+from hapticmech_ros.scene.controller import Perception
 
 _FREE = OPERATIONAL_MODEL.slice("free_acceleration")
 _X, _P_C, _SHARE = (

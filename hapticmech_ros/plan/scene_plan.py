@@ -5,16 +5,369 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.plan.arrays import ArraySize, arrays_of_tick
-from hapticmech_ros.plan.choices import Choice, choices
-from hapticmech_ros.plan.running import Running, running
-from hapticmech_ros.plan.tick import TickPart, parts_of_tick
+from hapticmech_ros.arrays import Array
+from hapticmech_ros.device import ImpedanceDevice, device_for
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.elements import stiff_elements
+from hapticmech_ros.mechanism.kernels.data import PARTS, views_of
+from hapticmech_ros.mechanism.kernels.dense_kernels import APART
+from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
+from hapticmech_ros.mechanism.kernels.step_kernels import work_size
+from hapticmech_ros.mechanism.motion import Plan, plan_of
+from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
+from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
+from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
+from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.simulation import MechanismState, Simulator
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Choice of a method.
+
+    Attributes:
+        about: what is computed.
+        taken: the chosen method.
+        why: reason of the choice.
+    """
+
+    about: str
+    taken: str
+    why: str
+
+
+def choices(run: Running) -> Iterator[Choice]:
+    """Yield all choices; one that is added to the solver must be added here."""
+    yield _integrator(run)
+    yield _configuration(run)
+    yield _path(run)
+    yield _closure_rows(run)
+    yield _stabilisation(run)
+
+
+def _integrator(run: Running) -> Choice:
+    taken = run.stepping.integrator
+    if run.scene.simulation.integrator != "auto":
+        return Choice("rule of a step", taken, "chosen by the scene")
+    mechanism = run.mechanism
+    stiff = next(stiff_elements(mechanism.scene, mechanism.tree, mechanism.elements.springs), None)
+    return Choice(
+        "rule of a step", taken, "nothing is too stiff for it" if stiff is None else str(stiff)
+    )
+
+
+def _configuration(run: Running) -> Choice:
+    nq, nv = run.mechanism.nq, run.mechanism.nv
+    if run.flat:
+        return Choice("configuration", "a vector", f"nq = nv = {nv}: steps are added")
+    why = f"nq = {nq}, nv = {nv}: a step is integrated on the manifold at every stage"
+    return Choice("configuration", "on a manifold", why)
+
+
+def _path(run: Running) -> Choice:
+    mechanism = run.mechanism
+    active_set, nv = mechanism.active_set(run.state.active), mechanism.nv
+    if active_set.is_sparse:
+        model = active_set.model
+        shared = f", {model.border} shared by many closures" if model.border else ""
+        why = f"{nv} rates{shared}, bandwidth {model.width}; dense where the rank is uncertain"
+        return Choice("factorisation", "sparse, linear in size", why)
+    if mechanism.needs_matrix:
+        return Choice("factorisation", "dense", "the integrator needs D as a matrix")
+    why = f"few rates ({nv}) and rows ({active_set.m}), or redundant rows"
+    return Choice("factorisation", "dense", why)
+
+
+def _closure_rows(run: Running) -> Choice:
+    m = run.rows.rows
+    active_set = run.mechanism.active_set(run.state.active)
+    if active_set.is_sparse and m:
+        kind = "bordered banded QR" if active_set.model.border else "banded QR"
+        return Choice("closure factorisation", kind, "see factorisation")
+    if m == 0:
+        return Choice("closure factorisation", "none", "no closure is active")
+    if m < SOME_ROWS:
+        return Choice("closure factorisation", "SVD", f"{m} rows, fewer than {SOME_ROWS}")
+    where = f"the smallest σ is below {APART:g}" if m <= FEW_ROWS else "the rank is uncertain"
+    return Choice("closure factorisation", "pivoted QR", f"{m} rows; SVD where {where}")
+
+
+def _stabilisation(run: Running) -> Choice:
+    if run.rows.rows == 0 and not run.can_latch:
+        return Choice("stabilisation", "none", "no closure is active or can latch")
+    rate = run.stepping.baumgarte_rate
+    if rate > 0.0:
+        return Choice("stabilisation", "baumgarte", f"chosen by the scene, rate {rate:g} /s")
+    return Choice("stabilisation", "projection", "after every substep, in the mass metric")
+
+
+@dataclass(frozen=True, slots=True)
+class ArraySize:
+    """An array of a tick.
+
+    Attributes:
+        name: description of the content.
+        shape: of the array.
+        size_bytes: size of its data.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    size_bytes: int
+
+
+def arrays_of_tick(run: Running) -> tuple[ArraySize, ...]:
+    """Return the arrays of a tick, with the closures that are active at the start."""
+    return tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run))
+
+
+def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
+    mechanism = run.mechanism
+    points, t = len(mechanism.point_names), run.analyser.rows.size
+    yield "q", run.state.q
+    yield "v", run.state.v
+    active_set = mechanism.active_set(run.state.active)
+    for name, array in zip(("model, integers", "model, reals"), active_set.constants, strict=True):
+        yield name, array
+    yield "data of a configuration", np.empty(active_set.size)
+    packed = views_of(np.empty(active_set.size), active_set.model)
+    for name in PARTS:
+        if getattr(packed, name).size:
+            yield f"of which {name}", getattr(packed, name)
+    yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
+    terms = run.simulator.evaluate(run.state)
+    yield "h", terms.bias_force
+    yield "Ẇv", terms.closure_bias
+    yield "J_h of each point", np.empty((points, 6, mechanism.nv))
+    yield "wrenches of the task space", np.empty((t, t))
+    yield "operational model for the controllers", np.empty(OPERATIONAL_MODEL.size)
+    yield "device sample for the controllers", np.empty(DEVICE_SAMPLE.size)
+    held = run.device.at_rest(terms.points[run.analyser.index].pose)
+    yield "state of the device", held.flat
+
+
+@dataclass(frozen=True, slots=True)
+class TickPart:
+    """A computation of a tick.
+
+    Attributes:
+        stage: ``evaluate``, ``analyse``, ``control``, ``step`` or ``device``.
+        what: is computed.
+        times: least number in a tick; 0 if it is omitted.
+        why: reason of the number.
+    """
+
+    stage: str
+    what: str
+    times: int
+    why: str
+
+    @property
+    def computed(self) -> bool:
+        """Whether it is done in a tick."""
+        return self.times > 0
+
+
+def parts_of_tick(run: Running) -> tuple[TickPart, ...]:
+    """Return all computations in the order of a tick, omitted ones included."""
+    return (
+        *_evaluate(run),
+        *_analyse(run),
+        TickPart("control", "wrenches of all controllers", 1, "the same for all scenes"),
+        *_solve(run),
+        *_element_parts(run),
+        *_closure_parts(run),
+        *_contacts(run),
+        *_device(run),
+    )
+
+
+def _evaluate(run: Running) -> Iterator[TickPart]:
+    names = run.mechanism.point_names
+    why = "taken from the end of the previous step"
+    yield TickPart("evaluate", "D, W and their factors", 0, why)
+    gravity = run.mechanism.model.gravity.linear
+    pull = float(np.sqrt(gravity @ gravity))
+    why = f"with gravity, {pull:g} m/s²" if pull else "gravity is zero: the same recursion"
+    yield TickPart("evaluate", "h: Coriolis, centripetal, gravity", 1, why)
+    why = f"{len(names)} in the scene, all of them evaluated"
+    yield TickPart("evaluate", "pose, Jacobian, twist, drift of points", len(names), why)
+
+
+def _analyse(run: Running) -> Iterator[TickPart]:
+    t, held, rest = run.analyser.rows.size, run.analyser.point.name, len(run.mechanism.point_names)
+    why = f"{held} is held; SVD of {t} rows"
+    yield TickPart("analyse", "Λ_h⁻¹ and its spectrum", 1, why)
+    if rest > 1:
+        why = f"{rest - 1}: analysed by a further session, or by nodes in a further namespace"
+        yield TickPart("analyse", "spectrum of further points", 0, why)
+    yield _if_closed(run, "analyse", "projection of S onto closed-loop motions", 1)
+
+
+def _solve(run: Running) -> Iterator[TickPart]:
+    stages, substeps = len(run.scheme.weights), run.stepping.substeps
+    each = f"{stages} stages of {run.stepping.integrator} in {substeps} substeps"
+    yield TickPart("step", "D, joint Jacobians, poses; Cholesky of D", stages * substeps, each)
+    yield _if_closed(run, "step", "W and its factorisation", stages * substeps)
+    why = "the configuration is a vector: steps are added" if run.flat else each
+    yield TickPart("step", "integration on a manifold", 0 if run.flat else stages * substeps, why)
+    why = f"{run.stepping.integrator} is explicit"
+    if run.scheme.implicit:
+        why = "used if elements have stiffness or damping"
+    times = substeps if run.scheme.implicit else 0
+    yield TickPart("step", "factorisation of D with stiffness and damping", times, why)
+
+
+def _element_parts(run: Running) -> Iterator[TickPart]:
+    elements, times = run.mechanism.elements, len(run.scheme.weights) * run.stepping.substeps
+    count = int(np.count_nonzero(elements.damping))
+    why = f"{count} of {elements.damping.size} rates are damped; all are computed"
+    yield TickPart("step", "damping of joints", times, why)
+    for what, number in (
+        ("springs, friction, stops of joints", len(elements.joints)),
+        ("springs between points", len(elements.springs)),
+    ):
+        why = f"{number} in the scene" if number else "none in the scene"
+        yield TickPart("step", what, times if number else 0, why)
+
+
+def _closure_parts(run: Running) -> Iterator[TickPart]:
+    substeps, closures = run.stepping.substeps, run.mechanism.closures
+    pulled = run.stepping.baumgarte_rate > 0.0
+    what = "projection onto the closures"
+    if pulled and run.rows.rows:
+        yield TickPart("step", what, 0, "Baumgarte stabilisation instead")
+    else:
+        why = f"iterations until convergence, at most {PROJECTION_ITERATIONS} a substep"
+        yield _if_closed(run, "step", what, substeps, why)
+    times, latching = len(run.can_latch), ", ".join(run.can_latch)
+    why = f"{latching}: D and W are evaluated for each" if times else "no open closure can latch"
+    yield TickPart("step", "distance of closures that can latch", times, why)
+    still = sum(not on for on in run.state.active)
+    frames = 2 * still * len(run.scheme.weights) * substeps
+    why = f"{still} of {len(closures)} closures are open; computed with all other frames"
+    yield TickPart("step", "frames of open closures", frames, why if still else "no open closures")
+
+
+def _contacts(run: Running) -> Iterator[TickPart]:
+    pairs, substeps = len(run.scene.contacts), run.stepping.substeps
+    if not pairs:
+        for what in ("bounding boxes of declared pairs", "points of contact and their forces"):
+            yield TickPart("step", what, 0, "no contact pairs are declared")
+        return
+    declared = f"{pairs} declared pair{'s' if pairs > 1 else ''}"
+    yield TickPart("step", "bounding boxes of declared pairs", substeps, declared)
+    why = "for pairs whose boxes overlap; D, W and their factors at the step's start are reused"
+    yield TickPart("step", "points of contact and their forces", 0, why)
+
+
+def _device(run: Running) -> Iterator[TickPart]:
+    device = run.scene.device
+    why = f"hand: {run.scene.hand.kind}"
+    yield TickPart("device", "motion of the device", device.substeps, why)
+    bandwidth = device.actuator_bandwidth
+    why = f"{bandwidth:g} Hz" if bandwidth else "the actuators are ideal"
+    yield TickPart("device", "lag of the actuators", device.substeps if bandwidth else 0, why)
+    frictions = device.coulomb_friction, device.angular_coulomb_friction
+    why = f"{frictions[0]:g} N, {frictions[1]:g} N m" if any(frictions) else "none"
+    yield TickPart("device", "Coulomb friction", device.substeps if any(frictions) else 0, why)
+    limits = device.workspace.radius, device.workspace.angle
+    why = f"{limits[0]:g} m, {limits[1]:g} rad; 0 is none" if any(limits) else "none"
+    yield TickPart("device", "end stops", device.substeps if any(limits) else 0, why)
+    steps = device.position_resolution, device.angle_resolution
+    why = f"steps of {steps[0]:g} m, {steps[1]:g} rad" if any(steps) else "the encoders are ideal"
+    yield TickPart("device", "rounding to encoder steps", int(any(steps)), why)
+    estimated = device.force_sensor == "estimated"
+    why = f"the hand's wrench is {device.force_sensor}"
+    yield TickPart("device", "observer of the hand's wrench", int(estimated), why)
+
+
+def _if_closed(run: Running, stage: str, what: str, times: int, why: str = "") -> TickPart:
+    m = run.rows.rows
+    if m == 0:
+        return TickPart(stage, what, 0, "no closure is active")
+    return TickPart(stage, what, times, why or f"{m} active rows, rank {run.rows.rank}")
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """Objects of a scene at its start.
+
+    Attributes:
+        scene: they are made from.
+        simulator: steps the mechanism.
+        state: initial state, loops closed.
+        analyser: of the operational point that is held.
+        device: held by the hand.
+        rows: rows, rank and mobility of the closures active there.
+        stepping: integrator, period, substeps, Baumgarte's rate.
+        scheme: the integrator's stages.
+    """
+
+    scene: Scene
+    simulator: Simulator
+    state: MechanismState
+    analyser: Analyser
+    device: ImpedanceDevice
+    rows: Redundancy
+    stepping: Plan
+    scheme: Scheme
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The simulator's mechanism."""
+        return self.simulator.mechanism
+
+    @property
+    def flat(self) -> bool:
+        """Whether q is a vector like v, so that steps are added to it."""
+        return self.mechanism.nq == self.mechanism.nv
+
+    @property
+    def can_latch(self) -> tuple[str, ...]:
+        """Names of the open closures that latch when their frames come near each other."""
+        return tuple(
+            loop.name
+            for loop, on in zip(self.mechanism.closures, self.state.active, strict=True)
+            if not on and loop.latch_distance is not None
+        )
+
+
+def running(scene: Scene, point: str = "") -> Running:
+    """Build the objects that run for a scene, as a session does.
+
+    Args:
+        scene: to run.
+        point: operational point that is held; the scene's first one if empty.
+
+    Returns:
+        The scene's objects at its start.
+
+    Raises:
+        InvalidInputError: no such point.
+        ClosureError: the scene cannot close.
+    """
+    simulator = Simulator(scene)
+    analyser = Analyser(simulator.mechanism, point)
+    state = simulator.initial_state()
+    stepping = plan_of(simulator.scene.simulation)
+    return Running(
+        scene,
+        simulator,
+        state,
+        analyser,
+        device_for(scene),
+        redundancy(simulator.mechanism, state.q, state.active),
+        stepping,
+        SCHEMES[stepping.integrator],
+    )
 
 
 @dataclass(frozen=True, slots=True)

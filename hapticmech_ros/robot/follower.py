@@ -12,14 +12,34 @@ much, from where both were when they came together. Otherwise it fails closed:
 
 and comes together with the target anew when all is back.
 
-A robot that swings about its target (:mod:`.swing_watch`) carries more than its rates bear. From
+A robot that swings about its target carries more than its rates bear. From
 then on it has slower ones (:mod:`.tuning`), and the observer begins with what it observed on
 average. After `SLOWEST` such steps the robot brakes and does not follow any more.
+
+The observer of R6 makes a loop that bears no more than some multiple of the inertia it knows
+(:mod:`.tuning`); beyond that it swings, and swings grow. What tells a swing from a target that
+moves, a contact or a blocked robot is that the speed relative to the target turns round, again and
+again. A reversal is a relative twist with a part of at least `speed` against the largest one since
+the last reversal, which was as large. `REVERSALS` within `WINDOW` / ω are a swing: three periods of
+what a loop with κ = ω does with ρ = 50 times its inertia, which turns at about √3/2 ω / ∛ρ.
+
+Friction, a payload and wrong masses move joints in ways that the model does not know. With the
+momentum p = D v, ṗ = τ + Cᵀ v - g + Jᵀ F_c + d, and d is what is left over. Its estimate follows it
+at a rate κ, and needs no accelerations:
+
+    r = κ (p - ∫ (τ + Cᵀ v - g + Jᵀ F_c + r) dt),      ṙ = κ (d - r)                         (R6)
+
+(A. De Luca, R. Mattone: Actuator failure detection and isolation using generalized momenta, IEEE
+ICRA 2003). h - r in place of h in R3 then balances friction and payload as well. Contacts that are
+measured are no disturbance; those that are not are balanced like one, so that a robot without a
+wrench sensor pushes harder and harder against what it touches: it needs a rate of 0.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,20 +49,168 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import Clutch, engage
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.quaternions import turned
-from hapticmech_ros.robot.disturbance import (
-    DisturbanceObserver,
-    Observed,
-    balanced,
-    checked_rate,
-)
 from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
 from hapticmech_ros.robot.law import OperationalLaw, RobotState
-from hapticmech_ros.robot.swing_watch import WINDOW, SwingWatch
 from hapticmech_ros.robot.target import Target
 from hapticmech_ros.robot.tuning import Tuning, TuningRamp
 from hapticmech_ros.robot.wrench_sensor import WrenchSensor
+
+
+class Observed(NamedTuple):
+    """State of the observer.
+
+    Attributes:
+        disturbance: (nv,) r, N m or N.
+        momentum: (nv,) the integral in R6, N m s or N s.
+    """
+
+    disturbance: Array
+    momentum: Array
+
+
+class DisturbanceObserver:
+    """Estimates the disturbance of joints, a period at a time.
+
+    Args:
+        mechanism: of the robot.
+        rate: κ, 1/s; 0: an estimate stays what it is.
+        period: s.
+
+    Raises:
+        InvalidInputError: a rate that is negative, or that the period does not allow.
+    """
+
+    def __init__(self, mechanism: Mechanism, rate: float, period: float) -> None:
+        self._rate, self._period = checked_rate(rate, period), period
+        self._tree = mechanism.tree
+        self._model, self._data = mechanism.model, mechanism.model.createData()
+
+    def with_rate(self, rate: float) -> DisturbanceObserver:
+        """Return the same observer with another rate, which begins anew.
+
+        Args:
+            rate: κ, 1/s.
+
+        Raises:
+            InvalidInputError: a rate that is negative, or that the period does not allow.
+        """
+        other = copy(self)
+        other._rate = checked_rate(rate, self._period)
+        return other
+
+    def begin(self, state: RobotState, disturbance: Array | None = None) -> Observed:
+        """Return an estimate to begin with.
+
+        Args:
+            state: of the robot.
+            disturbance: (nv,) r, N m or N; None: nothing.
+        """
+        held = np.zeros_like(state.v) if disturbance is None else disturbance
+        if self._rate == 0.0:
+            return Observed(held, _momentum(state))
+        return Observed(held, _momentum(state) - held / self._rate)
+
+    def next(
+        self, known: Observed, before: RobotState, torque: Array, contact: Array, now: RobotState
+    ) -> Observed:
+        """Return the estimate at the end of a period.
+
+        Args:
+            known: the estimate at its start.
+            before: state of the robot then.
+            torque: (nv,) that the joints had over the period, N m or N.
+            contact: (6,) F_c then, by the environment on the robot, N and N m, world axes.
+            now: state of the robot at the end.
+        """
+        if self._rate == 0.0:
+            return known
+        model, data = self._model, self._data
+        coriolis = pin.computeCoriolisMatrix(model, data, before.q, before.v)
+        weight = pin.computeGeneralizedGravity(model, data, before.q)
+        if self._tree.carried.any():
+            pin.computeJointJacobians(model, data, before.q)
+            weight = weight - self._tree.carried_force(data)
+        pushed = before.point.jacobian.T @ contact
+        rate = torque + coriolis.T @ before.v - weight + pushed + known.disturbance
+        momentum = known.momentum + self._period * rate
+        return Observed(self._rate * (_momentum(now) - momentum), momentum)
+
+
+def checked_rate(rate: float, period: float) -> float:
+    """Return an observer's rate, 1/s.
+
+    Args:
+        rate: κ, 1/s.
+        period: s.
+
+    Raises:
+        InvalidInputError: a rate that is negative, or that the period does not allow.
+    """
+    if not 0.0 <= rate * period < 1.0:
+        rule = f"must be 0 or more and below {1.0 / period:g} 1/s"
+        raise InvalidInputError("observer_rate", rate, rule)
+    return rate
+
+
+def balanced(state: RobotState, observed: Observed) -> RobotState:
+    """Return the state with h - r in place of h, so that the law balances what was observed.
+
+    Args:
+        state: of the robot.
+        observed: of its joints.
+    """
+    return state._replace(bias_force=state.bias_force - observed.disturbance)
+
+
+def _momentum(state: RobotState) -> Array:
+    """Return p (nv,)."""
+    return np.asarray(state.factor @ (state.factor.T @ state.v))
+
+
+# 6 π over the angular rate 50^(-1/3) √3 / 2 of ω.
+REVERSALS, WINDOW = 6, 80.0
+
+
+class SwingWatch:
+    """Counts reversals of a relative speed.
+
+    Args:
+        speed: m/s, that counts.
+        lever: m, that makes speeds of angular ones.
+        window: s, within which reversals are a swing.
+    """
+
+    def __init__(self, speed: float, lever: float, window: float) -> None:
+        self._window = window
+        self._speed, self._scale = speed, np.repeat((1.0, lever), 3)
+        self._peak = np.zeros(6)
+        self._times: deque[float] = deque(maxlen=REVERSALS)
+
+    def begin(self) -> None:
+        """Forget all reversals."""
+        self._peak = np.zeros(6)
+        self._times.clear()
+
+    def swings(self, twist: Array, time: float) -> bool:
+        """Return whether it swings now.
+
+        Args:
+            twist: (6,) of the point relative to its target, m/s and rad/s.
+            time: s.
+        """
+        twist = twist * self._scale
+        size, largest = float(np.linalg.norm(twist)), float(np.linalg.norm(self._peak))
+        against = -float(twist @ self._peak)
+        if largest >= self._speed and against >= self._speed * largest:
+            self._times.append(time)
+            self._peak = twist
+        elif size > largest:
+            self._peak = twist
+        return len(self._times) == REVERSALS and time - self._times[0] <= self._window
+
 
 _NOTHING = np.zeros(6)
 _NEVER = -np.inf

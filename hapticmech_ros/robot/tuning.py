@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains of a robot that follows, with the rate of its observer, and how they pass to others.
 
-They pass in a straight line. A robot that has swung about its target (:mod:`.swing_watch`) has
+They pass in a straight line. A robot that has swung about its target (:mod:`.follower`) has
 slower ones: each time the law has 1/√2 of its rates, and the observer 1/16 of its own at the first
 time; from the second on its estimate stays as it is.
 
@@ -41,8 +41,8 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.lapack import dtrsm
-from hapticmech_ros.robot.gains import Gains
 from hapticmech_ros.robot.law import RobotState
+from hapticmech_ros.robot.target import Gains
 
 
 @dataclass(frozen=True, slots=True)

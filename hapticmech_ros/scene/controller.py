@@ -10,6 +10,34 @@ from pydantic import Field
 
 from hapticmech_ros.scene.part import Flag, NonNegative, Part, Positive, Real
 
+
+class Perception(Part):
+    """Which directions count as rigid, in s = sqrt(mu) (docs/notation.md).
+
+    Control weighs directions smoothly from 1 at ``s_on`` to 0 at ``s_off``; the reported count
+    switches on below ``s_on`` and off above ``s_off``, each after ``dwell``.
+
+    Attributes:
+        s_on: below which a direction is rigid.
+        s_off: above which it is free; above ``s_on``.
+        dwell: s.
+    """
+
+    s_on: Annotated[Positive, Field(lt=1.0)] = 0.02
+    s_off: Annotated[Positive, Field(lt=1.0)] = 0.05
+    dwell: NonNegative = 0.005
+
+
+class Experiment(Part):
+    """The scene's experiment.
+
+    Attributes:
+        duration: s, after the hand starts.
+    """
+
+    duration: Positive = 5.0
+
+
 # Of one of the six channels: 0 cuts it, 1 is the one that renders the mechanism as it is.
 Channel = Annotated[Real, Field(ge=0.0, le=1.0)]
 # Of local force feedback: what is felt is 1 / (1 + C) times as heavy.

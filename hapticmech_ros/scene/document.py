@@ -14,7 +14,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from hapticmech_ros.scene.contacts import ContactPair, Shape
-from hapticmech_ros.scene.controller import Connection, Controller
+from hapticmech_ros.scene.controller import Connection, Controller, Experiment, Perception
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.gain_rule import by_rule
 from hapticmech_ros.scene.hand import Hand
@@ -29,7 +29,6 @@ from hapticmech_ros.scene.mechanism import (
     Spring,
 )
 from hapticmech_ros.scene.part import Name, Part, Vector3
-from hapticmech_ros.scene.rendering import Experiment, Perception
 
 S = TypeVar("S", bound="SceneDocument")
 TaskSpace = Literal["planar", "spatial"]

@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 
 from hapticmech_ros.analysis.study import Results, Sheet, plain
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.cluster import versions
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.files import open_file
 from hapticmech_ros.installation import PACKAGE
@@ -37,7 +36,7 @@ from hapticmech_ros.study.figure import study_figure
 from hapticmech_ros.study.journal import Journal, Rows
 from hapticmech_ros.study.measures import with_unit
 from hapticmech_ros.study.task import Numbers, Task, carry_out
-from hapticmech_ros.workers import Crew, Lost, Workers
+from hapticmech_ros.workers import Crew, Lost, Workers, versions
 
 # Scenes of one task.
 CHUNK = 64

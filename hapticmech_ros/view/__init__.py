@@ -3,11 +3,10 @@
 """What people look at: shapes, frames, joint positions and URDF text. Knows no ROS and no clock."""
 
 from hapticmech_ros.view.frames import NamedTransform, fixed_frames, moving_frames
-from hapticmech_ros.view.joint_states import JointStates
 from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import Placement, Placer
 from hapticmech_ros.view.shapes import Shape, vanished
-from hapticmech_ros.view.urdf import urdf_of
+from hapticmech_ros.view.urdf import JointStates, urdf_of
 
 __all__ = [
     "JointStates",

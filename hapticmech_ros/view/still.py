@@ -20,11 +20,11 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.mechanism import Inertia, Inertial
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.view.contact_shapes import Hulls
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
 from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.user_look import hues
+from hapticmech_ros.view.wrench_shapes import Hulls
 
 # Behind the name of a scene that is drawn as it is written.
 OPEN = "open as written: its loops do not close"

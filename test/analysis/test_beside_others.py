@@ -9,8 +9,8 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from hapticmech_ros.analysis import beside_others
-from hapticmech_ros.analysis.beside_others import (
+from hapticmech_ros.analysis import users
+from hapticmech_ros.analysis.users import (
     FREQUENCIES_HZ,
     admittances,
     felt_beside_others,
@@ -71,15 +71,15 @@ def test_the_others_arm_is_on_the_body(grip):
 @pytest.fixture
 def soon_settled(monkeypatch):
     """A free body on arms has no slow motion, as scenes with joint dampers have."""
-    monkeypatch.setattr(beside_others, "SETTLING_S", 4.0)
+    monkeypatch.setattr(users, "SETTLING_S", 4.0)
 
 
 @pytest.fixture
 def some_directions(monkeypatch):
     """Of three translations and three rotations of a round body one each."""
-    every = beside_others.free_directions
+    every = users.free_directions
     monkeypatch.setattr(
-        beside_others, "free_directions", lambda analysis: sampled(every(analysis), every=3)
+        users, "free_directions", lambda analysis: sampled(every(analysis), every=3)
     )
 
 
@@ -104,7 +104,7 @@ def test_what_is_felt_beside_an_arm_behind_its_grip():
 def test_a_device_that_nobody_holds_is_nothing_to_feel(monkeypatch):
     """But for half a period of what is lighter than the device, which it does not carry on."""
     # What joins the other's device to its point is all that has to settle.
-    monkeypatch.setattr(beside_others, "SETTLING_S", 0.5)
+    monkeypatch.setattr(users, "SETTLING_S", 0.5)
     scene = scene_from_document(document({"kind": "constant_wrench", "force": [1.0, 0.0, 0.0]}))
     for one in felt_beside_others(scene.with_(simulation={"period": 0.001}), "a"):
         assert one.share == pytest.approx(np.zeros(len(S)), abs=1e-12)
@@ -129,7 +129,7 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
 
 def test_the_command_prints_writes_and_draws(tmp_path, monkeypatch):
     # What it measures is another test's.
-    monkeypatch.setattr(beside_others, "SETTLING_S", 0.1)
+    monkeypatch.setattr(users, "SETTLING_S", 0.1)
     path, out = tmp_path / "scene.yaml", tmp_path / "out"
     path.write_text(yaml.safe_dump(document(HOLDS)), encoding="utf-8")
     done = CliRunner().invoke(app, ["feel", "users", str(path), "--out", str(out)])

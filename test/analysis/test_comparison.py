@@ -11,14 +11,18 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis import rendering_methods
 from hapticmech_ros.analysis.comparison import compare, side_by_side
-from hapticmech_ros.analysis.directions import directions
-from hapticmech_ros.analysis.proxy import (
+from hapticmech_ros.analysis.penetration import directions
+from hapticmech_ros.analysis.rendering_methods import (
+    FREE,
+    FULL,
     GAIN_MARGIN,
+    PROXY,
+    SOFT,
+    STIFF,
     ProxyControl,
     stiffest_gains,
     stiffest_proxy,
 )
-from hapticmech_ros.analysis.rendering_methods import FREE, FULL, PROXY, SOFT, STIFF
 from hapticmech_ros.cli import app
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.errors import InvalidInputError

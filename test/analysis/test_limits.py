@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.experience import experience
-from hapticmech_ros.analysis.limits import cases_of
-from hapticmech_ros.analysis.limits_figure import m_width_figure
+from hapticmech_ros.analysis.limits import cases_of, m_width_figure
 from hapticmech_ros.analysis.m_width import MPoint, m_width
 from hapticmech_ros.analysis.penetration import penetration
 from hapticmech_ros.analysis.scene_variants import with_constraint, with_loop

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.analysis import over_graph
+from hapticmech_ros.analysis import transparency
 from hapticmech_ros.analysis.impedance import amplitudes, mechanism_twists
-from hapticmech_ros.analysis.over_graph import PUSH_N, FeelGraphError, _without_gaps
 from hapticmech_ros.analysis.touch import Setup
+from hapticmech_ros.analysis.transparency import PUSH_N, FeelGraphError, _without_gaps
 
 
 def test_a_missing_sample_is_the_one_before_it():
@@ -62,13 +62,13 @@ def test_samples_out_of_order_or_twice_are_refused(monkeypatch, swapped):
         measured = SimpleNamespace(hand_wrench=np.full(6, 0.1), twist=np.zeros(6))
         return SimpleNamespace(stamp_ns=stamps[number], measured=measured)
 
-    monkeypatch.setattr(over_graph, "BagReader", Bag)
-    monkeypatch.setattr(over_graph, "decode", lambda number: number)
-    monkeypatch.setattr(over_graph, "unpack_device", sample)
+    monkeypatch.setattr(transparency, "BagReader", Bag)
+    monkeypatch.setattr(transparency, "decode", lambda number: number)
+    monkeypatch.setattr(transparency, "unpack_device", sample)
     order = list(range(6000))
-    times, _, _ = over_graph._samples(Path("bag"), 1e-3)
+    times, _, _ = transparency._samples(Path("bag"), 1e-3)
     assert len(times) == 6000
     first, second = swapped
     order.insert(first, second)
     with pytest.raises(FeelGraphError, match="twice, or out of order"):
-        over_graph._samples(Path("bag"), 1e-3)
+        transparency._samples(Path("bag"), 1e-3)

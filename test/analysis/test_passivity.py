@@ -15,12 +15,16 @@ from hapticmech_ros.analysis.passivity import (
     ALLOWED_J,
     STIFFNESS,
     Trial,
+    energy_of,
+    least_energy,
+    may_lack,
     passivity,
+    run_of,
     scene_of,
+    supplied,
     trials,
     tried,
 )
-from hapticmech_ros.analysis.ports import energy_of, least_energy, may_lack, run_of, supplied
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.session import Run

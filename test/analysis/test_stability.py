@@ -10,9 +10,8 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis import linear_loop
 from hapticmech_ros.analysis import stability_rules as rules
-from hapticmech_ros.analysis.directions import directions
-from hapticmech_ros.analysis.frontier import frontier
 from hapticmech_ros.analysis.linear_loop import NOBODY, Held, held_by, law_of, tick_matrix
+from hapticmech_ros.analysis.penetration import directions
 from hapticmech_ros.analysis.scene_variants import (
     at_once,
     at_rate,
@@ -24,6 +23,7 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
+from hapticmech_ros.analysis.stability_rules import frontier
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.former_topics import FORMER, present_name, refuse_former_topics
+from hapticmech_ros.bag.reader import FORMER, present_name, refuse_former_topics
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment.from_bag import record_from_bag
 from hapticmech_ros.loading import load_scene

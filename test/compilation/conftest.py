@@ -8,7 +8,7 @@ import shutil
 import pytest
 
 from hapticmech_ros.compilation import custody, library
-from hapticmech_ros.compilation.sealed import seal_of
+from hapticmech_ros.compilation.custody import seal_of
 
 
 @pytest.fixture

@@ -138,7 +138,7 @@ def test_a_disk_that_fills_while_the_library_is_put_in_its_place(alone, builds, 
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("hapticmech_ros.compilation.sealed.os.fsync", full)
+        patched.setattr("hapticmech_ros.compilation.custody.os.fsync", full)
         assert library.library().addresses
     told = capfd.readouterr().err.splitlines()[-1]
     assert "not kept" in told

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.compilation import library
-from hapticmech_ros.compilation.sealed import seal_of
+from hapticmech_ros.compilation.custody import seal_of
 
 
 def half(path):

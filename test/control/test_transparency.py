@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.analysis.scripted_push import fine_times, means_of, scripted
+from hapticmech_ros.analysis.touch import fine_times, means_of, scripted
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.session import Session
 from oracles.sessions import take_hold_beside

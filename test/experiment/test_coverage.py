@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.experiment.coverage import coverage
+from hapticmech_ros.experiment.summary import coverage
 from hapticmech_ros.wire.layouts import ENERGY_NAMES
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.experiment.orientation import angle_between, slerp
+from hapticmech_ros.experiment.record import angle_between, slerp
 
 
 def quaternion(vector):

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.experiment.reach import taut_circle
+from hapticmech_ros.experiment.figure_trajectory import taut_circle
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.skeleton import skeleton

@@ -12,7 +12,7 @@ import pytest
 from formats.imports import Read, notes_in
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.formats import mjcf_compiled, read_model
+from hapticmech_ros.formats import mjcf_classes, read_model
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational.analysis import analyse
@@ -609,7 +609,7 @@ def test_errors_name_line_element_and_rule(tmp_path, text, rule):
 
 def test_meshes_that_count_need_mujoco_or_an_inertia(tmp_path, monkeypatch):
     path = written(tmp_path, TREES["mesh"])
-    monkeypatch.setattr(mjcf_compiled, "find_spec", lambda name: None)
+    monkeypatch.setattr(mjcf_classes, "find_spec", lambda name: None)
     with pytest.raises(
         SceneError, match=r"line 3, <geom>: .*give the body an <inertial>; .*\[mjcf\]"
     ):
@@ -629,6 +629,6 @@ def test_warnings_of_mujoco_leave_no_file(tmp_path, monkeypatch):
     path = written(tmp_path, text)
     (tmp_path / "where").mkdir()
     monkeypatch.chdir(tmp_path / "where")
-    ((_, mass, *_),) = mjcf_compiled.bodies_of(str(path))
+    ((_, mass, *_),) = mjcf_classes.bodies_of(str(path))
     assert mass == pytest.approx(3.0)
     assert not list((tmp_path / "where").iterdir())

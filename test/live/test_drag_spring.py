@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import InvalidInputError
-from hapticmech_ros.live.mouse import DragSpring, drag_spring, on_plane
+from hapticmech_ros.live.grip import DragSpring, drag_spring, on_plane
 
 PLACE, GOAL = np.array((0.1, 0.0, 0.2)), np.array((0.12, -0.01, 0.2))
 

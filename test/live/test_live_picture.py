@@ -12,12 +12,17 @@ import pytest
 
 from hapticmech_ros.live.commands import Open
 from hapticmech_ros.live.history import History
-from hapticmech_ros.live.live_picture import LAYERS, VISUALS, LivePicture, first_view
+from hapticmech_ros.live.live_picture import (
+    LAYERS,
+    VISUALS,
+    LivePicture,
+    first_view,
+    shape_links,
+    visual_bodies,
+)
 from hapticmech_ros.live.live_session import LiveSession
 from hapticmech_ros.live.numbers import numbers_html
 from hapticmech_ros.live.settings import HANDS, changes_of, gain_sliders
-from hapticmech_ros.live.shape_links import shape_links
-from hapticmech_ros.live.visual_bodies import visual_bodies
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from oracles.touching import FLOOR, body, pair, scene, shape
 

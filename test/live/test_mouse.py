@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.live.commands import Drag, Draggable, Release
-from hapticmech_ros.live.mouse import Mice
+from hapticmech_ros.live.grip import Mice
 
 HAND, OTHER = Draggable("hand", "a"), Draggable("hand", "b")
 LINK = Draggable("link", "link2")

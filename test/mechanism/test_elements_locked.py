@@ -13,9 +13,8 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view.frames import moving_frames
-from hapticmech_ros.view.joint_states import JointStates
 from hapticmech_ros.view.placement import Placer
-from hapticmech_ros.view.urdf import urdf_of
+from hapticmech_ros.view.urdf import JointStates, urdf_of
 from hapticmech_ros.wire.state import coordinate_names
 from oracles.generator import RATE_SIZE, random_mechanism
 from oracles.implementations import apart

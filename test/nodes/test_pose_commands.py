@@ -22,8 +22,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import document_of
-from hapticmech_ros.scene.device import SERVO_ANGLE, Device
-from hapticmech_ros.scene.device_presets import device_presets
+from hapticmech_ros.scene.device import SERVO_ANGLE, Device, device_presets
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import EMERGENCY_STOP
 from hapticmech_ros.wire.wrench import encode_wrench

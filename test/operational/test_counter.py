@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.operational.observation import ConstraintCounter, rigid_count
-from hapticmech_ros.scene.rendering import Perception
+from hapticmech_ros.scene.controller import Perception
 from oracles.counter import first_count, next_count
 
 PERCEPTION = Perception(s_on=0.02, s_off=0.05, dwell=0.005)

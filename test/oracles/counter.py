@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.scene.rendering import Perception
+from hapticmech_ros.scene.controller import Perception
 
 
 @dataclass(frozen=True, slots=True)

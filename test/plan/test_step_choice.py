@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, SceneError
-from hapticmech_ros.plan import step_choice
-from hapticmech_ros.plan.step_accuracy import experiment_run
-from hapticmech_ros.plan.step_choice import StepChoice, StepChoices, step_choices
+from hapticmech_ros.plan import step_accuracy
+from hapticmech_ros.plan.step_accuracy import StepChoice, StepChoices, experiment_run, step_choices
 
 SHORT = "experiment.duration=0.4"
 
@@ -74,7 +73,7 @@ def test_json_has_no_numbers_that_json_has_not(monkeypatch):
             raise HapticMechError("it cannot")
         return experiment_run(scene)
 
-    monkeypatch.setattr(step_choice, "experiment_run", run)
+    monkeypatch.setattr(step_accuracy, "experiment_run", run)
     command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5", "--json"]
     said = CliRunner().invoke(app, command)
     assert said.exit_code == 0, said.output
@@ -115,8 +114,8 @@ def test_a_copy_of_the_scene_has_what_takes_the_least_time(tmp_path):
 
 
 def test_no_copy_is_made_where_nothing_is_accurate_enough(tmp_path, monkeypatch):
-    monkeypatch.setattr(step_choice, "MOST_SUBSTEPS", 1)
-    monkeypatch.setattr(step_choice, "get_args", lambda _: ["semi_implicit_euler"])
+    monkeypatch.setattr(step_accuracy, "MOST_SUBSTEPS", 1)
+    monkeypatch.setattr(step_accuracy, "get_args", lambda _: ["semi_implicit_euler"])
     out = tmp_path / "mine.yaml"
     command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-7", "--out", str(out)]
     assert CliRunner().invoke(app, command).exit_code == 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.robot.disturbance import DisturbanceObserver, balanced
+from hapticmech_ros.robot.follower import DisturbanceObserver, balanced
 from hapticmech_ros.robot.target import Target
 from oracles.driven_robots import accelerated, law_of, pose_of, robot
 

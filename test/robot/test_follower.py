@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings
-from hapticmech_ros.robot.gains import Gains
+from hapticmech_ros.robot.target import Gains
 from hapticmech_ros.robot.tuning import Tuning
 from oracles.driven_robots import accelerated, law_of, pose_of
 

@@ -9,9 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.robot.gains import Gains
-from hapticmech_ros.robot.shaped_inertia import shaped_inertia
-from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.law import shaped_inertia
+from hapticmech_ros.robot.target import Gains, Target
 from oracles.driven_robots import accelerated, law_of, pose_of
 from sampling import sampled
 

@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 
+from hapticmech_ros.robot.law import limited_torque
 from hapticmech_ros.robot.target import Target
-from hapticmech_ros.robot.torque_limits import limited_torque
 from oracles.driven_robots import law_of, pose_of, poses
 
 

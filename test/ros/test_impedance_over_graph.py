@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis.over_graph import FREQUENCIES_HZ, FeelGraphError, felt_over_graph
+from hapticmech_ros.analysis.transparency import FREQUENCIES_HZ, FeelGraphError, felt_over_graph
 from ros.harness import RATE
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]

@@ -19,9 +19,8 @@ from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment import compare
 from hapticmech_ros.experiment.demo import record_graph
-from hapticmech_ros.experiment.from_bag import HAND, read_series
-from hapticmech_ros.experiment.shared_from_bag import shared_record_from_bag
-from hapticmech_ros.experiment.shared_from_session import run_shared_session
+from hapticmech_ros.experiment.from_bag import HAND, read_series, shared_record_from_bag
+from hapticmech_ros.experiment.from_session import run_shared_session
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep

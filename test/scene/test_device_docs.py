@@ -9,8 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.scene.device import Compensation, Device, Workspace
-from hapticmech_ros.scene.device_presets import device_presets
+from hapticmech_ros.scene.device import Compensation, Device, Workspace, device_presets
 from hapticmech_ros.scene.hand import (
     ARM_IMPEDANCES,
     ArmHand,

@@ -11,7 +11,7 @@ import pytest
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import JointStates
-from hapticmech_ros.view.joint_states import hinge_angles, hinge_rates
+from hapticmech_ros.view.urdf import hinge_angles, hinge_rates
 from oracles.generator import blank, random_inertial, random_mechanism
 from oracles.kinematics import turn
 

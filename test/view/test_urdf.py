@@ -14,7 +14,7 @@ from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, urdf_of
-from hapticmech_ros.view.joint_states import HINGES, hinge_angles
+from hapticmech_ros.view.urdf import HINGES, hinge_angles
 from oracles.generator import random_mechanism
 
 # Numbers are written exactly; what differs is how roll, pitch and yaw are turned into matrices:

@@ -23,8 +23,7 @@ from hapticmech_ros.view import (
     UserSnapshot,
     moving_frames,
 )
-from hapticmech_ros.view.contact_shapes import Hulls, touch_shapes
-from hapticmech_ros.view.wrench_shapes import Scales
+from hapticmech_ros.view.wrench_shapes import Hulls, Scales, touch_shapes
 from hapticmech_ros.wire.topics import STATE
 
 # A marker vanishes when this, or three periods, went by without a new one, s.

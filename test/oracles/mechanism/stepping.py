@@ -47,7 +47,7 @@ from hapticmech_ros.mechanism.tolerances import (
 )
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.simulation.latching import Latches
+from hapticmech_ros.simulation.simulator import Latches
 from oracles.mechanism.integrators import INTEGRATORS, Advance, Springs
 from oracles.mechanism.mechanism import ReadableMechanism, ReadableSpace
 
