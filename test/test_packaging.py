@@ -222,9 +222,10 @@ def test_executables_that_colcon_built_run(workspace: Path) -> None:
         assert (folder / node).read_bytes() == (ROOT / "resource/executables" / node).read_bytes()
     assert shared_files(base / "share" / PACKAGE) == shared_files(ROOT)
     sourced = 'set -e; . install/setup.bash; for node in "$@"; do "$node" --help; done'
-    executables = [folder / node for node in EXECUTABLES]
-    usage = run("bash", "-c", sourced, "bash", *executables, cwd=workspace)
-    assert re.findall(r"^usage: (\w+)", usage, flags=re.MULTILINE) == EXECUTABLES
+    # They are the same but for the node's name, as the rest of this file tests.
+    some = sampled(EXECUTABLES, every=6)
+    usage = run("bash", "-c", sourced, "bash", *(folder / node for node in some), cwd=workspace)
+    assert re.findall(r"^usage: (\w+)", usage, flags=re.MULTILINE) == some
     where = f". install/setup.bash; python3 -c 'import {PACKAGE}; print({PACKAGE}.__file__)'"
     env = own_world(PATH=f"{workspace}/environment/bin{os.pathsep}{os.environ['PATH']}")
     imported = Path(run("bash", "-c", where, cwd=workspace, env=env).strip())

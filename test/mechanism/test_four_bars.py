@@ -40,7 +40,7 @@ def linkage(seed):
 
 @pytest.mark.parametrize("period", STEPS)
 @pytest.mark.parametrize("integrator", SCHEMES)
-@pytest.mark.parametrize("seed", sampled(range(1000), every=200))
+@pytest.mark.parametrize("seed", sampled(range(1000), every=300))
 def test_energy_is_constant_or_the_steps_are_counted(seed, integrator, period):
     document = linkage(seed)
     try:

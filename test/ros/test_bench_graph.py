@@ -23,6 +23,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 from ros.harness import RATE
+from sampling import long_ones
 
 pytestmark = pytest.mark.ros
 
@@ -35,10 +36,12 @@ SLACK_HZ = 2.0
 def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in private_environment(domain).items():
         monkeypatch.setitem(os.environ, name, value)
+    # Nothing is timed.
+    monkeypatch.setattr("benchmarks.graph.run.SETTLES_S", 0.5)
 
 
-def run(out: Path, recorded: bool, layout: str = "separate") -> tuple[GraphResults, list[str]]:
-    plan = Plan("five_bar", (RATE,), (layout,), (recorded,), SECONDS, 1)  # type: ignore[arg-type]
+def run(out: Path, layout: str) -> tuple[GraphResults, list[str]]:
+    plan = Plan("five_bar", (RATE,), (layout,), (True,), SECONDS, 1)  # type: ignore[arg-type]
     told: list[str] = []
     results = run_benchmark(plan, out, told.append)
     results.write(out)
@@ -63,10 +66,22 @@ def conserves(run: Run) -> None:
     assert run.load is not None
     assert all(0.0 <= share <= os.cpu_count() for share in run.load.cpu.values())  # type: ignore[operator]
     assert 0.0 <= run.load.busy <= 1.0
+    assert run.recorded is not None
+    for part in run.recorded.losses.values():
+        # The bare graph's losses are told like the real one's: never more answers than samples.
+        assert 0 < part.answered <= part.asked
+        assert part.lost == part.asked - part.answered
+
+
+def says_the_same(results: GraphResults) -> None:
+    """Assert that the bags of both graphs have the same in them."""
+    (comparison,) = results.comparisons
+    assert comparison.alike is not None
+    assert comparison.alike.held, comparison.alike.seen
 
 
 def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> None:
-    results, told = run(tmp_path, recorded=False)
+    results, told = run(tmp_path, "separate")
     assert [one.step.kind for one in results.runs] == ["real", "bare"]
     assert sum("graph, run" in line for line in told) == 2
     for one in results.runs:
@@ -74,8 +89,9 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
         assert set(one.said) == set(SAID_HOPS)
         assert set(one.answers_hz) == set(ANSWERS)
         assert one.load is not None
-        assert {*NODES, "probe"} == set(one.load.cpu)
-        assert one.recorded is None
+        assert {*NODES, "probe", "recorder"} == set(one.load.cpu)
+    says_the_same(results)
+    assert not (tmp_path / "bag").exists()
     assert results.machine["rmw"] == "rmw_fastrtps_cpp"
     document = json.loads((tmp_path / "bench_graph.json").read_text())
     assert document["sound"] == results.sound
@@ -88,21 +104,14 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
     assert [name for name in wanted if name not in lines] == [], log
 
 
-def test_a_bag_tells_losses_and_that_both_graphs_say_the_same(alone: None, tmp_path: Path) -> None:
-    results, _ = run(tmp_path, recorded=True, layout="composed")
+@long_ones
+def test_both_graphs_in_one_process_say_the_same(alone: None, tmp_path: Path) -> None:
+    results, _ = run(tmp_path, "composed")
     for one in results.runs:
         conserves(one)
-        assert one.recorded is not None
-        for part in one.recorded.losses.values():
-            # The bare graph's losses are told like the real one's: never more answers than samples.
-            assert 0 < part.answered <= part.asked
-            assert part.lost == part.asked - part.answered
         assert one.load is not None
         assert {"composed", "recorder", "probe"} == set(one.load.cpu)
-    (comparison,) = results.comparisons
-    assert comparison.alike is not None
-    assert comparison.alike.held, comparison.alike.seen
-    assert not (tmp_path / "bag").exists()
+    says_the_same(results)
 
 
 def test_the_bare_graph_keeps_the_real_ones_phases() -> None:

@@ -120,7 +120,7 @@ def succeeds(command: str, folder: Path, domain: int, timeout: float) -> str:
 # What the README says, in every run.
 @pytest.mark.parametrize(
     "page",
-    [PAGES[0], *sampled([p for p in FINITE if p != PAGES[0]], every=6)],
+    [PAGES[0], *sampled([p for p in FINITE if p != PAGES[0]], every=12)],
     ids=lambda p: p.name,
 )
 def test_commands_that_end_by_themselves_succeed_in_their_order(

@@ -24,6 +24,7 @@ from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.trial import Trial
 from hapticmech_ros.nodes.entry import NODES
 from ros.harness import RATE, next_domain
+from sampling import sampled
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 # A stale tie or two masters pull with 4 N and more; engaging on a busy machine, with 1 N.
@@ -72,7 +73,7 @@ def test_an_emergency_stop_after_a_step(graph: Graph, seconds: float, at_once: b
     assert stop.zero_ms <= WAYS_MS, stop.line
 
 
-@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", sampled(KINDS, every=2), ids=lambda kind: kind.name)
 def test_a_double(graph: Graph, kind: object) -> None:
     # The graph's own node and the double by turns are there first.
     survived(try_double(graph.rig, kind, before=KINDS.index(kind) % 2 == 0))
