@@ -151,7 +151,7 @@ def apart(driver: Driver, points: list[PoseStamped]) -> list[float]:
 @pytest.mark.alone
 @pytest.mark.parametrize(
     ("sensor", "says", "rate", "turn"),
-    # In one process all of them are in every run, see benchmarks/drivers.py.
+    # Others are felt in one process in every run: test/benchmarks/test_drivers.py.
     sampled(
         [
             ("measured", ("measured_cv", "measured_cf", "hand/measured_cf"), RATE, 0.0),
