@@ -20,12 +20,6 @@ def shared(relative: str) -> Path | None:
     return None
 
 
-def is_own(file: Path) -> bool:
-    """Return whether a file came with the package, as its code did."""
-    place = file.resolve()
-    return any(place.is_relative_to((folder / "config").resolve()) for folder in _folders())
-
-
 def _folders() -> Iterator[Path]:
     here = Path(__file__).resolve()
     # The source tree: the package's folder stands beside config/.

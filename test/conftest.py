@@ -1,10 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: tools, how much of sweeps is tested, and texts are read without a child.
+"""What all tests share: tools, and how much of sweeps is tested.
 
-The tools are those in benchmarks/, which are not installed. A child takes a tenth of a second for
-each file, and tests read thousands, also while they are collected: ``test_foreign_text`` shows that
-it makes no difference.
+The tools are those in benchmarks/, which are not installed.
 """
 
 import gc
@@ -18,12 +16,9 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sampling
-from hapticmech_ros import foreign_text
 
 # Last, so that the package is still the installed one.
 sys.path.append(str(Path(__file__).resolve().parents[1]))
-
-_is_own, foreign_text.is_own = foreign_text.is_own, lambda file: True
 
 
 def pytest_addoption(parser):
@@ -46,9 +41,3 @@ def pytest_collection():
     yield
     gc.freeze()
     gc.enable()
-
-
-@pytest.fixture(autouse=True)
-def _texts_of_others_are_parsed_in_a_child(request, monkeypatch):
-    if request.path.stem == "test_foreign_text":
-        monkeypatch.setattr(foreign_text, "is_own", _is_own)

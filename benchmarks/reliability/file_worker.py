@@ -20,13 +20,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks.reliability.file_seeds import sidecar, write_seeds
 from benchmarks.reliability.mutants import mutated
-from hapticmech_ros import foreign_text
 from hapticmech_ros.bag.check import check
 from hapticmech_ros.bag.info import inspect_bag
 from hapticmech_ros.bag.repair import repair_in_child
@@ -38,9 +36,6 @@ from hapticmech_ros.scene.script import read_script
 
 # Bytes above what this process has once it has loaded everything.
 MEMORY_LIMIT = 1_500_000_000
-# A child takes a tenth of a second to start. Most texts are taken apart by this process, within the
-# limit above; each so-manieth mutant goes the way of users' files.
-IN_CHILD = 50
 # How often each kind is taken; a mesh takes a process of its own.
 SHARES = {
     "scene": 20, "sidecar": 6, "urdf": 14, "xml": 14, "sdf": 14, "csv": 6, "parameters": 4,
@@ -194,8 +189,7 @@ def main() -> None:
     mutants = Mutants(folder, seed)
     read_scene(Path("five_bar"))
     # Libraries are loaded by the first file that needs one: no growth of this process.
-    with patch.object(foreign_text, "is_own", return_value=True):
-        mutants.read_seeds()
+    mutants.read_seeds()
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     limit = pages * resource.getpagesize() + MEMORY_LIMIT
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -206,9 +200,7 @@ def main() -> None:
         number = int(line)
         kind, path = mutants.make(number)
         begun, since, queued = _processor_s(), time.monotonic(), _queued_s()
-        here = number % IN_CHILD != 0
-        with patch.object(foreign_text, "is_own", return_value=here):
-            found = outcome(kind, path)
+        found = outcome(kind, path)
         real, queued = time.monotonic() - since, _queued_s() - queued
         seconds = _processor_s() - begun
         own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before

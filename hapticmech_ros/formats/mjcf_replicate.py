@@ -17,8 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.mjcf_classes import Context
-from hapticmech_ros.formats.xml_nodes import Node
-from hapticmech_ros.xml_text import NODE_LIMIT
+from hapticmech_ros.formats.xml_nodes import NODE_LIMIT, Node
 
 REPLICATE = "replicate"
 LEFT_OUT = "reference from a replica to what is not in it"

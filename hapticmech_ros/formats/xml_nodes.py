@@ -1,21 +1,35 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""XML files as plain nodes that remember their lines: bounded, no entities, numbers checked."""
+"""XML files as plain nodes that remember their lines: bounded, no entities, numbers checked.
+
+expat takes them apart in this process, as it does for Python's own libraries.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.parsers import expat
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import read_file
-from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.part import LARGEST
-from hapticmech_ros.xml_text import Element, elements
 
 FILE_SIZE_LIMIT = 8_000_000
+NODE_LIMIT = 200_000
+DEPTH_LIMIT = 200
+ATTRIBUTE_LIMIT = 100
+# A declaration at the start, before which files may have blank lines; what it is, and its encoding.
+_DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
+_ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
+_BLANK = re.compile(r"(?:\xef\xbb\xbf)?\s*<\?\s+xml\s")
+_SHOWN = re.compile(r"[^\r\n]")
+# What is no markup, and where it ends.
+_APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
+_BEGIN = re.compile("|".join(re.escape(one) for one in _APART))
 
 
 @dataclass(slots=True)
@@ -175,17 +189,92 @@ class Source:
         return found
 
     def _parse(self, data: bytes) -> Node:
-        # As text in which a character is a byte, whatever the file's encoding is.
-        text = data.decode("latin-1")
-        item = [str(self.path), text, self._sizes.nodes, self._depth]
         try:
-            return self._node(parsed(elements, self.path, item))
+            return self._nodes(data)
         except FileError as error:
             raise SceneError.of_file(error) from None
 
-    def _node(self, element: Element) -> Node:
-        """Return an element and all in it as nodes, and count them."""
-        tag, attributes, line, text, children = element
-        self._sizes.nodes += 1
-        inner = [self._node(child) for child in children]
-        return Node(tag, attributes, line, inner, text, self._file)
+    def _nodes(self, data: bytes) -> Node:
+        """Return the outermost element, with all that are in it, and count them.
+
+        Raises:
+            FileError: not XML, too large or too deep; entities are refused.
+        """
+        file, sizes = str(self.path), self._sizes
+        above, texts = [Node("", {}, 0)], [[""]]
+        # As text in which a character is a byte, whatever the file's encoding is.
+        text, encoding = _as_parsers_take_it(data.decode("latin-1"))
+        parser = expat.ParserCreate(encoding)
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            sizes.nodes += 1
+            line = parser.CurrentLineNumber
+            deep = len(above) + self._depth
+            where = f"line {line}, <{tag}>"
+            if sizes.nodes > NODE_LIMIT:
+                raise FileError(file, sizes.nodes, f"at most {NODE_LIMIT} elements", where)
+            if deep > DEPTH_LIMIT:
+                raise FileError(file, deep, f"at most {DEPTH_LIMIT} elements in each other", where)
+            if len(attributes) > ATTRIBUTE_LIMIT:
+                rule = f"at most {ATTRIBUTE_LIMIT} attributes"
+                raise FileError(file, len(attributes), rule, where)
+            node = Node(tag, attributes, line, file=self._file)
+            above[-1].children.append(node)
+            above.append(node)
+            texts.append([])
+
+        def end(_tag: str) -> None:
+            above.pop().text = "".join(texts.pop())
+
+        def characters(text: str) -> None:
+            texts[-1].append(text)
+
+        def entity(name: str, *_rest: object) -> None:
+            raise FileError(file, name, "entities are not read")
+
+        parser.StartElementHandler = start
+        parser.EndElementHandler = end
+        parser.CharacterDataHandler = characters
+        parser.EntityDeclHandler = entity
+        parser.buffer_text = True
+        try:
+            parser.Parse(text.encode("latin-1"), True)
+        except expat.ExpatError as error:
+            said, rule = expat.errors.messages[error.code], "not valid XML"
+            if _BLANK.match(text):
+                rule += ": its declaration must begin with <?xml, without a blank before xml"
+            raise FileError(file, said, rule, f"line {error.lineno}") from None
+        except (ValueError, LookupError) as error:  # an encoding that nobody knows
+            raise FileError(file, str(error), "not valid XML") from None
+        return above[0].children[0]
+
+
+def _as_parsers_take_it(text: str) -> tuple[str, str | None]:
+    """Return a text in which expat finds what libxml and TinyXML find, lines as they were.
+
+    Comments with two hyphens in them are blank; so is a declaration after blank lines, or one that
+    calls UTF-8 ``utf8``. Also return the encoding that such a declaration gave.
+    """
+    encoding, start = None, _DECLARATION.match(text)
+    if start is not None:
+        given = _ENCODING.search(start[2])
+        named = given[1] if given is not None else ""
+        is_alias = named.lower() == "utf8"
+        if start[1] or is_alias:
+            encoding = "UTF-8" if is_alias else named or None
+            text = text[: start.start(2)] + _SHOWN.sub(" ", start[2]) + text[start.end() :]
+    parts, at = [], 0
+    while (begin := _BEGIN.search(text, at)) is not None:
+        ending = _APART[begin[0]]
+        inside = begin.end()
+        end = text.find(ending, inside)
+        if end < 0:
+            break
+        after = end + len(ending)
+        parts.append(text[at : begin.start()])
+        part = text[begin.start() : after]
+        # The last hyphen of a comment such as <!-- a ---> counts too.
+        is_strange = begin[0] == "<!--" and "--" in text[inside : end + 1]
+        parts.append(_SHOWN.sub(" ", part) if is_strange else part)
+        at = after
+    return "".join((*parts, text[at:])), encoding

@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
-from hapticmech_ros.foreign_text import parsed
 from hapticmech_ros.scene.angles import with_angles
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST
@@ -28,13 +27,12 @@ def written_document(path: Path) -> object:
     """Return what a scene's file says; of a model, that it is the scene's.
 
     Raises:
-        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text`` and
-            ``foreign_text``.
+        SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
     """
     if path.suffix.lower() in MODEL_SUFFIXES:
         return {"format": "hapticmech-scene/1", "model": path.name}
     try:
-        return parsed(document_in, path, str(path))
+        return document_in(str(path))
     except FileError as error:
         raise SceneError.of_file(error) from None
 

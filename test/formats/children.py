@@ -9,11 +9,10 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 
-from hapticmech_ros import foreign_text, load_scene
+from hapticmech_ros import load_scene
 from hapticmech_ros.contact.hull import hull
 from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import HapticMechError, SceneError
@@ -23,9 +22,6 @@ from hapticmech_ros.mechanism import Mechanism
 PATIENCE = 60
 # Bytes above what the imports take; a file of 8 MB at its worst needs a few hundred MB.
 ROOM = 1_000_000_000
-# Of many files one in so many is taken apart in a further child, as all of strangers are; that
-# takes 0.1 s a file, and this process is a child with limits itself.
-IN_CHILD = 10
 
 
 def outcome(path, evaluated=False):
@@ -64,24 +60,13 @@ def limit_memory():
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
-def outcome_of_one(path, evaluated, number):
-    """Return the outcome of one of many files."""
-    if not evaluated or number % IN_CHILD == 0:
-        return outcome(path, evaluated)
-    with patch.object(foreign_text, "is_own", return_value=True):
-        return outcome(path, evaluated)
-
-
 def outcomes(paths, evaluated=False):
-    """Return what becomes of each file, read one after the other in a child.
-
-    Where they are ``evaluated`` too, they are many; see :data:`IN_CHILD`.
-    """
+    """Return what becomes of each file, read one after the other in a child."""
     code = (
         "import json, sys; sys.path[:0] = json.loads(sys.argv[1]);"
-        "from formats.children import limit_memory, outcome_of_one; limit_memory();"
-        "[print(json.dumps(outcome_of_one(p, bool(int(sys.argv[2])), n)), flush=True)"
-        " for n, p in enumerate(sys.stdin.read().split('\\n')) if p]"
+        "from formats.children import limit_memory, outcome; limit_memory();"
+        "[print(json.dumps(outcome(p, bool(int(sys.argv[2])))), flush=True)"
+        " for p in sys.stdin.read().split('\\n') if p]"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, json.dumps(sys.path), str(int(evaluated))],
