@@ -2,18 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept: one folder per content of the kernels' files.
 
-Numba itself would not see that a function called by a kernel from another file has changed.
+Numba itself would not see that a function called by a kernel from another file has changed. What is
+loaded runs with all that its user may do: folder and file belong to this user or to root, and
+nobody else may write to them. A file is moved to its place when it is whole and on disk.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import stat
+import sys
 from pathlib import Path
 
-from hapticmech_ros.compilation.custody import home
-
 _PACKAGE = Path(__file__).parent.parent
+# Read and run by everybody, written by its user alone, whatever the umask is.
+FOLDER_MODE = 0o755
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
     "compilation/arrays.py",
@@ -101,3 +105,82 @@ def _fingerprint() -> str:
 
 
 _FINGERPRINT = _fingerprint()
+
+
+def warn(sentence: str) -> None:
+    """Tell a person, also where no logging is set up yet: kernels are loaded on import."""
+    sys.stderr.write(f"hapticmech_ros: {sentence}\n")
+    sys.stderr.flush()
+
+
+def home() -> Path:
+    """Return the user's home.
+
+    Raises:
+        OSError: there is none: neither HOME says so, nor has the system a name for this user.
+    """
+    try:
+        return Path("~").expanduser()
+    except RuntimeError:
+        rule = "set XDG_CACHE_HOME to a folder that it can write"
+        raise OSError(f"user {os.geteuid()} has no home: {rule}") from None
+
+
+def is_own(folder: Path) -> bool:
+    """Make a folder, and return whether only its user can write it; what is wrong is told.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(FOLDER_MODE, exist_ok=True)
+    found = folder.lstat()
+    fault = _fault(found) if stat.S_ISDIR(found.st_mode) else "is no folder, but a link to one"
+    if fault:
+        warn(
+            f"{folder} {fault}: no kernels are loaded from it, nor kept there; mend that, or name "
+            "another folder by NUMBA_CACHE_DIR"
+        )
+    return not fault
+
+
+def read_own(path: Path) -> bytes:
+    """Return what is in a regular file that only this user or root can write.
+
+    Raises:
+        FileNotFoundError: there is none.
+        OSError: it is another's, writable by others, a link, or no file.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        found = os.fstat(descriptor)
+        fault = _fault(found) if stat.S_ISREG(found.st_mode) else "is no regular file"
+        if fault:
+            raise OSError(f"{path} {fault}")
+        return file.read()
+
+
+def put_in_place(content: bytes, path: Path, beside: Path) -> None:
+    """Write a file beside its place, and move it there when it is whole and on disk.
+
+    Raises:
+        OSError: a full disk, for instance; at its place is what was there before.
+    """
+    try:
+        with beside.open("wb") as file:
+            os.fchmod(file.fileno(), FOLDER_MODE)
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _fault(found: os.stat_result) -> str:
+    """Return what is wrong with owner or mode of a file or folder; nothing if all is well."""
+    if found.st_uid not in (os.geteuid(), 0):
+        return f"belongs to user {found.st_uid}, not to {os.geteuid()} or root"
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"can be written by others (mode {stat.S_IMODE(found.st_mode):04o})"
+    return ""

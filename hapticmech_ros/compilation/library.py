@@ -23,21 +23,14 @@ import sys
 import threading
 import time
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation.cache import folder
-from hapticmech_ros.compilation.custody import (
-    BrokenSealError,
-    is_safe,
-    put_in_place,
-    read_sealed,
-    warn,
-)
+from hapticmech_ros.compilation.cache import folder, is_own, put_in_place, read_own, warn
 from hapticmech_ros.errors import HapticMechError
 
 NAME = "hapticmech_kernels"
@@ -122,7 +115,7 @@ def library() -> Library:
     Raises:
         LibraryError: it cannot be built, or not be loaded.
     """
-    return _loaded(_content())
+    return _loaded(_objects())
 
 
 def compile_ahead() -> None:
@@ -133,7 +126,7 @@ def compile_ahead() -> None:
     Raises:
         LibraryError: they cannot be compiled.
     """
-    _content()
+    _objects()
 
 
 def library_path() -> Path:
@@ -142,61 +135,62 @@ def library_path() -> Path:
     return folder() / f"{NAME}-{_processor()[1]}-{tag}.zip"
 
 
-def _content() -> bytes:
-    """Return the library's file, built now if need be."""
+def _objects() -> Mapping[str, bytes]:
+    """Return the library's objects by name, built now if need be."""
     try:
         path = library_path()
-        safe = is_safe(path.parent)
-        if safe:
-            found = _read(path, says_why=True)
-            return _built(path) if found is None else found
+        if is_own(path.parent):
+            return _read(path, says_why=True) or _built(path)
     except OSError as error:
         # No folder that can be written, or a disk that is full.
         warn(f"kernels are compiled for this process alone: {error}")
-    return _made()
+    return _unpacked(_made())
 
 
-def _read(path: Path, says_why: bool = False) -> bytes | None:
-    """Return the library if it is there as it was written."""
+def _read(path: Path, says_why: bool = False) -> Mapping[str, bytes]:
+    """Return the library's objects if it is there, nobody else's, and whole; else nothing."""
     try:
-        return read_sealed(path, _origin(path))
+        return _unpacked(read_own(path))
     except FileNotFoundError:
-        return None
-    except BrokenSealError as error:
+        return {}
+    except (OSError, LibraryError) as error:
         if says_why:
-            warn(f"{error}: it is not loaded")
-        return None
+            warn(f"{path}: {error}: it is not loaded")
+        return {}
 
 
-def _origin(path: Path) -> dict[str, str]:
-    """Return what a library is made from: the kernels' files, and what its name tells."""
-    return {"kernels": path.parent.name, "for": path.name}
+def _unpacked(content: bytes) -> Mapping[str, bytes]:
+    """Return a library's objects by name, whose checksums are right.
+
+    Raises:
+        LibraryError: it is damaged, or none.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
+    except (ValueError, NotImplementedError, zipfile.BadZipFile) as error:
+        raise LibraryError(f"is no library of kernels, or damaged: {error}") from None
 
 
-def _built(path: Path) -> bytes:
-    """Build the library, unless another process does so already, and return it."""
+def _built(path: Path) -> Mapping[str, bytes]:
+    """Build the library, unless another process does so already, and return its objects."""
     lock = os.open(
         path.parent / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644
     )
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)
         # While this one waited, another may have built it.
-        found = _read(path)
-        if found is not None:
+        if found := _read(path):
             return found
         # Left by builders that were killed: only one at a time is at work.
         for left in path.parent.glob(f"{_MADE}*"):
             left.unlink(missing_ok=True)
         content = _made()
-        made = path.with_name(f"{_MADE}{path.name}")
         try:
-            made.write_bytes(content)
-            put_in_place(made, path, _origin(path))
+            put_in_place(content, path, path.with_name(f"{_MADE}{path.name}"))
         except OSError as error:
             warn(f"the kernels are not kept, every start compiles them again: {error}")
-        finally:
-            made.unlink(missing_ok=True)
-        return content
+        return _unpacked(content)
     finally:
         os.close(lock)
 
@@ -275,7 +269,7 @@ def _followed(lines: Iterable[str]) -> str:
     return last
 
 
-def _loaded(content: bytes) -> Library:
+def _loaded(objects: Mapping[str, bytes]) -> Library:
     """Put a library's objects into memory.
 
     Raises:
@@ -290,14 +284,12 @@ def _loaded(content: bytes) -> Library:
     machine = llvm.Target.from_default_triple().create_target_machine(opt=3, jit=True)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            names = archive.namelist()
-            for name in names:
-                engine.add_object_file(llvm.ObjectFileRef.from_data(archive.read(name)))
+        for data in objects.values():
+            engine.add_object_file(llvm.ObjectFileRef.from_data(data))
         engine.finalize_object()
-    except (RuntimeError, ValueError, zipfile.BadZipFile) as error:
+    except (RuntimeError, ValueError) as error:
         raise LibraryError(f"the kernels cannot be loaded: {error}") from None
-    return Library({name: engine.get_function_address(name) for name in names}, engine)
+    return Library({name: engine.get_function_address(name) for name in objects}, engine)
 
 
 def _check_interface() -> None:

@@ -7,8 +7,7 @@ import shutil
 
 import pytest
 
-from hapticmech_ros.compilation import custody, library
-from hapticmech_ros.compilation.custody import seal_of
+from hapticmech_ros.compilation import cache, library
 
 
 @pytest.fixture
@@ -16,11 +15,9 @@ def alone(tmp_path, monkeypatch):
     """Let every question for the library be asked anew, in a folder of its own."""
     library.library()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    for cached in (library.library, custody.is_safe):
-        cached.cache_clear()
+    library.library.cache_clear()
     yield tmp_path
-    for cached in (library.library, custody.is_safe):
-        cached.cache_clear()
+    library.library.cache_clear()
 
 
 @pytest.fixture(scope="session")
@@ -36,7 +33,6 @@ def place(good, alone):
     path = library.library_path()
     path.parent.mkdir(parents=True)
     shutil.copy2(good, path)
-    shutil.copy2(seal_of(good), seal_of(path))
     return path
 
 
@@ -62,6 +58,6 @@ def foreign(monkeypatch):
             os.chown(path, 12345, 12345, follow_symlinks=False)
         else:
             # Whose files cannot be given away is himself another.
-            monkeypatch.setattr(custody.os, "geteuid", lambda: 12345)
+            monkeypatch.setattr(cache.os, "geteuid", lambda: 12345)
 
     return give

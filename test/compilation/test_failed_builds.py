@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.compilation import library
-from hapticmech_ros.compilation.custody import is_safe
+from hapticmech_ros.compilation.cache import is_own
 from hapticmech_ros.compilation.library import LibraryError
 
 
@@ -129,7 +129,7 @@ def test_how_far_a_build_is_can_be_seen(builder, alone, monkeypatch, capfd):
 
 def test_what_is_no_library_cannot_be_loaded(alone, builds, monkeypatch):
     monkeypatch.setattr(library, "_made", lambda: b"this is no library")
-    with pytest.raises(LibraryError, match="cannot be loaded"):
+    with pytest.raises(LibraryError, match="no library of kernels"):
         library.library()
 
 
@@ -138,7 +138,7 @@ def test_a_disk_that_fills_while_the_library_is_put_in_its_place(alone, builds, 
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("hapticmech_ros.compilation.custody.os.fsync", full)
+        patched.setattr("hapticmech_ros.compilation.cache.os.fsync", full)
         assert library.library().addresses
     told = capfd.readouterr().err.splitlines()[-1]
     assert "not kept" in told
@@ -172,7 +172,7 @@ def test_a_user_whom_the_system_has_no_name_for(alone, monkeypatch, tmp_path):
         library.library_path()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert library.library_path().is_relative_to(tmp_path / "cache")
-    assert is_safe(library.library_path().parent)
+    assert is_own(library.library_path().parent)
 
 
 def test_the_rest_of_builders_that_were_killed_is_removed(alone, builds):
@@ -195,4 +195,4 @@ def test_who_waited_for_a_build_does_not_repeat_it(place, builds, monkeypatch):
 def test_arrays_that_are_not_as_numpy_keeps_them_are_told(monkeypatch, good):
     monkeypatch.setattr(library, "DATA_AT", 0)
     with pytest.raises(LibraryError, match="keeps arrays"):
-        library._loaded(good.read_bytes())
+        library._loaded(library._unpacked(good.read_bytes()))
