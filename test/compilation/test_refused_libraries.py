@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What others could have written, or is damaged, is not loaded, but built anew, and that is said."""
+"""What others could have written, or is damaged, is not loaded but built anew; and that is said."""
 
 import gc
 import os
