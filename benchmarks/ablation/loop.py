@@ -47,7 +47,7 @@ class Loop(Session):
                 return code
         return 0
 
-    def _step_otherwise(self) -> None:
+    def _step_careful(self) -> None:
         begun = perf_counter_ns()
-        super()._step_otherwise()
+        super()._step_careful()
         self.taken_ns[-1] += perf_counter_ns() - begun

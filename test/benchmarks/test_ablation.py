@@ -21,7 +21,7 @@ from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
-from hapticmech_ros.session import loop as session_module
+from hapticmech_ros.session import session as session_module
 from hapticmech_ros.session.data import SessionData
 from sampling import sampled
 
