@@ -56,14 +56,14 @@ def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
             if is_file(found / inside):
                 return found / inside
     variables = " and ".join(variable for variable, _ in PLACES[scheme])
-    rule = f"no such file in a folder or package {package!r} in {_shown(places)} ({variables})"
+    rule = f"no such file in a folder or package {package!r} in {_folders_shown(places)} ({variables})"
     raise source.error(node, name, rule)
 
 
 def _in_folder(source: Source, node: Node, name: str, folder: Path) -> Path:
     found = folder / name
     if not name or not is_file(found):
-        raise source.error(node, name, f"no such file in {_shown([found.parent])}")
+        raise source.error(node, name, f"no such file in {_folders_shown([found.parent])}")
     return found
 
 
@@ -92,7 +92,7 @@ def _said_name(place: Path) -> str:
     return found[1].decode(errors="replace") if found is not None else ""
 
 
-def _shown(places: list[Path]) -> str:
+def _folders_shown(places: list[Path]) -> str:
     shown = [str(place) for place in places[:FOLDERS_SHOWN]]
     more = len(places) - len(shown)
     return f"{shown}" + (f" and {more} more" if more else "")

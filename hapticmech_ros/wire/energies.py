@@ -18,8 +18,8 @@ from hapticmech_ros.wire.layouts import STAMP, Energy, checked_values
 from hapticmech_ros.wire.stamped import seconds_of
 
 # J. What passivity control makes available may be infinite: told as finite, and bounded by that.
-_ENERGY = Field(1)
-CONTROLLER_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(LedgerEntry._fields, _ENERGY)})
+_JOULES = Field(1)
+CONTROLLER_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(LedgerEntry._fields, _JOULES)})
 # Told as available where nothing is held back.
 UNLIMITED = 1e30
 
@@ -45,8 +45,8 @@ class DeviceEnergy(NamedTuple):
 
 
 _NAMES = tuple(name for name in DeviceEnergy._fields if name != "stamp_ns")
-DEVICE_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(_NAMES, _ENERGY)})
-_DEVICE = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
+DEVICE_ENERGY_FIELDS = Layout({"stamp": STAMP, **dict.fromkeys(_NAMES, _JOULES)})
+_DEVICE_ENERGY = bounds_of("device energy", DEVICE_ENERGY_FIELDS)
 _AVAILABLE = _NAMES.index("available")
 
 
@@ -68,7 +68,7 @@ def unpack_device_energy(data: object) -> DeviceEnergy:
     Raises:
         InvalidInputError: as :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
     """
-    stamp_ns, values = checked_values(data, _DEVICE)
+    stamp_ns, values = checked_values(data, _DEVICE_ENERGY)
     return DeviceEnergy(stamp_ns, *map(float, values[STAMP.size :]))
 
 
