@@ -27,7 +27,7 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.installation import refuse_middleware
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.readiness import ADDRESS, SHOWN, Readiness, Report
-from hapticmech_ros.wire.topic import PAGE, VIEWER
+from hapticmech_ros.wire.topics import PAGE, VIEWER
 
 # A node answers a signal within its longest wait; what does not end by then is killed.
 STOP_TIMEOUT_S = 5.0

@@ -18,7 +18,7 @@ from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.topic import users_of
+from hapticmech_ros.wire.topics import users_of
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
 

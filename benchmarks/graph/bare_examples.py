@@ -34,31 +34,37 @@ from hapticmech_ros.session import Session
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
-from hapticmech_ros.wire.energies import (
+from hapticmech_ros.wire.layouts import (
     CONTROLLER_ENERGY_FIELDS,
     DEVICE_ENERGY_FIELDS,
-    DeviceEnergy,
-    energy_of,
-    pack_controller_energy,
-    pack_device_energy,
-)
-from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,
     ENERGY_FIELDS,
     GAIN_FIELDS,
     OPERATIONAL_MODEL_FIELDS,
+    DeviceEnergy,
     DeviceSample,
     LocalFeedbackGain,
     OperationalModelMessage,
+    energy_of,
+    pack_controller_energy,
     pack_device,
+    pack_device_energy,
     pack_energy,
     pack_gain,
     pack_operational_model,
 )
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
-from hapticmech_ros.wire.topic import ARRAY, POSE, TWIST, WRENCH, Topic
-from hapticmech_ros.wire.topics import CONTROLLER_ENERGY, DEVICE_ENERGY, ENERGY
+from hapticmech_ros.wire.topics import (
+    ARRAY,
+    CONTROLLER_ENERGY,
+    DEVICE_ENERGY,
+    ENERGY,
+    POSE,
+    TWIST,
+    WRENCH,
+    Topic,
+)
 from hapticmech_ros.wire.wrench import encode_wrench
 
 # What is published at a time, ns: a message, or one already serialized.

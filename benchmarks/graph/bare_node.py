@@ -32,8 +32,19 @@ from hapticmech_ros.nodes.node_time import NodeTime, PeriodClock
 from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.nodes.statistics import DurationHistogram
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.topic import ANALYSER, ARRAY, CONTROLLER, DEVICE, MECHANISM, Topic
-from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_STATE, DIAGNOSTICS, STATE, TOPICS
+from hapticmech_ros.wire.topics import (
+    ANALYSER,
+    ARRAY,
+    CONTROLLER,
+    DEVICE,
+    DEVICE_COMMAND,
+    DEVICE_STATE,
+    DIAGNOSTICS,
+    MECHANISM,
+    STATE,
+    TOPICS,
+    Topic,
+)
 
 # Shares of a period by which the clocked nodes follow the common grid, as the real ones do.
 PHASES = {DEVICE: 0.0, MECHANISM: 0.5}

@@ -26,7 +26,7 @@ from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 # Node that answers -> the clocked one whose samples it answers.
 ANSWERING = {CONTROLLER: DEVICE, ANALYSER: MECHANISM}

@@ -13,8 +13,15 @@ from benchmarks.graph.statuses import ANSWERS, Status, gained
 from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
-from hapticmech_ros.wire.topics import CONSTRAINT_WRENCHES, DEVICE_STATE, STATE
+from hapticmech_ros.wire.topics import (
+    ANALYSER,
+    CONSTRAINT_WRENCHES,
+    CONTROLLER,
+    DEVICE,
+    DEVICE_STATE,
+    MECHANISM,
+    STATE,
+)
 
 ENGAGED = "engaged"
 # Closed loops are solved to 1e-12 m; this far off they are not closed.

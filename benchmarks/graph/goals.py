@@ -11,7 +11,7 @@ from benchmarks.graph.comparison import Comparison
 from benchmarks.graph.plan import Configuration, Layout
 from benchmarks.graph.recorded import RECORDED_TRIP
 from benchmarks.graph.statuses import ROUND_TRIP
-from hapticmech_ros.wire.topic import DEVICE
+from hapticmech_ros.wire.topics import DEVICE
 
 # Of the rate wanted; 1000 ± 1 Hz.
 RATE_TOLERANCE = 1e-3

@@ -14,14 +14,15 @@ from benchmarks.graph.statuses import Percentiles, percentiles_of
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp
-from hapticmech_ros.wire.topic import ARRAY, Topic
 from hapticmech_ros.wire.topics import (
+    ARRAY,
     DEVICE_COMMAND,
     DEVICE_STATE,
     POINT_COMMAND,
     POINT_MODEL,
     STATE,
     TOPICS,
+    Topic,
 )
 
 WATCHED = (DEVICE_STATE, DEVICE_COMMAND, POINT_COMMAND, STATE, POINT_MODEL)

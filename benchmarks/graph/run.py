@@ -40,7 +40,7 @@ from hapticmech_ros.graph import Graph, private_environment, ros_arguments, star
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.readiness import Readiness
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.topic import CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import CONTROLLER, DEVICE, MECHANISM
 
 ENGAGES_WITHIN_S = 30.0
 # Between engagement and the window: caches fill, the controller's wrench comes in.

@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.times import NANOSECONDS
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 # What a node's own figures measure: each message's arrival less its stamp.
 SAID_HOPS: dict[str, tuple[str, str]] = {

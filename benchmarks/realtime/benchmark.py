@@ -28,7 +28,7 @@ from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.topic import DEVICE
+from hapticmech_ros.wire.topics import DEVICE
 
 SCENE, RATE_HZ = "five_bar", 1000.0
 # How often somebody starts a program meanwhile.

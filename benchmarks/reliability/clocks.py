@@ -16,7 +16,7 @@ from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
 from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.topic import DEVICE
+from hapticmech_ros.wire.topics import DEVICE
 
 PART = "clocks"
 TRIALS, QUICK_TRIALS = 50, 2

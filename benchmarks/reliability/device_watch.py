@@ -24,8 +24,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.loop import StopRequest
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.energies import DEVICE_ENERGY_FIELDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.layouts import DEVICE_ENERGY_FIELDS, DEVICE_FIELDS
 
 QOS = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 

@@ -26,9 +26,9 @@ from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODE
 from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire import topics
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER
-from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
-from hapticmech_ros.wire.topic import MECHANISM as MECHANISM_NODE
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
+from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
+from hapticmech_ros.wire.topics import MECHANISM as MECHANISM_NODE
 
 PART = "doubles"
 TRIALS, QUICK_TRIALS = 50, 2

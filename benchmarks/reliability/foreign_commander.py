@@ -25,8 +25,7 @@ from hapticmech_ros.nodes.messages import WORLD
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_device
-from hapticmech_ros.wire.topic import Topic
-from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE, Topic
 
 PERIOD_S = 0.001
 # Critically damped for the scene's device of 0.3 kg and 3e-4 kg m².

@@ -15,8 +15,7 @@ from geometry_msgs.msg import WrenchStamped
 from hapticmech_ros.nodes.external_wrenches import PERSISTENT
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.wire.topic import WRENCH
-from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS
+from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, TOPICS, WRENCH
 
 # Numbers of a wrench, 8 bytes each, are its last.
 _WRENCH_BYTES = 48

@@ -24,7 +24,7 @@ from benchmarks.reliability.trial import (
 )
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.timeouts import ByRate
-from hapticmech_ros.wire.topic import DEVICE
+from hapticmech_ros.wire.topics import DEVICE
 
 PART = "freezes"
 TRIALS, QUICK_TRIALS = 100, 2

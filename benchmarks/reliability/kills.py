@@ -19,7 +19,7 @@ from benchmarks.reliability.trial import (
     summarised,
 )
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.topic import CONTROLLER, DEVICE
+from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 PART = "kills"
 TRIALS, QUICK_TRIALS = 100, 2

@@ -23,7 +23,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane_connections import lane_folder
-from hapticmech_ros.wire.topic import DEVICE as DEVICE_NODE
+from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 
 FOLDER = Path(__file__).parent
 SCENE, POINT = "five_bar", "handle"

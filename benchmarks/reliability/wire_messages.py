@@ -40,7 +40,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.qos import LATCHED
-from hapticmech_ros.wire.topic import CONTROLLER, DEVICE
+from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 PART, SCENE, POINT = "messages", "five_bar", "handle"
 DEVICE_OUT, MECHANISM_OUT = "device/state", "mechanism/state"

@@ -19,8 +19,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.bag.stamps import flat_fields
+from hapticmech_ros.bag.reader import BagReader, flat_fields
 from hapticmech_ros.errors import BagError, InvalidInputError
 
 Array = NDArray[np.float64]

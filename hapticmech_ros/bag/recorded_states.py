@@ -26,8 +26,7 @@ from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateColumns, StateLayout, coordinate_names
-from hapticmech_ros.wire.topic import Topic
-from hapticmech_ros.wire.topics import JOINT_STATES, STATE
+from hapticmech_ros.wire.topics import JOINT_STATES, STATE, Topic
 
 # A joint that goes so far and back within two states, rad or m, and so many times as far as it
 # usually goes in two, and so often, is told by two senders.

@@ -25,7 +25,7 @@ from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.readiness import say_ready
-from hapticmech_ros.wire.topic import DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
     from hapticmech_ros.graph import AuxiliaryProcess, Graph
@@ -111,7 +111,7 @@ def run(
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-    from hapticmech_ros.wire.topic import PAGE, VIEWER
+    from hapticmech_ros.wire.topics import PAGE, VIEWER
 
     if live and lockstep:
         raise InvalidInputError("--live", live, "in lockstep there is no page")
@@ -243,7 +243,7 @@ def policy(
     enclaves: Annotated[str, typer.Option(help="path of the enclaves")] = "/hapticmech",
 ) -> None:
     """Print a policy for SROS2: what each node may publish, hear and answer. See SECURITY.md."""
-    from hapticmech_ros.wire.policy import policy as written
+    from hapticmech_ros.wire.table import policy as written
 
     print(written(namespace, enclaves), end="")
 

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from hapticmech_ros.cli.console import console
 from hapticmech_ros.readiness import Report
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM, REAL_DEVICES
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM, REAL_DEVICES
 
 DEVICES = {DEVICE, *REAL_DEVICES}
 Reports = Mapping[str, Report]

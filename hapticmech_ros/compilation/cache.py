@@ -38,7 +38,6 @@ _SOURCES = (
     "mechanism/kernels/articulated_kernels.py",
     "mechanism/kernels/band_kernels.py",
     "mechanism/kernels/closure_kernels.py",
-    "mechanism/kernels/dense_kernels.py",
     "mechanism/kernels/metric_kernels.py",
     "mechanism/kernels/factor_kernels.py",
     "mechanism/kernels/element_kernels.py",

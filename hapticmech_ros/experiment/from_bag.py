@@ -35,7 +35,6 @@ from hapticmech_ros.wire.layouts import (
     unpack_energy,
     unpack_operational_model,
 )
-from hapticmech_ros.wire.topic import Topic, users_of
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
     DEVICE_STATE,
@@ -44,6 +43,8 @@ from hapticmech_ros.wire.topics import (
     POINT_COMMAND,
     POINT_FORCE,
     POINT_MODEL,
+    Topic,
+    users_of,
 )
 
 ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"

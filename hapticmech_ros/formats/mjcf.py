@@ -19,10 +19,10 @@ from hapticmech_ros.formats.mjcf_equalities import (
     Equalities,
     read_keyframes,
 )
+from hapticmech_ros.formats.mjcf_include import WHY as WHY_REPLICAS
+from hapticmech_ros.formats.mjcf_include import open_replicas
 from hapticmech_ros.formats.mjcf_inertias import WHY as WHY_ROTORS
 from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of, with_rotors
-from hapticmech_ros.formats.mjcf_replicate import WHY as WHY_REPLICAS
-from hapticmech_ros.formats.mjcf_replicate import open_replicas
 from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
 from hapticmech_ros.formats.model import (
     DRAWN,

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.mesh_files import find_mesh
 from hapticmech_ros.formats.mjcf_classes import Context
 from hapticmech_ros.formats.mjcf_inertias import shape_of
 from hapticmech_ros.formats.model import Document, Solid
-from hapticmech_ros.formats.shapes import above_zero, not_zero, refused_kind
+from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.xml_nodes import Node
 
 # MuJoCo's shape -> a scene's.

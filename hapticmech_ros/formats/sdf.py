@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats import loops
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
 from hapticmech_ros.formats.model import (
     DRAWN,
@@ -143,7 +143,7 @@ WHY = {
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
     "mimic of a second axis": "joints have one axis",
     INEXACT: WHY_INEXACT,
-    **mimics.WHY,
+    **loops.WHY,
     "limit effort": "nothing drives a joint but the hand and what the scene says",
     "limit velocity": "nothing drives a joint but the hand and what the scene says",
 }
@@ -254,7 +254,7 @@ class _Reader:
                 hinges += self.hinges(joint, bodies)
         for joint in filter(_is_gearbox, joints):
             self._gear(joint, hinges, bodies)
-        hinges, couplings = mimics.settled(hinges, self.couplings, self.notes)
+        hinges, couplings = loops.settled(hinges, self.couplings, self.notes)
         points = [self._point(name, frame, bodies) for name, frame in self.frames.frames.items()]
         balls = [node for node in self.others if node.tag == BALL]
         rest = [node for node in self.others if node.tag != BALL]

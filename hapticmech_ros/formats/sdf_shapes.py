@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.mesh_files import find_mesh
 from hapticmech_ros.formats.model import Document, Solid
-from hapticmech_ros.formats.shapes import above_zero, not_zero, refused_kind
+from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # Elements of each, and what they are where they are left out.

@@ -14,9 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import nearest
-from hapticmech_ros.formats import mimics
+from hapticmech_ros.formats import loops
 from hapticmech_ros.formats.loops import BALL, ball_constraint, left_open
-from hapticmech_ros.formats.mesh_files import find_mesh
 from hapticmech_ros.formats.model import (
     DRAWN,
     GEAR,
@@ -34,7 +33,7 @@ from hapticmech_ros.formats.model import (
     Point,
     Solid,
 )
-from hapticmech_ros.formats.shapes import above_zero, not_zero, refused_kind
+from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.urdf_gazebo import TAG, GazeboTags
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
@@ -98,7 +97,7 @@ WHY = {
     "limit left out": "no stops, as of a continuous joint",
     "sensor": SENSED,
     ROTOR_ELSEWHERE: WHY_ELSEWHERE,
-    **mimics.WHY,
+    **loops.WHY,
 }
 LINK_KNOWN = {"inertial", "collision"}
 UNKNOWN = "not of a mechanism, or not known"
@@ -156,7 +155,7 @@ def read_urdf(source: Source) -> Model:
     others = [node for node in others if node.tag != BALL and _name(node) not in read]
     lost, others = left_open(others, {*bodies, *read})
     notes.update(node.tag for node in others)
-    hinges, couplings = mimics.settled(gazebo.hinges, [*couplings, *gazebo.couplings], notes)
+    hinges, couplings = loops.settled(gazebo.hinges, [*couplings, *gazebo.couplings], notes)
     found = [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
     return Model(
         source.root.attributes.get("name") or source.path.stem,

@@ -48,8 +48,7 @@ from hapticmech_ros.session import Sample, SharedSession
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
-from hapticmech_ros.wire.topic import user_prefixes
-from hapticmech_ros.wire.topics import STATE
+from hapticmech_ros.wire.topics import STATE, user_prefixes
 
 
 def holding(hand: Hand | None, limit: float) -> str:

@@ -19,8 +19,8 @@ from hapticmech_ros.mechanism.inertia import singular_joint
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.data import Data, views_of
-from hapticmech_ros.mechanism.kernels.dense_kernels import NO_SVD
 from hapticmech_ros.mechanism.kernels.factor_kernels import (
+    NO_SVD,
     SINGULAR,
     correct,
     factor_closures,

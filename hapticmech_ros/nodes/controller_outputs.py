@@ -20,13 +20,14 @@ from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.energies import CONTROLLER_ENERGY_FIELDS, pack_controller_energy
 from hapticmech_ros.wire.layouts import (
+    CONTROLLER_ENERGY_FIELDS,
     GAIN_FIELDS,
     CouplingMatrices,
     CouplingWire,
     LocalFeedbackGain,
     gain_bounds,
+    pack_controller_energy,
     pack_gain,
 )
 from hapticmech_ros.wire.stamped import nearest_stamp

@@ -25,10 +25,9 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
-from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.actor import ClockedActor, LastValidState
 from hapticmech_ros.nodes.buttons import ButtonOutput
 from hapticmech_ros.nodes.device_view import DeviceView
-from hapticmech_ros.nodes.failures import LastValidState
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped, Standing
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
@@ -53,7 +52,6 @@ from hapticmech_ros.wire.layouts import (
     gain_bounds,
 )
 from hapticmech_ros.wire.stamped import nearest_stamp
-from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     DEVICE_BODY_AXES,
     DEVICE_BODY_COMMAND,
@@ -63,6 +61,7 @@ from hapticmech_ros.wire.topics import (
     DEVICE_STATE,
     DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
+    Topic,
 )
 
 

@@ -17,7 +17,7 @@ from hapticmech_ros.device import DeviceState
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.energies import (
+from hapticmech_ros.wire.layouts import (
     DEVICE_ENERGY_FIELDS,
     DeviceEnergy,
     pack_device_energy,

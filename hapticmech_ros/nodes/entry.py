@@ -17,7 +17,7 @@ from hapticmech_ros.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.installation import OF_COMMANDS, refuse_middleware, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
-from hapticmech_ros.wire.topic import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
+from hapticmech_ros.wire.topics import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
 
 NODES = {
     "haptic_device": "simulated impedance-type haptic device and the hand that holds it",

@@ -51,14 +51,16 @@ from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray, array_stamp, decode, header_stamp
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device, whole_device
 from hapticmech_ros.wire.state import StateLayout
-from hapticmech_ros.wire.topic import ARRAY, VIEWER, Topic
 from hapticmech_ros.wire.topics import (
+    ARRAY,
     DEVICE_COMMAND,
     DEVICE_STATE,
     EXTERNAL_WRENCH,
     HAND_WRENCH,
     STATE,
     TOPICS,
+    VIEWER,
+    Topic,
 )
 
 _DEVICE = FlatArray(DEVICE_FIELDS)

@@ -21,11 +21,10 @@ from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes import mechanism_kernels as own
-from hapticmech_ros.nodes.actor import ClockedActor
+from hapticmech_ros.nodes.actor import ClockedActor, LastValidState
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
-from hapticmech_ros.nodes.failures import LastValidState
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.mechanism_ports import (
@@ -50,11 +49,9 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.energies import energy_of
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS, pack_energy
+from hapticmech_ros.wire.layouts import ENERGY_FIELDS, energy_of, pack_energy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
-from hapticmech_ros.wire.topic import user_prefixes
 from hapticmech_ros.wire.topics import (
     CLOSURES,
     ENERGY,
@@ -64,6 +61,7 @@ from hapticmech_ros.wire.topics import (
     POINT_OPERATING_STATE,
     POINT_STATE_COMMAND,
     STATE,
+    user_prefixes,
 )
 
 _NOBODY = np.zeros((0, 10))

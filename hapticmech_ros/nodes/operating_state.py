@@ -15,7 +15,7 @@ from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import deserialized, message_class, set_stamp
 from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
 from hapticmech_ros.wire.stamped import nearest_stamp
-from hapticmech_ros.wire.topic import TEXT, Topic
+from hapticmech_ros.wire.topics import TEXT, Topic
 
 DISABLED, ENABLED, PAUSED, FAULT = "DISABLED", "ENABLED", "PAUSED", "FAULT"
 COMMANDS = ("enable", "disable", "pause", "resume", "home", "unhome")

@@ -33,8 +33,7 @@ from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
-from hapticmech_ros.wire.topic import Topic, users_of
-from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS
+from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic, users_of
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in. The
 # hands start once nothing is missing for so long: by then it is known what the graph costs.

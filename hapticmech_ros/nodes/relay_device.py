@@ -21,7 +21,7 @@ from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.buttons import joy_buttons
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.joint_input import joints_read
+from hapticmech_ros.nodes.inputs import joints_read
 from hapticmech_ros.nodes.parameters import RelayParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver

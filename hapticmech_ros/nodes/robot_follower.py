@@ -19,7 +19,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.joint_input import joints_read, numbers_in
+from hapticmech_ros.nodes.inputs import joints_read, numbers_in
 from hapticmech_ros.nodes.messages import (
     WORLD,
     checked_stamp,

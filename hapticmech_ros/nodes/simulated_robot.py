@@ -15,8 +15,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.nodes.actor import ClockedActor
 from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.joint_input import numbers_in
+from hapticmech_ros.nodes.inputs import Latest, numbers_in
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters

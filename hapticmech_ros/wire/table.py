@@ -3,22 +3,175 @@
 """The table of topics as Markdown; docs/topics.md holds it, and a test holds the two together.
 
 Where the numbers of the graph's flat messages are, as a C++ header.
+
+An SROS2 policy of the graph says which node may publish, hear and answer what, by its tables.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from xml.etree import ElementTree
 
 from hapticmech_ros.layout import Layout
-from hapticmech_ros.wire.energies import CONTROLLER_ENERGY_FIELDS, DEVICE_ENERGY_FIELDS
 from hapticmech_ros.wire.layouts import (
+    CONTROLLER_ENERGY_FIELDS,
+    DEVICE_ENERGY_FIELDS,
     DEVICE_FIELDS,
     ENERGY_FIELDS,
     GAIN_FIELDS,
     OPERATIONAL_MODEL_FIELDS,
 )
-from hapticmech_ros.wire.topic import TEXT
-from hapticmech_ros.wire.topics import TOPICS
+from hapticmech_ros.wire.topics import (
+    ANALYSER,
+    CLOSURES,
+    CONTROLLER,
+    DEVICE,
+    DIAGNOSTICS,
+    EMERGENCY_STOP,
+    EXTERNAL_WRENCH,
+    FOLLOWER,
+    HAND_WRENCH,
+    MECHANISM,
+    PAGE,
+    REAL_DEVICES,
+    RELAY,
+    ROBOT,
+    SET_OPERATIONAL_POINT,
+    START_HAND,
+    TEXT,
+    TOPICS,
+    VIEWER,
+)
+
+NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, FOLLOWER, ROBOT, VIEWER, PAGE)
+# Of the relay, to the driver behind it: what it hears and what it sends, by its parameters.
+_BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
+# Of a robot, by the parameters of its nodes: joints and contact from it, commands to it.
+_FROM_ROBOT, _TO_ROBOT = ("robot/joint_states", "robot/wrench"), ("robot/commands",)
+# Beside the graph, each in a process of its own.
+ONLOOKERS = (FOLLOWER, ROBOT, VIEWER, PAGE)
+# Four nodes in one process; and who pushes, commands states and records, which is none of them.
+COMPOSED, OPERATOR = "composed", "operator"
+# Of every node.
+_LOG = ("/rosout", "/parameter_events")
+_OWN_SERVICES = (
+    *("change_state", "get_state", "get_available_states", "get_available_transitions"),
+    *("get_transition_graph", "describe_parameters", "get_parameter_types", "get_parameters"),
+    *("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description"),
+)
+_SERVICES: Mapping[str, tuple[str, ...]] = {
+    DEVICE: (EMERGENCY_STOP, START_HAND),
+    **dict.fromkeys(REAL_DEVICES, (EMERGENCY_STOP,)),
+    MECHANISM: (f"{CLOSURES.name}/*",),
+}
+# Topics with further ones below them: of whoever pushes, each his own.
+_PUSHES = (HAND_WRENCH, EXTERNAL_WRENCH)
+# What is of one user's device, analyser and controller.
+_OF_A_USER = ("device/", "view/device/", "analysis/", f"{CONTROLLER}/")
+# Of another package, published where it is installed.
+_TF = ("/tf", "/tf_static")
+
+
+def published(node: str) -> list[str]:
+    """Return patterns of the topics that a node publishes; * stands for names of any length."""
+    role = DEVICE if node in REAL_DEVICES else node
+    own = [_pattern(t.name) for t in TOPICS if t.publisher == role]
+    if node == PAGE:
+        own = [*(f"{_pattern(topic.name)}/{PAGE}" for topic in _PUSHES)]
+        own.append(_pattern(SET_OPERATIONAL_POINT.name))
+    if node == RELAY:
+        own.append(_BEHIND[1])
+    if node == FOLLOWER:
+        own += [*_TO_ROBOT, f"{_pattern(EXTERNAL_WRENCH.name)}/robot"]
+    if node == ROBOT:
+        own += _FROM_ROBOT
+    managed = (DIAGNOSTICS.name, f"{node}/transition_event")
+    return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
+
+
+def heard(node: str) -> list[str]:
+    """Return patterns of the topics that a node subscribes to."""
+    found = ["/clock", "/parameter_events", *([DIAGNOSTICS.name] if node == PAGE else ())]
+    role = DEVICE if node in REAL_DEVICES else node
+    found += [_BEHIND[0]] if node == RELAY else []
+    found += {FOLLOWER: _FROM_ROBOT, ROBOT: _TO_ROBOT}.get(node, ())
+    for topic in TOPICS:
+        # A hand is what holds a real device, and nothing else pushes it.
+        if role in topic.subscribers and not (role != node and topic is HAND_WRENCH):
+            found.append(_pattern(topic.name))
+            if topic in _PUSHES:
+                found.append(f"{_pattern(topic.name)}/*")
+    return found
+
+
+def answered(node: str) -> list[str]:
+    """Return patterns of the services that a node offers."""
+    return [*(f"{node}/{name}" for name in _OWN_SERVICES), *_SERVICES.get(node, ())]
+
+
+def requested(node: str) -> list[str]:
+    """Return patterns of the services that a node calls."""
+    return [f"{CLOSURES.name}/*", f"{CONTROLLER}/set_parameters"] if node == PAGE else []
+
+
+def policy(namespace: str = "/", enclaves: str = "/hapticmech") -> str:
+    """Return the policy as XML: an enclave for each process, and one for the operator's.
+
+    Args:
+        namespace: of the graph.
+        enclaves: path that they are below.
+    """
+    root = ElementTree.Element("policy", version="0.2.0")
+    processes = ElementTree.SubElement(root, "enclaves")
+    nodes = {node: _of_a_node(node) for node in NODES}
+    held = {node: {node: rules} for node, rules in nodes.items()}
+    held[COMPOSED] = {node: rules for node, rules in nodes.items() if node not in ONLOOKERS}
+    held[OPERATOR] = {OPERATOR: _of_the_operator()}
+    for process, profiles in held.items():
+        enclave = ElementTree.SubElement(processes, "enclave", path=f"{enclaves}/{process}")
+        inside = ElementTree.SubElement(enclave, "profiles")
+        for node, rules in profiles.items():
+            profile = ElementTree.SubElement(inside, "profile", ns=namespace, node=node)
+            for (kind, what), names in rules.items():
+                allowed = ElementTree.SubElement(profile, kind, {what: "ALLOW"})
+                for name in dict.fromkeys(names):
+                    ElementTree.SubElement(allowed, kind[:-1]).text = name
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+Rules = dict[tuple[str, str], list[str]]
+
+
+def _of_a_node(node: str) -> Rules:
+    rules: Rules = {
+        ("services", "reply"): answered(node),
+        ("services", "request"): requested(node),
+        ("topics", "publish"): published(node),
+        ("topics", "subscribe"): heard(node),
+    }
+    if node in (VIEWER, PAGE):
+        # Of several users each has these in a namespace of its own.
+        for names in rules.values():
+            names += [f"*/{name}" for name in names if name.startswith(_OF_A_USER)]
+    return {rule: names for rule, names in rules.items() if names}
+
+
+def _of_the_operator() -> Rules:
+    """Return what whoever pushes, commands states, records and calls services may do."""
+    pushed = [_pattern(topic.name) for topic in TOPICS if topic.publisher == "any"]
+    pushed += [f"{_pattern(topic.name)}/*" for topic in _PUSHES]
+    return {
+        ("services", "reply"): [f"{OPERATOR}/{name}" for name in _OWN_SERVICES],
+        ("services", "request"): [name for node in (*NODES, OPERATOR) for name in answered(node)],
+        ("topics", "publish"): [*_LOG, *pushed],
+        ("topics", "subscribe"): ["/clock", *_LOG, *(_pattern(t.name) for t in TOPICS), *_TF],
+    }
+
+
+def _pattern(name: str) -> str:
+    return name.replace("{point}", "*")
+
 
 RATES = {
     "control": "control rate (1 kHz)",

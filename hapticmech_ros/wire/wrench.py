@@ -21,7 +21,8 @@ WORLD = "world"
 # Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.
 _HEAD = struct.Struct("<4siII")
 _WHOLE = struct.Struct("<4siII6s6x6d")
-_NUMBERS = struct.Struct("<6d")
+_SIX = struct.Struct("<6d")
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
 class WireWrench(NamedTuple):
@@ -68,7 +69,7 @@ def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
             raise InvalidInputError("encapsulation", encapsulation, "must be little-endian CDR")
         frame = bytes(message[16 : 15 + length]).decode("utf-8", "replace")
         # Numbers are aligned to 8 bytes, counted behind the encapsulation.
-        six = _NUMBERS.unpack_from(message, 4 + -(-(12 + length) // 8) * 8)
+        six = _SIX.unpack_from(message, 4 + -(-(12 + length) // 8) * 8)
     except struct.error as error:
         rule = "must be a whole WrenchStamped"
         raise InvalidInputError("message", f"{len(message)} bytes: {error}", rule) from None

@@ -16,7 +16,7 @@ from benchmarks.graph.run import Run
 from benchmarks.graph.statuses import ROUND_TRIP, Clocked, Percentiles
 from benchmarks.machine import MachineLoad
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 SEPARATE = Configuration(1000.0, "separate", True)
 COMPOSED = Configuration(2000.0, "composed", False)

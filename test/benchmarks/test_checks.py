@@ -13,7 +13,7 @@ from benchmarks.graph.checks import Check, Expected, check_recording, check_run,
 from benchmarks.graph.recorded import Recorded
 from benchmarks.graph.statuses import Status
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 SESSION = Expected((1, 2), (("ground_pin",),), True)
 BEFORE: Mapping[str, tuple[str, dict[str, float]]] = {

@@ -10,13 +10,13 @@ import pytest
 from benchmarks.graph.recorded import RECORDED_TRIP, recorded
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.topic import Topic
 from hapticmech_ros.wire.topics import (
     DEVICE_COMMAND,
     DEVICE_STATE,
     POINT_COMMAND,
     POINT_MODEL,
     STATE,
+    Topic,
 )
 
 BEGUN_NS, PERIOD_NS, COUNT = 1_700_000_000_000_000_000, 1_000_000, 100

@@ -13,7 +13,7 @@ from benchmarks.graph.statuses import (
     status_of,
 )
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.topic import DEVICE
+from hapticmech_ros.wire.topics import DEVICE
 
 
 def spoken(seconds: float, node: str = DEVICE, **figures: float) -> Status:

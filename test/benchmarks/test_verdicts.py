@@ -16,7 +16,7 @@ from benchmarks.graph.plan import Configuration
 from benchmarks.graph.recorded import Recorded
 from benchmarks.graph.run import Run
 from benchmarks.graph.statuses import ROUND_TRIP
-from hapticmech_ros.wire.topic import CONTROLLER, DEVICE
+from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 from .conftest import COMPOSED, SEPARATE, MakeRun
 

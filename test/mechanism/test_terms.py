@@ -12,7 +12,7 @@ from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputErr
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
-from hapticmech_ros.mechanism.kernels.dense_kernels import APART
+from hapticmech_ros.mechanism.kernels.factor_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
 from hapticmech_ros.mechanism.kernels.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.projection import project

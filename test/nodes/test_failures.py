@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError
-from hapticmech_ros.nodes.failures import CALM_S, MOST_DEFECTS, SILENCE_NS, Failures, LastValidState
+from hapticmech_ros.nodes.actor import CALM_S, MOST_DEFECTS, SILENCE_NS, Failures, LastValidState
 
 
 class Node:

@@ -7,7 +7,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.nodes.joint_input import joints_read, numbers_in
+from hapticmech_ros.nodes.inputs import joints_read, numbers_in
 
 NAMES = ("a", "b")
 

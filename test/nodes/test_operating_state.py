@@ -18,11 +18,12 @@ from std_srvs.srv import SetBool
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
 from hapticmech_ros.nodes import operating_state
 from hapticmech_ros.nodes.operating_state import COMMANDS
-from hapticmech_ros.wire.topic import TEXT, crtk_type
 from hapticmech_ros.wire.topics import (
     DEVICE_OPERATING_STATE,
     DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
+    TEXT,
+    crtk_type,
 )
 from sampling import sampled
 

@@ -15,11 +15,11 @@ import time
 import pytest
 
 # Loaded here first: it is built, if need be, before the clock runs.
-import hapticmech_ros.nodes.watchdog  # noqa: F401
+import hapticmech_ros.nodes.loop  # noqa: F401
 
 BEGINNING = """
 import ctypes, sys, time
-from hapticmech_ros.nodes.watchdog import Watchdog
+from hapticmech_ros.nodes.loop import Watchdog
 watchdog = Watchdog(0.5)
 def go_on(seconds):
     end = time.monotonic() + seconds

@@ -21,7 +21,7 @@ from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.messages import Trial, run_in_process
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.failures import MOST_DEFECTS
+from hapticmech_ros.nodes.actor import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.messages import deserialized, set_stamp
 from hapticmech_ros.nodes.operating_state import COMMANDS

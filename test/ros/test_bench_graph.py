@@ -21,7 +21,7 @@ from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
-from hapticmech_ros.wire.topic import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 from ros.harness import RATE
 from sampling import long_ones
 

@@ -22,7 +22,7 @@ from rcl_interfaces.srv import (
 from type_description_interfaces.srv import GetTypeDescription
 
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.topic import VIEWER
+from hapticmech_ros.wire.topics import VIEWER
 from ros.harness import Peer, running
 
 pytestmark = pytest.mark.ros

@@ -23,8 +23,11 @@ from hapticmech_ros.graph import private_environment, start_process, stop_proces
 from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
 from hapticmech_ros.share import shared
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.energies import unpack_device_energy
-from hapticmech_ros.wire.layouts import unpack_device, unpack_operational_model
+from hapticmech_ros.wire.layouts import (
+    unpack_device,
+    unpack_device_energy,
+    unpack_operational_model,
+)
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
 from ros.harness import Peer, next_domain, six

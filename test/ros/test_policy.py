@@ -14,7 +14,7 @@ import pytest
 from visualization_msgs.msg import MarkerArray
 
 from hapticmech_ros.bag.check import OPTIONAL
-from hapticmech_ros.wire.policy import answered, heard, published, requested
+from hapticmech_ros.wire.table import answered, heard, published, requested
 from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, DIAGNOSTICS, TOPICS
 from ros.harness import Peer, running
 

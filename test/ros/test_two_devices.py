@@ -32,8 +32,7 @@ from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.state import StateLayout
-from hapticmech_ros.wire.topic import users_of
-from hapticmech_ros.wire.topics import DEVICE_STATE
+from hapticmech_ros.wire.topics import DEVICE_STATE, users_of
 from ros.harness import Peer, figures, next_domain, six
 
 pytestmark = pytest.mark.ros

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.wire.policy import (
+from hapticmech_ros.wire.table import (
     NODES,
     ONLOOKERS,
     REAL_DEVICES,
@@ -19,8 +19,7 @@ from hapticmech_ros.wire.policy import (
     published,
     requested,
 )
-from hapticmech_ros.wire.topic import DEVICE
-from hapticmech_ros.wire.topics import TOPICS
+from hapticmech_ros.wire.topics import DEVICE, TOPICS
 
 
 def enclaves(*options):

@@ -32,8 +32,7 @@ from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.sources import Info
 from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.times import nanoseconds
-from hapticmech_ros.wire.topic import Rate
-from hapticmech_ros.wire.topics import topic_of
+from hapticmech_ros.wire.topics import Rate, topic_of
 
 DISCOVERY_PERIOD_S = 0.2
 # A graph is not recorded whole before something came from each topic whose publisher never pauses;

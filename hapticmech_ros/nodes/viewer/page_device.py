@@ -47,13 +47,15 @@ from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
-from hapticmech_ros.wire.topic import CONTROLLER, DEVICE, REAL_DEVICES
 from hapticmech_ros.wire.topics import (
     CLOSURES,
+    CONTROLLER,
+    DEVICE,
     DEVICE_STATE,
     DIAGNOSTICS,
     EXTERNAL_WRENCH,
     HAND_WRENCH,
+    REAL_DEVICES,
     SET_OPERATIONAL_POINT,
 )
 from hapticmech_ros.wire.wrench import encode_wrench

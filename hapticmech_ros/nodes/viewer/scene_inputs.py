@@ -29,7 +29,6 @@ from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
 from hapticmech_ros.wire.state import StateLayout, WireState
-from hapticmech_ros.wire.topic import user_prefixes
 from hapticmech_ros.wire.topics import (
     CONTACTS,
     COUNT,
@@ -38,6 +37,7 @@ from hapticmech_ros.wire.topics import (
     HAND_FORCE,
     POINT_COMMAND,
     STATE,
+    user_prefixes,
 )
 
 T = TypeVar("T")
