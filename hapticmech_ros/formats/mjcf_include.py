@@ -1,7 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Includes of MJCF: what another file has stands where the element that names it is; so do
-replicas.
+"""Includes of MJCF, and replicas: what an element names or repeats stands in its place.
 
 ``replicate`` is written out, with what refers to names in it, as MuJoCo's compiler does: replica k
 is turned by k times ``euler``, and offset from the one before in that one's axes; names end in its
