@@ -49,7 +49,7 @@ def arguments():
 def made():
     """Return a function as a kernel, compiled and loaded."""
     content = packed({"tried": compiled(Kernel("tried", SIGNATURE, tried), "host")})
-    loaded = library._loaded(content)
+    loaded = library._loaded(library._unpacked(content))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(library, "library", lambda: loaded)
         yield library.function_of("tried", SIGNATURE, tried)
@@ -88,7 +88,7 @@ def added(numbers, whole):
 def test_arguments_may_come_in_one_array(monkeypatch):
     signature = "float64(float64[::1], int64[::1])"
     kernel = Kernel("added", signature, added, gathered=True)
-    loaded = library._loaded(packed({"added": compiled(kernel, "host")}))
+    loaded = library._loaded({"added": compiled(kernel, "host")})
     monkeypatch.setattr(library, "library", lambda: loaded)
     gathered = np.empty(2, dtype=object)
     gathered[0], gathered[1] = np.array([1.0, 2.0, 4.0]), np.array([3, 5])
@@ -132,7 +132,7 @@ def test_what_a_kernel_calls_is_translated_for_each_combination_of_types():
     )
     name, signature = "calling", "float64(float64, int64)"
     function = Kernel(name, signature, lambda x, n: outer(x, n) + inner(x, 0.25))
-    loaded = library._loaded(packed({name: compiled(function, "host")}))
+    loaded = library._loaded({name: compiled(function, "host")})
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(library, "library", lambda: loaded)
         found = library.function_of(name, signature, function.function)
@@ -155,7 +155,7 @@ def test_a_linked_kernel_is_called_by_others_and_contained_in_none():
 
     kernels = [Kernel("summed", signature, summed, True), Kernel("twice", signature, twice)]
     objects = {one.name: compiled(one, "host") for one in kernels}
-    loaded = library._loaded(packed(objects))
+    loaded = library._loaded(objects)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(library, "library", lambda: loaded)
         one, other = (library.function_of(k.name, signature, k.function) for k in kernels)
