@@ -18,7 +18,7 @@ D = exp(-3/2 T s), and n periods of delay each way closes it by
     otherwise:  H = b b_s / (a (a_s + x E) + x E b_s),      a = s² + b
 
 with p of the operational point, a_s and b_s of the joints' own controllers
-(:mod:`..robot.joint_servo`), r their rate and c the correction of velocities:
+(:mod:`..robot.interfaces`), r their rate and c the correction of velocities:
 a_s = s² + 2 r s + r² and b_s = r² for positions, b_s = 2 r s + r² with rates; a_s = s² + b_s and
 b_s = 2 r (s + c) for velocities. Whether that loop is stable is told by Nyquist's criterion on the
 line Re s = `SLOWEST`; the robot by itself is stable.

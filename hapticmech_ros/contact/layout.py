@@ -94,7 +94,7 @@ class Contacts(Structure):
         frames: (4 p, 9) normal and tangents of points.
         workspace: for the solver's matrices.
         kept_counts, kept_owners, kept_points, kept_forces, kept_origins, kept_joint_force,
-            kept_report: of a period's start, see ``memory_kernels``.
+            kept_report: of a period's start, see ``step_kernels``.
     """
 
     __slots__ = ()

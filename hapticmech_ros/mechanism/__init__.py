@@ -3,7 +3,7 @@
 """Eq. 1: a scene's mechanism, its loop closures and dynamics, and steps of it.
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
-:mod:`multibody`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
+:mod:`mechanism`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
 configuration is one array (:mod:`kernels.data`), and kernels compute on both. The names below
 are loaded when first used: reading a scene needs no kernels.
 """

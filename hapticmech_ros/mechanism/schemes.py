@@ -8,11 +8,11 @@ q = q₀ ⊕ θ, whose rate is θ̇ = J_r(θ)⁻¹ v with J_r the right Jacobian
 vector-space joints θ̇ = v.
 
 * ``rk4``: classical Runge–Kutta of order 4;
-* ``tsit5``: Tsitouras' rule of order 5 with six stages, see :mod:`tsitouras`: for small errors;
+* ``tsit5``: Tsitouras' rule of order 5 with six stages, see :mod:`tableaus`: for small errors;
 * ``rk2``: explicit midpoint rule, order 2: half of rk4's evaluations, enough at haptic rates. On
   the manifold it needs no correction: θ̇ = v holds to the order of the rule;
 * ``semi_implicit_euler``: velocity first, then position with the new velocity: order 1;
-* ``linearly_implicit``: ROS34PW2, order 3, see :mod:`implicit`.
+* ``linearly_implicit``: ROS34PW2, order 3, see :mod:`tableaus`.
 
 Work done and energy lost are integrated with the same weights.
 """

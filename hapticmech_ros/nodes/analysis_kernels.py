@@ -149,8 +149,8 @@ def answer_states(
         before: (1 + nv,) to fill.
         ahead: (size,) as of ``observe_point``.
         observation: (numbers,) to fill, likewise.
-        counter: (numbers,) of constraints; see ``counter_kernels``.
-        past: (5,) see ``past_rates_kernels``.
+        counter: (numbers,) of constraints; see ``observe_kernels``.
+        past: (5,) see ``observe_kernels``.
         stamps: (states,) likewise.
         rates: (states, nv) likewise.
         ages: (n,) to fill: of the states answered, ns.

@@ -3,7 +3,7 @@
 """F_c at the operational points of a mechanism, of what acts on it elsewhere.
 
 That is what its contacts do, and the other hands where there are several; see
-:mod:`.contact_wrench_kernels`.
+:mod:`.observe_kernels`.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ class PastRates:
         size: nv.
 
     Attributes:
-        arrays: for kernels; see :mod:`.past_rates_kernels`.
+        arrays: for kernels; see :mod:`.observe_kernels`.
     """
 
     def __init__(self, periods: int, period_ns: int, size: int) -> None:

@@ -9,10 +9,7 @@ rounding is left follows from those before it, and is left out: a redundant row.
 clear whether it does, where there are not as many of them as there always are, or where the rows
 are nearly dependent altogether, the answer is NOT_DECIDED, and the dense factorisation has to say.
 
-Places that many columns reach may be left out of the band: see :mod:`.border_kernels`.
-
-Rates that many closures share, at a sparse factorisation's border: a platform's on its legs.
-
+Places that many columns reach are left out of the band, at its border: a platform's on its legs.
 Where every closure reaches places of its own and a few that it shares with others, A = L⁻¹Wᵀ is
 [B; P], with B in the band and P at the border (a bordered block-diagonal matrix, dual
 block-angular: Golub, Plemmons and Sameh, Parallel block schemes for large-scale least-squares

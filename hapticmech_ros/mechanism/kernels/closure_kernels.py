@@ -4,7 +4,7 @@
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
 rod's length is that of the first axis of its frame a. A coupling has a polynomial in the
-place of that frame, and no wrenches: see ``coupling_kernels``.
+place of that frame, and no wrenches: see ``pair_kernels``.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class Constants(NamedTuple):
         path: DENSE or SPARSE.
         width: of a sparse factorisation's band; 0 of a dense one.
         border: number of rates that are in no band, the last ones in ``order``; see
-            ``border_kernels``.
+            ``band_kernels``.
         independent: rank that a sparse factorisation has to have, -1 for any.
         carriers: (f,) joint that carries each frame.
         joints: (j, 5) per joint its parent, its first rate, its number of rates, its kind (see
