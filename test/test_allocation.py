@@ -72,7 +72,7 @@ def nodes(scene: Scene) -> Tick:
     held = device.at_rest(start, held=True)
     clutch = engage(0.0, start, start)
     now = {"state": state, "device": held, "ticks": 0}
-    heard, grasps = (True,) * points, flat_grasps(scene)
+    received, grasps = (True,) * points, flat_grasps(scene)
 
     def tick() -> object:
         mechanism, own, ticks = now["state"], now["device"], now["ticks"]
@@ -83,7 +83,7 @@ def nodes(scene: Scene) -> Tick:
             mechanism.v,
             np.zeros((points, 6)),
             grasps,
-            heard,
+            received,
         )
         sent = state_wire.encode(layout.pack(wire))
         operational_model.evaluate(layout.unpack(state_wire.decode(sent)))

@@ -46,10 +46,10 @@ def test_other_words_do_not_count(readiness):
 def test_a_socket_in_a_file_is_told_too(tmp_path):
     """As systemd's own is."""
     path = str(tmp_path / "notify")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
-        heard.bind(path)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as received:
+        received.bind(path)
         say_ready({ADDRESS: path})
-        assert heard.recv(100) == b"READY=1"
+        assert received.recv(100) == b"READY=1"
 
 
 @pytest.mark.parametrize("address", ["", "relative", "@nobody-listens", "/nowhere/at/all"])

@@ -11,11 +11,11 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
-from hapticmech_ros.session.tick_kernels import DEVICE, HEAR, MECHANISM, OBSERVE, RENDER, SENSE
+from hapticmech_ros.session.tick_kernels import DEVICE, MECHANISM, OBSERVE, RECEIVE, RENDER, SENSE
 
 # In the order of a tick.
 PARTS = ("observe", "control", "device", "step")
-_PHASES = (SENSE | OBSERVE | HEAR, RENDER, DEVICE, MECHANISM)
+_PHASES = (SENSE | OBSERVE | RECEIVE, RENDER, DEVICE, MECHANISM)
 
 
 class Loop(Session):

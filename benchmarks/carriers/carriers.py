@@ -121,8 +121,8 @@ class Signal(Protocol):
 class SlotEnd:
     """An end that writes one slot and reads the other."""
 
-    def __init__(self, out: mmap.mmap, into: mmap.mmap, tells: Signal, hears: Signal) -> None:
-        self._out, self._into, self._tells, self._hears = out, into, tells, hears
+    def __init__(self, out: mmap.mmap, into: mmap.mmap, tells: Signal, receives: Signal) -> None:
+        self._out, self._into, self._tells, self._receives = out, into, tells, receives
         self._sent = self._seen = 0
 
     def send(self, message: bytes) -> None:
@@ -136,7 +136,7 @@ class SlotEnd:
 
     def receive(self) -> bytes:
         """Return the next message; empty if none comes in :data:`PATIENCE_S`."""
-        if not self._hears.wait(self._into, self._seen):
+        if not self._receives.wait(self._into, self._seen):
             return b""
         (self._seen,) = _WORD.unpack_from(self._into, 0)
         (length,) = _WORD.unpack_from(self._into, _WORD.size)
@@ -229,11 +229,11 @@ class IceoryxEnd:
         self._node = iox.NodeBuilder.new().create(iox.ServiceType.Ipc)
         names = [f"{name}/{way}" for way in (("there", "back") if first else ("back", "there"))]
         self._services = [self._service(iox, one) for one in names]
-        (out, told), (into, heard) = self._services
+        (out, told), (into, received) = self._services
         self._publisher = out.publisher_builder().initial_max_slice_len(MOST_BYTES).create()
         self._notifier = told.notifier_builder().create()
         self._subscriber = into.subscriber_builder().create()
-        self._listener = heard.listener_builder().create()
+        self._listener = received.listener_builder().create()
         self._patience = iox.Duration.from_millis(round(1e3 * PATIENCE_S))
 
     def _service(self, iox: Any, name: str) -> tuple[Any, Any]:

@@ -125,7 +125,7 @@ class Examples:
         self.points = tuple(mechanism.point_names)
         state, analysis, output = sample.mechanism, sample.analysis, sample.output
         external = np.zeros((len(self.points), 6))
-        heard, grasps = (True,) * len(self.points), flat_grasps(scene)
+        received, grasps = (True,) * len(self.points), flat_grasps(scene)
         layout = StateLayout(mechanism)
         device = DeviceMeasurement(
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
@@ -141,7 +141,7 @@ class Examples:
             grasps[0],
         )
         energy = energy_of(mechanism, state, 0)
-        wire = WireState(0, state.active, state.q, state.v, external, grasps, heard)
+        wire = WireState(0, state.active, state.q, state.v, external, grasps, received)
         joints = coordinate_names(mechanism), layout.coordinates(state.q), state.v
         self.arrays: dict[Topic, StampedArray] = {
             table.DEVICE_STATE: StampedArray(

@@ -69,7 +69,7 @@ class BareNode(Node):
         self._samples = Examples(scene)
         self._deadlines: PeriodClock | None = None
         self._said = 0
-        self._heard_ns = 0
+        self._received_ns = 0
         self._ages, self._latency = DurationHistogram(), DurationHistogram()
         self._control = self._outputs_at("control")
         self._view = self._outputs_at("view")
@@ -143,16 +143,16 @@ class BareNode(Node):
         answers = QUESTIONS.get(self.get_name()) == topic
         closes_loop = topic == DEVICE_COMMAND
 
-        def hear(message: Any) -> None:
+        def receive(message: Any) -> None:
             now, stamp = self.now_ns(), stamp_of(message)
             self._ages.add(now - stamp)
-            self._heard_ns = now
+            self._received_ns = now
             if closes_loop:
                 self._latency.add(now - stamp)
             if answers:
                 self._say_sample(stamp)
 
-        return hear
+        return receive
 
     def _say_sample(self, time_ns: int) -> None:
         self._say(self._control, time_ns)
@@ -164,8 +164,8 @@ class BareNode(Node):
         for publisher, example in publishers:
             publisher.publish(example(time_ns))
 
-    def _hears(self) -> bool:
-        return self.now_ns() - self._heard_ns < SILENCE_NS
+    def _receives(self) -> bool:
+        return self.now_ns() - self._received_ns < SILENCE_NS
 
     def _figures(self) -> dict[str, str]:
         figures: dict[str, str] = {}
@@ -186,11 +186,11 @@ class BareNode(Node):
         return {**figures, **self._ages.summary("message_age"), "refused_messages": "0"}
 
     def _publish_diagnostics(self) -> None:
-        heard = self._hears()
+        received = self._receives()
         status = DiagnosticStatus(
-            level=DiagnosticStatus.OK if heard else DiagnosticStatus.WARN,
+            level=DiagnosticStatus.OK if received else DiagnosticStatus.WARN,
             name=self.get_name(),
-            message="engaged" if heard else "waiting for messages",
+            message="engaged" if received else "waiting for messages",
             hardware_id=self._scene_name,
             values=[KeyValue(key=key, value=value) for key, value in self._figures().items()],
         )

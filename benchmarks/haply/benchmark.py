@@ -133,13 +133,13 @@ class _Listener:
         self._node = Node("bench_haply", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self.heard = 0
+        self.received = 0
         # Stamp of the newest sample with a force, s of the machine's clock.
         self.last = 0.0
-        self._node.create_subscription(Float64MultiArray, DEVICE_STATE.name, self._hear, 10)
+        self._node.create_subscription(Float64MultiArray, DEVICE_STATE.name, self._receive, 10)
 
-    def _hear(self, message: Float64MultiArray) -> None:
-        self.heard += 1
+    def _receive(self, message: Float64MultiArray) -> None:
+        self.received += 1
         values = np.asarray(message.data)
         if np.linalg.norm(values[APPLIED]) > NONE_N:
             self.last = float(values[0] + values[1] / NANOSECONDS)
@@ -295,9 +295,9 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
         rig = _Rig(scene, folder, domain)
         try:
             rig.wait_for_force()
-            before, begun = rig.listener.heard, time.monotonic()
+            before, begun = rig.listener.received, time.monotonic()
             rig.listener.spin(5.0)
-            rate = (rig.listener.heard - before) / (time.monotonic() - begun)
+            rate = (rig.listener.received - before) / (time.monotonic() - begun)
             show(f"{rate:.1f} samples/s")
             for number in range(kills):
                 for victim in VICTIMS:

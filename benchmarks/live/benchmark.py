@@ -145,14 +145,17 @@ def run_benchmark(
             seen = [_look(page, served, name, seconds, show) for name in scenes]
         finally:
             browser.close()
-    with tempfile.TemporaryDirectory() as folder, running(DRAGGED, Path(folder)) as (place, heard):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(DRAGGED, Path(folder)) as (place, received),
+    ):
         browser = Browser(Path(folder))
         try:
             page = browser.page()
             page.prepare(_LISTENING)
             page.open(place)
             show(f"dragging {DRAGGED} in a graph")
-            in_graph = drag_in_steps(page, heard, DRAGGED, jumps)
+            in_graph = drag_in_steps(page, received, DRAGGED, jumps)
         finally:
             browser.close()
     mouse, told = (np.concatenate([one[k] for one in drags]) for k in (0, 1))

@@ -41,7 +41,7 @@ class _Forces:
         rclpy.init()
         self._node = rclpy.create_node("watch")
         topic = "device/hand_cf/live_page"
-        self._node.create_subscription(WrenchStamped, topic, self._heard, STREAM_PUBLISHER)
+        self._node.create_subscription(WrenchStamped, topic, self._received, STREAM_PUBLISHER)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin)
@@ -53,7 +53,7 @@ class _Forces:
         except ExternalShutdownException:
             return
 
-    def _heard(self, message: WrenchStamped) -> None:
+    def _received(self, message: WrenchStamped) -> None:
         force = message.wrench.force
         self.rows.append((time.monotonic(), force.x, force.y))
 

@@ -59,8 +59,8 @@ def watch(file: Path, namespace: str = "") -> None:
             if status.name == f"{root}haptic_device" and status.message == "rendering":
                 print("rendering", flush=True)
 
-    for topic, hear in (("state", on_state), ("energy", energies.append)):
-        node.create_subscription(Float64MultiArray, f"{root}device/{topic}", hear, QOS, raw=True)
+    for topic, receive in (("state", on_state), ("energy", energies.append)):
+        node.create_subscription(Float64MultiArray, f"{root}device/{topic}", receive, QOS, raw=True)
     node.create_subscription(DiagnosticArray, "/diagnostics", on_diagnostics, QOS)
     executor = EventsExecutor()
     executor.add_node(node)

@@ -268,7 +268,7 @@ def _first(
     return told()
 
 
-def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
+def _to_the_device(firsts: Sequence[int], received_ns: np.ndarray) -> int | None:
     """Return when a foreign command first went to the device, ns.
 
     Device and watcher meet a publisher up to a second apart, in either order. Of its two first
@@ -276,11 +276,11 @@ def _to_the_device(firsts: Sequence[int], heard_ns: np.ndarray) -> int | None:
 
     Args:
         firsts: when it first published to one more, ns.
-        heard_ns: when the watcher heard its messages.
+        received_ns: when the watcher heard its messages.
     """
-    if len(firsts) < 2 or not len(heard_ns):
+    if len(firsts) < 2 or not len(received_ns):
         return None
-    watchers = min(firsts, key=lambda at_ns: abs(at_ns - int(heard_ns[0])))
+    watchers = min(firsts, key=lambda at_ns: abs(at_ns - int(received_ns[0])))
     return next((at_ns for at_ns in firsts if at_ns != watchers), watchers)
 
 
@@ -312,11 +312,11 @@ def first_heard(
         asked_ns: when the newcomer was started.
     """
     if first_ns is not None:
-        heard = min((at_ns for at_ns in told if at_ns > first_ns), default=first_ns)
+        received = min((at_ns for at_ns in told if at_ns > first_ns), default=first_ns)
         # The output before that counts as well: it stands until the next one.
         begun = max(int(np.searchsorted(arrived, first_ns)) - 1, 0)
-        pushed = bool(on[begun : np.searchsorted(arrived, heard)].any())
-        return heard if pushed else first_ns
+        pushed = bool(on[begun : np.searchsorted(arrived, received)].any())
+        return received if pushed else first_ns
     if told:
         return min(told)
     # The start of a process may have interrupted rendering before.

@@ -296,7 +296,7 @@ class FakeGraph:
         for listener in self.within[topic]:
             listener(message, INSIDE)
         for one in list(self.subscriptions[topic]):
-            self._heard(one, message)
+            self._received(one, message)
 
     def sent(self, topic: str, kind: Any, message: Any) -> None:
         """Look at what an actor sends, and bring it to those who do not hear it otherwise."""
@@ -312,13 +312,13 @@ class FakeGraph:
             if not (force <= self._limits[0] and torque <= self._limits[1]):
                 self.seen.beyond += 1
                 self._example(f"{topic}: {applied.tolist()}")
-        heard = list(self.subscriptions.get(topic, ()))
-        if heard:
+        received = list(self.subscriptions.get(topic, ()))
+        if received:
             given = message if isinstance(message, bytes) else serialize_message(message)
-            for one in heard:
-                self._heard(one, given)
+            for one in received:
+                self._received(one, given)
 
-    def _heard(self, one: Subscription, message: bytes) -> None:
+    def _received(self, one: Subscription, message: bytes) -> None:
         if isinstance(one.callback, WithInfo):
             self._numbers[one.topic] += 1
             info = {"publication_sequence_number": self._numbers[one.topic]}

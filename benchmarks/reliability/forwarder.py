@@ -87,7 +87,7 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
     ways = {"to_rest": Direction(device, rest), "to_device": Direction(rest, device)}
     by_source = {way.source: way for way in ways.values()}
     waiting: list[tuple[float, int, socket.socket, bytes]] = []
-    heard = [sys.stdin.fileno(), device, rest]
+    received = [sys.stdin.fileno(), device, rest]
     number, text = 0, b""
     while True:
         now = time.monotonic()
@@ -95,7 +95,7 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
             _, _, target, frame = heapq.heappop(waiting)
             _send(target, frame)
         timeout = max(waiting[0][0] - now, 0.0) if waiting else None
-        for source in select.select(heard, (), (), timeout)[0]:
+        for source in select.select(received, (), (), timeout)[0]:
             if not isinstance(source, socket.socket):
                 more = os.read(source, 1 << 16)
                 if not more:

@@ -207,12 +207,12 @@ def seen(found: Samples, fault: Fault, offset_ns: int = 0, period_s: float = 0.0
     if not off.any():
         return Seen(peak=peak, pause_s=pause_s)
     first = int(np.argmax(off))
-    zero, heard = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
+    zero, received = (made[first] - cause_ns) / 1e9, (arrived[first] - cause_ns) / 1e9
     stale = int((counts & on)[:first].sum()) if fault.first_output else 0
     again = counts & on & (made >= fault.released_ns)
     again[: first + 1] = False
     back = (made[int(np.argmax(again))] - fault.released_ns) / 1e9 if again.any() else math.inf
-    return Seen(float(zero), float(heard), float(back), peak, stale, pause_s)
+    return Seen(float(zero), float(received), float(back), peak, stale, pause_s)
 
 
 def _pause_s(found: Samples, before_ns: int) -> float:
@@ -286,7 +286,7 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
 
     zeros = [1e3 * trial.zero_s for trial in trials]
     zero_goal = max((1e3 * trial.zero_goal_s for trial in trials), default=None)
-    heard = [1e3 * trial.heard_s for trial in trials]
+    received = [1e3 * trial.heard_s for trial in trials]
     back = [trial.back_s for trial in trials]
     judged = [trial.peak / clean_max for trial in trials if not trial.paused]
     paused = [trial.peak / clean_max for trial in trials if trial.paused]
@@ -304,7 +304,7 @@ def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) 
     )
     return [
         worst("zero force after, by the device's stamps, worst", zeros, "ms", zero_goal),
-        worst("zero force after, by arrival, worst", heard, "ms", None),
+        worst("zero force after, by arrival, worst", received, "ms", None),
         worst("rendering again after, worst", back, "s", GOAL_BACK_S),
         Figure(
             part,

@@ -137,7 +137,7 @@ class Attack:
         self._well: dict[str, bool] = {}
         self._refused: dict[str, int] = {}
         self._samples: dict[str, bytes] = {}
-        heard: dict[str, Any] = {
+        received: dict[str, Any] = {
             **dict.fromkeys(
                 (DEVICE_OUT, MECHANISM_OUT, POINT_MODEL_OUT, GAIN_OUT), Float64MultiArray
             ),
@@ -145,9 +145,9 @@ class Attack:
         }
         self._kinds = free_topics(scene, "stranger")
         if not free:
-            self._kinds |= {**heard, **CRTK}
+            self._kinds |= {**received, **CRTK}
         self._own: set[bytes] = set()
-        for topic, kind in heard.items():
+        for topic, kind in received.items():
             self._listen(topic, kind)
         self._node.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_status, AS_THEY_COME
@@ -213,7 +213,7 @@ class Attack:
             self._ask()
             self._spin(PAUSE_S)
             now = time.monotonic()
-            silent = max((now - heard for heard in self._heard_s.values()), default=0.0)
+            silent = max((now - received for received in self._heard_s.values()), default=0.0)
             self.silence_s = max(self.silence_s, silent)
             self._look_at_memory(count)
         self._undo(publishers)
@@ -288,7 +288,7 @@ class Attack:
     def _listen(self, topic: str, kind: Any) -> None:
         """Look at what nodes send, not at what this one does."""
 
-        def heard(message: bytes) -> None:
+        def received(message: bytes) -> None:
             if _known(message) in self._own:
                 return
             self._samples.setdefault(topic, message)
@@ -300,7 +300,7 @@ class Attack:
             if topic == DEVICE_OUT:
                 self.force.look(message)
 
-        self._node.create_subscription(kind, topic, heard, SENT_RELIABLY, raw=True)
+        self._node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:

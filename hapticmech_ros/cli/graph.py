@@ -206,7 +206,7 @@ def run(
                         console.print(f"nodes run at nice {SHARING_NICE} now: others need a share")
                 if up is None and graph.is_ready():
                     up = time.monotonic()
-                if ends is None and up is not None and _hears(recorder, graph, up):
+                if ends is None and up is not None and _receives(recorder, graph, up):
                     say_ready()
                     ends = time.monotonic() + (duration or float("inf"))
                 if ends is not None:
@@ -384,7 +384,7 @@ def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> Auxil
     return AuxiliaryProcess("the recorder", process, loss, partial(typer.echo, err=True))
 
 
-def _hears(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
+def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
     """Return whether a recorder hears a graph that is up since a time, or is not waited for."""
     if recorder is None or recorder.has_ended or graph.is_up(recorder.process):
         return True

@@ -60,7 +60,7 @@ ACTING, MOVING, MOVED = CONTROLLER_ACCOUNT.starts("acting", "twist_known", "twis
 STRETCHED, ERROR, SPRING, PROJECTOR, CHANNEL = CONTROLLER_ACCOUNT.starts(
     "error_known", "error", "spring", "projector", "channel"
 )
-FROM_HAND, CHANGED, HEARD, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
+FROM_HAND, CHANGED, RECEIVED, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
     "from_hand", "changed", "sample_known", "sample", "queue_at"
 )
 (IS_ANSWER, WRENCHES, MODELLED, FORCE_GAIN, SPRING_GAIN, DAMPER_GAIN, ANSWERED, GIVEN_THEN) = (
@@ -91,13 +91,13 @@ def account_for_motion(account: Array, twist: Array, duration: float) -> None:
 def account_for_hand(account: Array, sample: Array) -> None:
     """Add to E_h what the hand did until a sample (19,) of the device."""
     before = account[HEARD_SAMPLE : HEARD_SAMPLE + SAMPLE_SIZE]
-    if account[HEARD] != 0.0:
+    if account[RECEIVED] != 0.0:
         way, total = local(6), 0.0
         displacement(before, sample, way)
         for i in range(6):
             total += 0.5 * (before[PUSH + i] + sample[PUSH + i]) * way[i]
         account[FROM_HAND] += total
-    account[HEARD] = 1.0
+    account[RECEIVED] = 1.0
     put(before, sample)
 
 

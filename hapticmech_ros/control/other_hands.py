@@ -44,7 +44,7 @@ NO_OTHERS = np.zeros(19)
 NO_OTHERS.flags.writeable = False
 
 
-def heard_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[str, float]:
+def received_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[str, float]:
     """Return C3_j of the hands whose wrenches a device gets without delay, by their points.
 
     Those are of other points, with nothing between device and controller on either side: where
@@ -121,7 +121,7 @@ class OtherHands:
         samples = self._samples[name]
         return bool(samples) and samples[-1][0] >= stamp_ns
 
-    def heard(self, name: str, now_ns: int) -> bool:
+    def received(self, name: str, now_ns: int) -> bool:
         """Return whether it is known what a hand does at a time (ns)."""
         return self._newest(self._samples[name], now_ns) is not None
 

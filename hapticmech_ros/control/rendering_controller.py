@@ -301,8 +301,8 @@ class RenderingController:
         move_point_on(self.account, inputs.operational_model, inputs.elapsed)
         locality = self.locality(corrects, with_model)
         if self.channels is None:
-            heard = inputs.device, inputs.stamp_ns
-            self.last = self._answered(*heard, inputs, clutch, locality)
+            received = inputs.device, inputs.stamp_ns
+            self.last = self._answered(*received, inputs, clutch, locality)
             return self.last
         forth, back = self.channels
         forth.put(inputs.stamp_ns, inputs.device, inputs.stamp_ns)

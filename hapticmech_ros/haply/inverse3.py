@@ -67,7 +67,7 @@ class Inverse3(RealDevice):
         self._wanted, self._identity = device_id, ""
         self._wait = WAIT_SHARE * scene.simulation.period
         self._cursor: Cursor | None = None
-        self._heard = self._asked = -np.inf
+        self._received = self._asked = -np.inf
         self._was_open = False
         self.problem = link.problem
         self.refused = self.connections_lost = 0
@@ -163,7 +163,7 @@ class Inverse3(RealDevice):
 
     def _left(self) -> float:
         """Return after how many s without a sample the device counts as lost."""
-        return self.silence - (self._clock() - self._heard)
+        return self.silence - (self._clock() - self._received)
 
     def _answered(self, now: float, wait: float) -> bool:
         """Take the newest frame that comes within ``wait`` s; return whether there was one."""
@@ -181,7 +181,7 @@ class Inverse3(RealDevice):
         return found
 
     def _take(self, cursor: Cursor, now: float) -> None:
-        self._cursor, self._heard, self.problem = cursor, now, cursor.refusal
+        self._cursor, self._received, self.problem = cursor, now, cursor.refusal
         self._last = Measured(cursor.position, cursor.velocity, cursor.orientation)
         self.buttons = cursor.buttons
 
@@ -194,7 +194,7 @@ class Inverse3(RealDevice):
         if self._cursor is None:
             return
         way = float(np.linalg.norm(cursor.position - self._cursor.position))
-        most = _LEAP + _FASTEST * (now - self._heard)
+        most = _LEAP + _FASTEST * (now - self._received)
         if way > most:
             rule = f"must be within {most:.3g} m of before"
             raise InvalidInputError("cursor_position", way, rule)

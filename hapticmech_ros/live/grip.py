@@ -228,14 +228,14 @@ class Grip:
         spring: that pulls.
         force: (3,) on it when it was asked for last, N, world axes.
         place: (3,) where, m, world axes.
-        heard: when it was heard of last, s.
+        received: when it was heard of last, s.
 
     Raises:
         InvalidInputError: no such link.
     """
 
     def __init__(self, mechanism: Mechanism, drag: Drag, spring: DragSpring, now: float) -> None:
-        self.spring, self.heard = spring, now
+        self.spring, self.received = spring, now
         self.force, self.place = np.zeros(3), np.zeros(3)
         self._drag, self._goal_at = drag, now
         self._model, self._data = mechanism.model, mechanism.model.createData()
@@ -257,7 +257,7 @@ class Grip:
             goal: (3,) m, world axes.
             now: s, of the caller's clock.
         """
-        self.heard = now
+        self.received = now
         if (goal != self._drag.goal).any():
             self._drag, self._goal_at = replace(self._drag, goal=goal), now
 
@@ -367,7 +367,7 @@ class Dragging:
     def expire(self, now: float) -> None:
         """Let go of what has not been heard of for too long at a time, s."""
         for body, grip in list(self.grips.items()):
-            if now - grip.heard > DRAG_TIMEOUT_S:
+            if now - grip.received > DRAG_TIMEOUT_S:
                 del self.grips[body]
 
     def wrenches(

@@ -539,7 +539,7 @@ class Actor(Generic[P]):
 
         def handed(message: bytes, origin: Origin) -> None:
             if sources is not None:
-                sources.heard(origin, self.now_ns())
+                sources.received(origin, self.now_ns())
             callback(message)
 
         had = self.node.hand_over(self.node.resolve_topic_name(name), message_type, handed)
@@ -560,16 +560,16 @@ class Actor(Generic[P]):
     ) -> WithInfo:
         """Return a callback that tells ``sources`` first whom a message comes from."""
 
-        def hear(message: M, info: Info) -> None:
+        def receive(message: M, info: Info) -> None:
             number = info["publication_sequence_number"]
             if had(message):
                 sources.copied(number, self.now_ns())
                 return
             origin = Origin(MIDDLEWARE, number, sent_ns=info.get("source_timestamp", 0))
-            sources.heard(origin, self.now_ns())
+            sources.received(origin, self.now_ns())
             callback(message)
 
-        return WithInfo(hear)
+        return WithInfo(receive)
 
 
 class ClockedActor(Actor[P]):

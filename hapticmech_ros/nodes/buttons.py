@@ -65,14 +65,14 @@ class ButtonInput:
     ) -> None:
         self._on_press = pressed
         self._state: tuple[bool, ...] | None = None
-        actor.input(prefix + DEVICE_BUTTONS.name, Joy, STREAM_PUBLISHER, self._heard)
+        actor.input(prefix + DEVICE_BUTTONS.name, Joy, STREAM_PUBLISHER, self._received)
 
     def is_pressed(self, number: int) -> bool:
         """Return whether a button is pressed, the first one being 1; none is 0."""
         known = self._state or ()
         return 0 < number <= len(known) and known[number - 1]
 
-    def _heard(self, message: Joy, now_ns: int) -> None:
+    def _received(self, message: Joy, now_ns: int) -> None:
         del now_ns
         before, self._state = self._state, joy_buttons(message)
         if self._on_press is None or before is None:

@@ -48,7 +48,7 @@ _SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
 # How far, m, and how fast, m/s, a hand moves a device.
 _FARTHEST, _FASTEST = 2.0, Motion().speed
 _QOS = QoSProfile(depth=200)
-_Heard = list[tuple[float, Any]]
+_Received = list[tuple[float, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,16 +116,16 @@ class DriverTest:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _listen(self, name: str, kind: Any, qos: QoSProfile = _QOS) -> _Heard:
-        heard: _Heard = []
+    def _listen(self, name: str, kind: Any, qos: QoSProfile = _QOS) -> _Received:
+        received: _Received = []
 
         def keep(message: Any, info: Info) -> None:
             now = time.time_ns()
             waited = now - (int(info["received_timestamp"]) or now)
-            heard.append((time.monotonic() - waited / NANOSECONDS, message))
+            received.append((time.monotonic() - waited / NANOSECONDS, message))
 
         self._node.create_subscription(kind, name, WithInfo(keep), qos)
-        return heard
+        return received
 
     def _wait_for_driver(self) -> None:
         end = time.monotonic() + _PATIENCE
@@ -157,8 +157,8 @@ class DriverTest:
         self._commands.publish(message)
 
     def _check_poses(self, start: float) -> Iterator[Check]:
-        heard = _since(self._poses, start)
-        poses = [message for _, message in heard]
+        received = _since(self._poses, start)
+        poses = [message for _, message in received]
         rate = len(poses) / _LOOK
         yield Check(f"measured_cp at {_SLOWEST:g} Hz or more", f"{rate:.0f} Hz", rate >= _SLOWEST)
         numbers = np.array([_seven(message) for message in poses]).reshape(-1, 7)
@@ -171,8 +171,8 @@ class DriverTest:
         stamps = np.array([stamp_ns(message.header) for message in poses])
         rising = bool((np.diff(stamps) > 0).all()) and len(stamps) > 1
         yield Check("stamps rise", "yes" if rising else "no", rising)
-        came = np.array([at for at, _ in heard]) + time.time() - time.monotonic()
-        age = float(np.median(came - stamps / NANOSECONDS)) if len(heard) else np.inf
+        came = np.array([at for at, _ in received]) + time.time() - time.monotonic()
+        age = float(np.median(came - stamps / NANOSECONDS)) if len(received) else np.inf
         rule = f"stamps are within {_OLD:g} s of this machine's clock as they come"
         yield Check(rule, f"{age:.3f} s old", abs(age) < _OLD)
 
@@ -278,25 +278,25 @@ class DriverTest:
 
     def _ended(self, rule: str, end: float) -> Check:
         """Tell whether a force that was given until a time has ended soon after it, for good."""
-        heard = [(at, _is_force(m)) for at, m in self._forces]
-        before = [at for at, given in heard if given and at < end]
+        received = [(at, _is_force(m)) for at, m in self._forces]
+        before = [at for at, given in received if given and at < end]
         if not before or end - before[-1] > _BEFORE:
             return Check(rule, "there was no force before", None)
-        last = max((at for at, given in heard if given and at >= end), default=end)
-        after = [at for at, given in heard if not given and at > last]
+        last = max((at for at, given in received if given and at >= end), default=end)
+        after = [at for at, given in received if not given and at > last]
         if not after:
             return Check(rule, "it did not end", False)
         took = after[0] - end
         # Up to a message earlier than it was seen.
-        spacing = float(np.median(np.diff([at for at, _ in heard])))
+        spacing = float(np.median(np.diff([at for at, _ in received])))
         return Check(rule, f"{1e3 * took:.0f} ms, by arrival", took < self._zero + spacing)
 
     def _forces_since(self, start: float) -> Array:
         return np.array([_force(m) for _, m in _since(self._forces, start)]).reshape(-1, 3)
 
 
-def _since(heard: _Heard, start: float) -> _Heard:
-    return [one for one in heard if one[0] >= start]
+def _since(received: _Received, start: float) -> _Received:
+    return [one for one in received if one[0] >= start]
 
 
 def _three(vector: Any) -> tuple[float, float, float]:

@@ -365,13 +365,13 @@ class DeviceDriver(ClockedActor[D]):
         numbers, wrenches, clock = link.tolist(), commands.copy(), self.clock
         if clock is None:
             return
-        self._command.put((wrenches[0], numbers[own.ANSWERED]), numbers[own.HEARD])
+        self._command.put((wrenches[0], numbers[own.ANSWERED]), numbers[own.RECEIVED])
         self.answers.went_on(numbers[own.NEWEST : own.ARRIVED + 1], trips.tolist())
         steps = numbers[own.DONE]
         if steps == 0:
             return
         before = wrenches[1], numbers[own.ANSWERED_BEFORE]
-        self._command.before, self._command.before_ns = before, numbers[own.HEARD_BEFORE]
+        self._command.before, self._command.before_ns = before, numbers[own.RECEIVED_BEFORE]
         self._state = DeviceState(state.copy())
         self._ticks_held = max(numbers[own.HELD], self._ticks_held)
         clock.next_ns = numbers[own.NEXT]
@@ -455,16 +455,16 @@ class DeviceDriver(ClockedActor[D]):
                 self.side.envelope.stop()
                 return None
             return self._safe(answer)
-        heard_ns = self._command.as_of(now_ns)[1]
-        fresh = now_ns - heard_ns <= self.timeout_ns
+        received_ns = self._command.as_of(now_ns)[1]
+        fresh = now_ns - received_ns <= self.timeout_ns
         if fault:
             self._obey_no_more(fault)
             return None
         if lost := "servo_cf is lost" if not fresh else self.answers.lost(now_ns):
-            self._lose(lost, None if fresh else now_ns - heard_ns)
+            self._lose(lost, None if fresh else now_ns - received_ns)
             return None
-        acting, heard_ns = self._command.as_of(known_ns)
-        if acting is None or known_ns - heard_ns > self.timeout_ns:
+        acting, received_ns = self._command.as_of(known_ns)
+        if acting is None or known_ns - received_ns > self.timeout_ns:
             return None  # what came anew acts from the next step on
         command, answered_ns = acting
         if not self.answers.begin(answered_ns, now_ns):

@@ -98,7 +98,7 @@ class CrtkDevice:
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
         sources = self._watch(name)
 
-        def hear(message: Any, now_ns: int) -> None:
+        def receive(message: Any, now_ns: int) -> None:
             try:
                 self._check_frame(name, message.header.frame_id)
                 accept(message, now_ns)
@@ -106,7 +106,7 @@ class CrtkDevice:
                 self._refusals[name] = str(error), now_ns
                 raise
 
-        self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, hear, sources, self._wanted)
+        self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, receive, sources, self._wanted)
 
     def _check_frame(self, name: str, frame: str) -> None:
         """Refuse a message in axes that nobody has told.
@@ -266,7 +266,7 @@ class DevicePath(InOrder):
         self._sample: tuple[Array, int] | None = None
         self._turn_ns = NEVER
 
-    def heard(self, reading: DeviceReading, now_ns: int, limit_ns: int) -> bool:
+    def received(self, reading: DeviceReading, now_ns: int, limit_ns: int) -> bool:
         """Return whether a sample is no older than those before it, and take what it tells.
 
         Raises:

@@ -65,7 +65,9 @@ from hapticmech_ros.wire.kernels import (
 # which samples they answer, ns; the newest stamp, and when it came; how many steps were done; how
 # many periods the hand has held, or -1; since when it is known how commands depend on the device;
 # how many samples are remembered; and how many round trips may be noted, and were.
-NEXT, PERIOD, TIMEOUT, FRESH, HEARD, HEARD_BEFORE, ANSWERED, ANSWERED_BEFORE = range(OWN, OWN + 8)
+NEXT, PERIOD, TIMEOUT, FRESH, RECEIVED, RECEIVED_BEFORE, ANSWERED, ANSWERED_BEFORE = range(
+    OWN, OWN + 8
+)
 NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
 LINK_SIZE = OWN + 16
 # Who answers one sample several times tells the answers apart by nanoseconds.
@@ -215,7 +217,7 @@ def drive_at_deadlines(
                 return TO_READ
             take(inputs[0], words, polled[0], frame, copies)
             put(commands[0], values)
-            link[HEARD], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
+            link[RECEIVED], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
             if row_of(stamps, link[REMEMBERS], stamp) >= 0:
                 trips[link[TRIPS]] = (time - stamp) / 1e9
                 link[TRIPS] += 1
@@ -225,9 +227,9 @@ def drive_at_deadlines(
         if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
         known = link[NEXT] - link[PERIOD] - 1
-        before = 1 if link[HEARD] > known else 0
-        heard, answered = link[HEARD + before], link[ANSWERED + before]
-        silent = max(time - link[HEARD], time - link[HEARD_BEFORE], known - heard)
+        before = 1 if link[RECEIVED] > known else 0
+        received, answered = link[RECEIVED + before], link[ANSWERED + before]
+        silent = max(time - link[RECEIVED], time - link[RECEIVED_BEFORE], known - received)
         if silent > link[TIMEOUT]:
             return TO_ACT
         sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
@@ -246,7 +248,7 @@ def drive_at_deadlines(
         put(state, later)
         link[HELD] += int(link[HELD] >= 0)
         put(commands[1], commands[0])
-        link[HEARD_BEFORE], link[ANSWERED_BEFORE] = link[HEARD], link[ANSWERED]
+        link[RECEIVED_BEFORE], link[ANSWERED_BEFORE] = link[RECEIVED], link[ANSWERED]
         stamp = link[NEXT]
         link[NEXT] += link[PERIOD]
         link[DONE] += 1

@@ -117,8 +117,8 @@ class DeviceTicks(PlainMessages):
         frame, self._out = frame_of(sample.prefix, sample.size)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
         said = Said(outlet, frame, len(sample.prefix) + 8 * sample.size)
-        heard = command.heard(topic, actor.commanders)
-        super().__init__(actor, [heard], [said], own.LINK_SIZE)
+        received = command.received(topic, actor.commanders)
+        super().__init__(actor, [received], [said], own.LINK_SIZE)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
         self._most = device_bounds(actor.limits).most
@@ -248,8 +248,8 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
 
     def ready(self, deadline_ns: int) -> bool:
         """Return whether the command to act on, and the hand's wrench if awaited, are there."""
-        heard = self._hand is not None and self._hand.ready(deadline_ns)
-        return heard and super().ready(deadline_ns)
+        received = self._hand is not None and self._hand.ready(deadline_ns)
+        return received and super().ready(deadline_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
         """Return what holds the device, and who pushes, for diagnostics."""

@@ -242,19 +242,19 @@ class ExpiringWrench:
             row[:] = 0.0 if wrench is None else wrench
         return latest.stamp_ns, latest.before_ns
 
-    def take_from(self, wrenches: Array, heard_ns: int, before_ns: int) -> None:
+    def take_from(self, wrenches: Array, received_ns: int, before_ns: int) -> None:
         """Take what a kernel has left of :meth:`put_into`.
 
         Args:
             wrenches: (2, 6) likewise.
-            heard_ns: since when the first one stands.
+            received_ns: since when the first one stands.
             before_ns: the second.
         """
         latest, (stands, stood) = self._latest, wrenches.copy()
-        latest.value, latest.stamp_ns = (None if heard_ns == NEVER else stands), heard_ns
+        latest.value, latest.stamp_ns = (None if received_ns == NEVER else stands), received_ns
         latest.before, latest.before_ns = (None if before_ns == NEVER else stood), before_ns
 
-    def heard(self, now_ns: int) -> bool:
+    def received(self, now_ns: int) -> bool:
         """Return whether a command came within the timeout."""
         return self._latest.fresh(now_ns, self.timeout_ns)
 
@@ -266,12 +266,12 @@ class ExpiringWrench:
 
     def at(self, now_ns: int) -> Array:
         """Return the wrench (6,) that stands at ``now_ns``, N and N m, in the axes given."""
-        wrench, heard_ns = self._latest.as_of(now_ns)
+        wrench, received_ns = self._latest.as_of(now_ns)
         if wrench is None:
             return np.zeros(6)
         if self.timeout_ns == 0:
             return wrench
-        over = now_ns - heard_ns - self.timeout_ns
+        over = now_ns - received_ns - self.timeout_ns
         if over <= 0:
             return wrench
         if over >= self.ramp_ns:

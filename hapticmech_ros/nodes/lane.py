@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A lane between processes of one host and one user, for messages of the control rate.
 
-Whoever listens has a socket in a folder of this user's own; whoever speaks connects to it, is told
-which topics are heard there, and sends those (:mod:`~hapticmech_ros.nodes.lane_connections`).
+A subscriber has a socket in a folder of this user's own; a publisher connects to it, gets the list
+of topics that are subscribed to there, and sends those: :mod:`.lane_connections`.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Arrived(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Heard:
-    """A topic that is heard here."""
+class _Subscription:
+    """A topic that is subscribed to here."""
 
     topic: str
     code: int
@@ -104,12 +104,12 @@ class Lane:
         self.worked = False
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
-        self._heard: dict[str, _Heard] = {}
-        self._codes: dict[int, _Heard] = {}
-        self._filled: list[_Heard] = []
+        self._subscriptions: dict[str, _Subscription] = {}
+        self._codes: dict[int, _Subscription] = {}
+        self._filled: list[_Subscription] = []
         self._records = False
         self._next_code = self._next_serial = 1
-        # Raised with every change of what is heard.
+        # Raised with every change of the subscriptions.
         self._version = 0
         self._outgoing: dict[int, Outgoing] = {}
         self._incoming: dict[int, Incoming] = {}
@@ -170,7 +170,7 @@ class Lane:
             topic: full name and type.
             listener: called with a message, serialized, and its origin.
         """
-        self._hear(topic).listeners.append(listener)
+        self._subscription(topic).listeners.append(listener)
         self._tell_anew()
 
     def listen_to_all(self, topic: str, listener: BatchListener) -> None:
@@ -180,26 +180,26 @@ class Lane:
             topic: full name and type.
             listener: called with messages, serialized, each with its origin.
         """
-        self._hear(topic).batch_listeners.append(lambda batch, _: listener(batch))
+        self._subscription(topic).batch_listeners.append(lambda batch, _: listener(batch))
         self._records = True
         self._tell_anew()
 
-    def _hear(self, topic: str) -> _Heard:
-        heard = self._heard.get(topic)
-        if heard is None:
+    def _subscription(self, topic: str) -> _Subscription:
+        subscription = self._subscriptions.get(topic)
+        if subscription is None:
             while self._next_code in self._codes:
                 self._next_code = (self._next_code + 1) % MOST_CODES
-            heard = self._heard[topic] = _Heard(topic, self._next_code)
-            self._codes[self._next_code] = heard
+            subscription = self._subscriptions[topic] = _Subscription(topic, self._next_code)
+            self._codes[self._next_code] = subscription
             self._next_code = (self._next_code + 1) % MOST_CODES
-        return heard
+        return subscription
 
     def silence(self, topic: str, listener: Listener) -> None:
         """Hear the latest messages of a topic no more."""
-        heard = self._heard[topic]
-        heard.listeners.remove(listener)
-        if not heard.count:
-            del self._heard[topic], self._codes[heard.code]
+        subscription = self._subscriptions[topic]
+        subscription.listeners.remove(listener)
+        if not subscription.count:
+            del self._subscriptions[topic], self._codes[subscription.code]
         self._tell_anew()
 
     def readers(self, topic: str) -> int:
@@ -270,11 +270,11 @@ class Lane:
             topic: full name and type.
             via: the publisher, see :class:`~hapticmech_ros.nodes.sources.Origin`.
         """
-        heard = self._heard.get(topic)
+        subscription = self._subscriptions.get(topic)
         for number, incoming in self._incoming.items():
-            if heard is not None and incoming.serial == via >> 32:
-                alone = len(heard.listeners) == 1 and not heard.batch_listeners
-                return (number, heard.code) if alone else None
+            if subscription is not None and incoming.serial == via >> 32:
+                alone = len(subscription.listeners) == 1 and not subscription.batch_listeners
+                return (number, subscription.code) if alone else None
         return None
 
     def collect(
@@ -312,11 +312,13 @@ class Lane:
                 self._read_topics(outgoing)
             else:
                 self._accept()
-        for heard in self._filled:
+        for subscription in self._filled:
             # Of several publishers.
-            heard.batch.sort(key=_sent_ns)
-            found += [Arrived(one, heard.batch, INSIDE) for one in heard.batch_listeners]
-            heard.batch = []
+            subscription.batch.sort(key=_sent_ns)
+            found += [
+                Arrived(one, subscription.batch, INSIDE) for one in subscription.batch_listeners
+            ]
+            subscription.batch = []
         self._filled.clear()
         return found
 
@@ -400,10 +402,15 @@ class Lane:
             self._tell(incoming)
 
     def _tell(self, incoming: Incoming) -> None:
-        """Tell a process that speaks which topics are heard here."""
+        """Tell a process that speaks which topics are subscribed to here."""
         told = [
-            (heard.topic, heard.code, heard.count, bool(heard.batch_listeners))
-            for heard in self._heard.values()
+            (
+                subscription.topic,
+                subscription.code,
+                subscription.count,
+                bool(subscription.batch_listeners),
+            )
+            for subscription in self._subscriptions.values()
         ]
         try:
             incoming.tell(told, self._version)
@@ -411,7 +418,7 @@ class Lane:
             self._close_incoming(incoming)
 
     def _read_topics(self, outgoing: Outgoing) -> None:
-        """Read what is heard at the other end."""
+        """Read what is subscribed to at the other end."""
         try:
             outgoing.read_topics()
             self._sort()
@@ -457,23 +464,23 @@ class Lane:
             if length > size and frame[0] == MESSAGE:
                 _, both, code, outlet, number, count, sent_ns = HEADER.unpack_from(frame)
                 # None: of before it was silenced.
-                heard = self._codes.get(code)
+                subscription = self._codes.get(code)
             else:
                 self.refused += 1
-                heard = None
-            if heard is not None:
+                subscription = None
+            if subscription is not None:
                 origin = Origin(base | outlet, number, count, sent_ns)
                 message = bytes(frame[size:length])
                 if both:
-                    self.copied.append((heard.topic, message))
-                for listener in heard.listeners:
+                    self.copied.append((subscription.topic, message))
+                for listener in subscription.listeners:
                     key = id(listener), outlet
                     at = newest.setdefault(key, len(found))
                     found[at : at + 1] = (Arrived(listener, message, origin),)
-                if heard.batch_listeners:
-                    if not heard.batch:
-                        self._filled.append(heard)
-                    heard.batch.append((message, origin))
+                if subscription.batch_listeners:
+                    if not subscription.batch:
+                        self._filled.append(subscription)
+                    subscription.batch.append((message, origin))
             if left <= 0:
                 return
 

@@ -281,7 +281,7 @@ class LocalLoop:
         if told is None:
             self.uncorrected_for_others += 1
             return NO_OTHERS
-        if not all(others.heard(name, now_ns) for name in told.by_point):
+        if not all(others.received(name, now_ns) for name in told.by_point):
             self.uncorrected_for_others += 1
         elif told.by_point:
             self.corrected_for_others += 1

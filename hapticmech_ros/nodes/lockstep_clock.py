@@ -215,10 +215,10 @@ class LockstepClock(QuietEventsNode):
         self.time_ns = start_ns
         # Complete ones.
         self.ticks = 0
-        self.last_heard_s = time.monotonic()
+        self.last_received_s = time.monotonic()
         self._writer = writer
         self._feed = feed
-        self._heard: set[str] = set()
+        self._received: set[str] = set()
         self._awaited: dict[str, int] = {}
         self._missing: set[str] = set()
         self.completed = Future()
@@ -252,7 +252,9 @@ class LockstepClock(QuietEventsNode):
 
     def _tell(self) -> None:
         self.completed = Future()
-        self._missing = {name for name, heard in self._awaited.items() if heard < self.time_ns}
+        self._missing = {
+            name for name, received in self._awaited.items() if received < self.time_ns
+        }
         if self._feed is not None:
             self._feed.publish(self.time_ns)
         set_stamp(self._message.clock, self.time_ns)
@@ -263,16 +265,16 @@ class LockstepClock(QuietEventsNode):
     def _listen(self, topic: Topic, namespace: str, point: str) -> None:
         name = self.resolve_topic_name(topic.of(point, namespace))
         control = topic.rate == "control"
-        if name in self._heard or not (control or self._writer):
+        if name in self._received or not (control or self._writer):
             return
-        self._heard.add(name)
+        self._received.add(name)
         if control:
             self._awaited[name] = -1
         if self._writer is not None:
             self._writer.add_topic(name, topic.type, topic.qos)
         stamp_of = array_stamp if topic.type == ARRAY else header_stamp
 
-        def heard(data: bytes) -> None:
+        def received(data: bytes) -> None:
             if self._writer is not None:
                 self._writer.write(name, self.time_ns, data)
             if control:
@@ -281,7 +283,7 @@ class LockstepClock(QuietEventsNode):
                 except InvalidInputError:
                     # Somebody else's: whoever it is for refuses it, and says so.
                     return
-                self.last_heard_s = time.monotonic()
+                self.last_received_s = time.monotonic()
                 if self._awaited[name] >= self.time_ns:
                     self._missing.discard(name)
                     if not self._missing and not self.completed.done():
@@ -290,7 +292,7 @@ class LockstepClock(QuietEventsNode):
         qos = LATCHED if topic.qos == "latched" else LOCKSTEP
         if topic.publisher in ("any", "every node"):
             qos = RECORDER_SUBSCRIBER
-        self.create_subscription(message_class(topic.type), name, heard, qos, raw=True)
+        self.create_subscription(message_class(topic.type), name, received, qos, raw=True)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -350,7 +352,7 @@ def _pace(
             write_progress("progress", ticks=node.ticks)
         if not node.completed.done():
             node.retell()
-            if time.monotonic() - node.last_heard_s > stall_timeout_s:
+            if time.monotonic() - node.last_received_s > stall_timeout_s:
                 silent = ", ".join(node.missing())
                 raise LockstepError(f"lockstep: nothing on {silent} for {stall_timeout_s:g} s")
             continue
@@ -363,7 +365,7 @@ def _pace(
                 wait_for_messages(executor, min(ahead, LONGEST_WAIT_S))
         node.advance()
     for _ in range(MOST_QUIET):
-        if time.monotonic() - node.last_heard_s < QUIET_S:
+        if time.monotonic() - node.last_received_s < QUIET_S:
             wait_for_messages(executor, QUIET_S)
     executor.shutdown()
 

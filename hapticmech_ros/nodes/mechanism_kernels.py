@@ -42,7 +42,7 @@ from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 # ever, and how long it then takes to reach zero; from what stamp on commands count; since when the
 # command stands, and the one before, ns; the newest stamp, and when it came; how many steps were
 # done.
-NEXT, PERIOD, TIMEOUT, RAMP, SINCE, HEARD, HEARD_BEFORE, NEWEST, ARRIVED, DONE = range(
+NEXT, PERIOD, TIMEOUT, RAMP, SINCE, RECEIVED, RECEIVED_BEFORE, NEWEST, ARRIVED, DONE = range(
     OWN, OWN + 10
 )
 # Where in a state what begins that changes.
@@ -60,9 +60,9 @@ def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
         known: as of when, ns.
         wrench: (6,) to fill.
     """
-    row = 1 if link[HEARD] > known else 0
+    row = 1 if link[RECEIVED] > known else 0
     put(wrench, commands[row])
-    over = known - link[HEARD + row] - link[TIMEOUT]
+    over = known - link[RECEIVED + row] - link[TIMEOUT]
     if link[TIMEOUT] > 0 and over > 0:
         left = 0.0 if over >= link[RAMP] else 1.0 - over / link[RAMP]
         for i in range(6):
@@ -162,7 +162,7 @@ def move_at_deadlines(
                 return TO_READ
             take(inputs[0], words, polled[0], frame, copies)
             put(commands[0], values)
-            link[HEARD], link[NEWEST], link[ARRIVED] = time, stamp, time
+            link[RECEIVED], link[NEWEST], link[ARRIVED] = time, stamp, time
             note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
             continue
         now_real = time_of(REALTIME, words)
@@ -184,14 +184,14 @@ def move_at_deadlines(
         if not moved:
             return TO_ACT
         put(commands[1], commands[0])
-        link[HEARD_BEFORE] = link[HEARD]
+        link[RECEIVED_BEFORE] = link[RECEIVED]
         stamp = link[NEXT]
         link[NEXT] += link[PERIOD]
         link[DONE] += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[link[POSITION] : link[POSITION] + nv], data.q)
         put(out[link[VELOCITY] : link[VELOCITY] + nv], data.v)
-        out[link[FLAG]] = 1.0 if stamp - link[HEARD] <= link[TIMEOUT] else 0.0
+        out[link[FLAG]] = 1.0 if stamp - link[RECEIVED] <= link[TIMEOUT] else 0.0
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)

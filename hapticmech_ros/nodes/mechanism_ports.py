@@ -97,9 +97,9 @@ class PointPort:
         """Set how long a command stands, and how long it then takes to reach zero."""
         self.command.timeout_ns = self.command.ramp_ns = timeout_ns
 
-    def heard(self, now_ns: int) -> bool:
+    def received(self, now_ns: int) -> bool:
         """Return whether one controller commands, and its commands are heard."""
-        return self.command.heard(now_ns) and not self.fault(now_ns)
+        return self.command.received(now_ns) and not self.fault(now_ns)
 
     def fault(self, now_ns: int) -> str:
         """Return which two command where one may; empty if none do."""

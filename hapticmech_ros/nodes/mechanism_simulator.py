@@ -82,7 +82,7 @@ class MechanismTicks(PlainMessages):
         frame, self._out = frame_of(state.prefix, state.size)
         topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
         said = Said(outlet, frame, len(state.prefix) + 8 * state.size)
-        super().__init__(actor, [command.heard(topic, port.controllers)], [said], own.LINK_SIZE)
+        super().__init__(actor, [command.received(topic, port.controllers)], [said], own.LINK_SIZE)
         self._frame, self._command = frame, command
         self._simulator, self._out_most = actor, layout.bounds.most
         self._commands = np.zeros((2, 6))
@@ -117,7 +117,10 @@ class MechanismTicks(PlainMessages):
         link[own.NEXT], link[own.DONE] = actor.clock.next_ns, 0
         link[own.TIMEOUT], link[own.RAMP] = port.command.timeout_ns, port.command.ramp_ns
         link[own.SINCE] = port.since_ns
-        link[own.HEARD : own.ARRIVED + 1] = *port.command.put_into(self._commands), *port.order.last
+        link[own.RECEIVED : own.ARRIVED + 1] = (
+            *port.command.put_into(self._commands),
+            *port.order.last,
+        )
         link[kernels.VIEW] = actor.until_view
         state, scene = actor.state, actor.simulator.scene
         # Terms are of the operational point's place, which is another scene's once it has moved.
@@ -172,9 +175,9 @@ class MechanismTicks(PlainMessages):
         """Tell the simulator what the kernel did."""
         actor, link, port = self._simulator, self.link.tolist(), self._simulator.port
         if reads or link[own.DONE]:
-            heard = link[own.HEARD : own.ARRIVED + 1]
-            port.command.take_from(self._commands, *heard[:2])
-            port.order.last = heard[2], heard[3]
+            received = link[own.RECEIVED : own.ARRIVED + 1]
+            port.command.take_from(self._commands, *received[:2])
+            port.order.last = received[2], received[3]
         if link[own.DONE]:
             known, data = self._known or actor.state, self._data
             state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
@@ -422,11 +425,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._sampled_ns = deadline_ns
         late = self._is_behind or bool(self._operating.withheld)
         if self.lockstep:
-            heard = tuple([index in self._held for index in range(len(self._ports))])
+            received = tuple([index in self._held for index in range(len(self._ports))])
         else:
-            heard = tuple([not late and port.heard(deadline_ns) for port in self._ports])
+            received = tuple([not late and port.received(deadline_ns) for port in self._ports])
         wire = WireState(
-            deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, heard
+            deadline_ns, state.active, state.q, state.v, external, self._grasps.numbers, received
         )
         self._publish_wire.publish(self._wire.encode(self._layout.pack(wire)))
         self._last_valid.keep(state)

@@ -19,7 +19,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
-from hapticmech_ros.nodes.plain_messages import Heard, PlainMessages, Said, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainMessages, Received, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.coupling import coupling, transmission
@@ -75,9 +75,9 @@ class StateAnswers(PlainMessages):
         state = FlatArray(layout.fields)
         model, out_bounds, frame, self._out = answer
         topic = actor.lane_topic(STATE.name, Float64MultiArray)
-        heard = Heard(topic, sources, state.prefix, state.size, len(state.prefix))
+        received = Received(topic, sources, state.prefix, state.size, len(state.prefix))
         said = Said(outlet, frame, len(model.prefix) + 8 * model.size)
-        super().__init__(actor, [heard], [said], own.LINK_SIZE)
+        super().__init__(actor, [received], [said], own.LINK_SIZE)
         self._frame = frame
         self._analyser = actor
         self._most, self._out_most = layout.bounds.most, out_bounds.most

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.other_hands import OtherHands, heard_directly
+from hapticmech_ros.control.other_hands import OtherHands, received_directly
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.inputs import Latest, Stamped
@@ -148,7 +148,7 @@ class OtherUsers:
         topic = actor.node.resolve_topic_name(DEVICE_STATE.name)
         root, found, _ = topic.rpartition(f"/{actor.point}/{DEVICE_STATE.name}")
         points = actor.other_points if found else []
-        names = heard_directly(actor.shared_scene, actor.point, points)
+        names = received_directly(actor.shared_scene, actor.point, points)
         self._names = {f"{root}/{name}/{DEVICE_STATE.name}": name for name in names}
         self._wire = CouplingWire(actor.other_points, actor.limits)
         self._guard = CouplingGuard(actor)
@@ -179,7 +179,7 @@ class OtherUsers:
         qos, gains = actor.control_input, DEVICE_COUPLING.name
         actor.input_array(gains, qos, on_coupling, self._wire.fields, watch(gains))
         for topic, name in self._names.items():
-            actor.input_array(topic, qos, self._hears(name, loop), DEVICE_FIELDS, watch(topic))
+            actor.input_array(topic, qos, self._receives(name, loop), DEVICE_FIELDS, watch(topic))
 
     def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> None:
         """Forget what must not be used now (ns), since two say it."""
@@ -203,7 +203,7 @@ class OtherUsers:
             "uncorrected_for_others": str(loop.uncorrected_for_others),
         }
 
-    def _hears(self, name: str, loop: Callable[[], LocalLoop]) -> Callable[[Array, int], None]:
+    def _receives(self, name: str, loop: Callable[[], LocalLoop]) -> Callable[[Array, int], None]:
         bounds = device_bounds(self._actor.shared_scene.held_at(name).limits)
 
         def on_state(values: Array, now_ns: int) -> None:

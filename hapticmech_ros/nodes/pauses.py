@@ -138,7 +138,7 @@ class SenderPauses(Pauses):
         """Of the last message its publisher, its number, and its stamp, ns."""
         return self._via, self._count, self._stamp_ns
 
-    def heard(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
+    def received(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
         """Note a message.
 
         Args:

@@ -53,7 +53,7 @@ def words_of(data: bytes) -> Array:
     return np.frombuffer(data.ljust(-(-len(data) // 8) * 8, b"\0"), np.int64).copy()
 
 
-class Heard(NamedTuple):
+class Received(NamedTuple):
     """A topic of which messages are read.
 
     Attributes:
@@ -104,9 +104,9 @@ class PlainCommand:
         self.between = words_of(whole[_FRAME_AT:_WRENCH_AT])
         self.most = np.array([bounds.first] * 3 + [bounds.last] * 3)
 
-    def heard(self, topic: str, sources: Sources) -> Heard:
+    def received(self, topic: str, sources: Sources) -> Received:
         """Return a topic of such commands that are read; see :class:`Heard`."""
-        return Heard(topic, sources, self.prefix, 6, _STAMP_AT)
+        return Received(topic, sources, self.prefix, 6, _STAMP_AT)
 
 
 class PlainMessages:
@@ -114,7 +114,7 @@ class PlainMessages:
 
     Args:
         actor: whose.
-        heard: topics that are read.
+        received: topics that are read.
         said: topics that are sent.
         size: of ``link``.
 
@@ -127,13 +127,15 @@ class PlainMessages:
         words, polled, ages: for the kernel.
     """
 
-    def __init__(self, actor: Any, heard: Sequence[Heard], said: Sequence[Said], size: int) -> None:
-        self._actor, self._heard, self._said = actor, heard, said
-        made = [frame_of(one.prefix, one.size) for one in heard]
+    def __init__(
+        self, actor: Any, received: Sequence[Received], said: Sequence[Said], size: int
+    ) -> None:
+        self._actor, self._received, self._said = actor, received, said
+        made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
-        self.prefixes = [words_of(one.prefix[: one.alike]) for one in heard]
+        self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
         self.link = np.zeros(size, dtype=np.int64)
-        self.inputs = np.zeros((len(heard), kernels.INPUT_SIZE), dtype=np.int64)
+        self.inputs = np.zeros((len(received), kernels.INPUT_SIZE), dtype=np.int64)
         self.outputs = np.zeros((len(said), kernels.OUTPUT_SIZE), dtype=np.int64)
         self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
         self.words = np.zeros(5, dtype=np.int64)
@@ -142,7 +144,7 @@ class PlainMessages:
         self.targets: list[Array] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
         self._origins: list[Origin] = []
-        for one, row in zip(heard, self.inputs, strict=True):
+        for one, row in zip(received, self.inputs, strict=True):
             row[kernels.DATA] = kernels.HEADER_BYTES + one.alike
             row[kernels.LENGTH] = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
         for told, row in zip(said, self.outputs, strict=True):
@@ -222,7 +224,7 @@ class PlainMessages:
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
         """Find who speaks; return whether that is one process for each topic."""
         self._origins, first = [], []
-        for one, row in zip(self._heard, self.inputs, strict=True):
+        for one, row in zip(self._received, self.inputs, strict=True):
             origin = one.sources.only
             speaker = origin and lane.speaker(one.topic, origin.via)
             if origin is None or speaker is None:
@@ -250,11 +252,11 @@ class PlainMessages:
         code, link = self.run(), self.link
         for at, one in enumerate(self._said):
             self._send_on(lane, one, self.outputs[at].tolist(), self._hearers[at])
-        for at, (heard, row) in enumerate(zip(self._heard, self.inputs, strict=True)):
+        for at, (received, row) in enumerate(zip(self._received, self.inputs, strict=True)):
             if row[kernels.READ]:
-                heard.sources.heard(self.origin(at), int(row[kernels.READ]))
+                received.sources.received(self.origin(at), int(row[kernels.READ]))
             for copy in self.copies[at][: row[kernels.COPIED]]:
-                lane.copied.append((heard.topic, self._bytes(copy, int(row[kernels.LENGTH]))))
+                lane.copied.append((received.topic, self._bytes(copy, int(row[kernels.LENGTH]))))
         reads = int(link[kernels.READS])
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)

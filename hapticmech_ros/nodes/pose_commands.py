@@ -63,7 +63,7 @@ class PoseCommands:
         self.sources: Sources = actor.sources(DEVICE_POSE_COMMAND.name)
         self._goal: pin.SE3 | None = None
         self._kind = ""
-        self._heard_ns = NEVER
+        self._received_ns = NEVER
         self._setpoint = actor.view(DEVICE_POSE_SETPOINT, PoseStamped)
         qos, name = actor.control_input, DEVICE_POSE_COMMAND.name
         actor.input_stream(name, PoseStamped, qos, self._on_servo, self.sources)
@@ -77,7 +77,7 @@ class PoseCommands:
 
     def goal(self, now_ns: int) -> pin.SE3 | None:
         """Return the pose that is commanded at a time (ns), or None."""
-        if self._kind == SERVO and now_ns - self._heard_ns > self.timeout_ns:
+        if self._kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
             self.end(f"{SERVO} is lost")
         return self._goal
 
@@ -115,7 +115,7 @@ class PoseCommands:
         check_in_world(message.header.frame_id)
         checked_stamp(message.header, now_ns, self._actor.age_limit_ns, unstamped_is_now=True)
         self._goal, self._kind = read_framed_pose(message, self._actor.limits), SERVO
-        self._heard_ns = now_ns
+        self._received_ns = now_ns
 
     def _on_hold(self, message: Empty, now_ns: int) -> None:
         del message

@@ -69,8 +69,10 @@ class RecorderNode(BagRecorderNode):
         for name, topic in names.items():
             # Before their publishers are there: to subscribe in a running graph takes long.
             request = LATCHED if topic.qos == "latched" else RECORDER_SUBSCRIBER
-            heard = self.hear(name, topic.type, self._look_at_device if name in watched else None)
-            heard.expect(request, offered_qos(topic.qos))
+            received = self.receive(
+                name, topic.type, self._look_at_device if name in watched else None
+            )
+            received.expect(request, offered_qos(topic.qos))
         self._decode = FlatArray(DEVICE_FIELDS).decode
         self._start_hands = [
             self.create_client(Trigger, f"{space}/{START_HAND}" if space else START_HAND)
@@ -89,15 +91,15 @@ class RecorderNode(BagRecorderNode):
         elif now - self._whole_s >= SETTLE_S:
             self._asked = True
             # What comes from now on is the experiment.
-            for topic in self.heard.values():
+            for topic in self.received.values():
                 topic.forget_losses()
             for client in self._start_hands:
                 client.call_async(Trigger.Request())
 
     def waits_for(self) -> list[str]:
         """Return the topics from which nothing has come yet; then services that are not there."""
-        heard = {name for name, topic in self.heard.items() if topic.count}
-        return sorted(self._expected - heard) or [
+        received = {name for name, topic in self.received.items() if topic.count}
+        return sorted(self._expected - received) or [
             client.srv_name for client in self._start_hands if not client.service_is_ready()
         ]
 
@@ -148,7 +150,7 @@ def main(arguments: Sequence[str]) -> int:
         if failure:
             write_progress("failed", reason=failure)
             return 1
-        write_progress("done", messages=sum(topic.count for topic in node.heard.values()))
+        write_progress("done", messages=sum(topic.count for topic in node.received.values()))
         return 0
     except HapticMechError as error:
         write_progress("failed", reason=str(error))

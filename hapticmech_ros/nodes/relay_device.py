@@ -55,17 +55,17 @@ class AxesDevice(RealDevice):
     ) -> None:
         super().__init__(scene, mounting, silence, clock, has_torques)
         self._send, self._efforts = send, 6 if has_torques else 3
-        self._heard, self._is_new = -np.inf, False
+        self._received, self._is_new = -np.inf, False
         self.problem = "no joint states have come"
 
-    def hear(self, measured: Measured) -> None:
+    def receive(self, measured: Measured) -> None:
         """Take a sample."""
-        self._last, self._heard, self._is_new = measured, self._clock(), True
+        self._last, self._received, self._is_new = measured, self._clock(), True
         self.problem = ""
 
     def look(self) -> bool:
         """Return whether the device is there."""
-        if self._last is not None and self._clock() - self._heard > self.silence:
+        if self._last is not None and self._clock() - self._received > self.silence:
             self.problem = f"no joint states for {1e3 * self.silence:.0f} ms"
             self.forget()
         return self._last is not None
@@ -147,4 +147,4 @@ class RelayDevice(RealDeviceDriver[RelayParameters]):
             rotation = pin.exp3(np.array((position[3], 0.0, 0.0)))
             rotation = rotation @ pin.exp3(np.array((0.0, position[4], 0.0)))
             rotation = rotation @ pin.exp3(np.array((0.0, 0.0, position[5])))
-        self._axes_device.hear(Measured(position[:3], velocity[:3], rotation))
+        self._axes_device.receive(Measured(position[:3], velocity[:3], rotation))

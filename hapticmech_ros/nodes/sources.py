@@ -126,7 +126,7 @@ class _Source:
     via: int
     last: int
     recent: int
-    heard_ns: int
+    received_ns: int
     sent: int = 0
     gap_ns: int = 0
     still: int = 0
@@ -153,7 +153,7 @@ class _Source:
         anew = MIDDLEWARE < self.via < origin.via and 0 < self.sent < origin.sent
         return self.via == MIDDLEWARE or (anew and not (self.via ^ origin.via) & OUTLETS)
 
-    def heard(self, origin: Origin, now_ns: int) -> None:
+    def received(self, origin: Origin, now_ns: int) -> None:
         """Note a message."""
         ahead = origin.number - self.last
         if ahead > 0:
@@ -170,8 +170,8 @@ class _Source:
             self.still += ahead == 0
             if self.still >= REORDERED and now_ns - self.moved_ns >= ARRIVED_NS:
                 self.over = _MASK
-        self.gap_ns = now_ns - self.heard_ns
-        self.heard_ns = now_ns
+        self.gap_ns = now_ns - self.received_ns
+        self.received_ns = now_ns
 
     def copied(self, number: int) -> bool:
         """Note that the middleware brought a number too; return whether it had done so before."""
@@ -185,7 +185,7 @@ class _Source:
     def alive(self, now_ns: int, least_ns: int = ALIVE_NS) -> bool:
         """Return whether it may speak again; whoever spoke within ``least_ns`` may."""
         longest = max(least_ns, min(ALIVE_PERIODS * self.gap_ns, LONGEST_ALIVE_NS))
-        return now_ns - self.heard_ns <= longest
+        return now_ns - self.received_ns <= longest
 
 
 class Sources:
@@ -205,18 +205,18 @@ class Sources:
         self.latest = INSIDE
         self._sources: list[_Source] = []
         self._two = False
-        self._heard_ns = 0
+        self._received_ns = 0
         self._named = ""
         self._named_ns = 0
 
-    def heard(self, origin: Origin, now_ns: int) -> None:
+    def received(self, origin: Origin, now_ns: int) -> None:
         """Note a message.
 
         Args:
             origin: whom it comes from.
             now_ns: time of its arrival, ns.
         """
-        self._heard_ns = now_ns
+        self._received_ns = now_ns
         self.latest = origin
         via, number = origin.via, origin.number
         if via == MIDDLEWARE and number == UNNUMBERED:
@@ -231,7 +231,7 @@ class Sources:
             recent = _MASK if via == MIDDLEWARE else 0
             self._add(_Source(via, number, recent, now_ns, origin.sent), now_ns)
         else:
-            source.heard(origin, now_ns)
+            source.received(origin, now_ns)
         if len(self._sources) > 1:
             self._sources = [one for one in self._sources if one.alive(now_ns, FORGET_NS)]
         self._two = len(self._sources) > 1
@@ -303,7 +303,7 @@ class Sources:
 
     def fault(self, now_ns: int) -> str:
         """Return a sentence that names both if there are two; empty if there are not."""
-        if not self._two or now_ns - self._heard_ns > FORGET_NS:
+        if not self._two or now_ns - self._received_ns > FORGET_NS:
             self._named = ""
             return ""
         if not self._named or now_ns - self._named_ns >= NAMED_NS:

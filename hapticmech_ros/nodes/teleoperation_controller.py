@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import Clutch, ControlArchitecture
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
-from hapticmech_ros.control.other_hands import coupling_gain, heard_directly
+from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
     ControllerInput,
@@ -42,7 +42,13 @@ from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.other_users import Transmissions
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.pauses import SenderPauses
-from hapticmech_ros.nodes.plain_messages import Heard, PlainCommand, PlainMessages, Said, frame_of
+from hapticmech_ros.nodes.plain_messages import (
+    PlainCommand,
+    PlainMessages,
+    Received,
+    Said,
+    frame_of,
+)
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.plan.loop_check import loop_warning
@@ -85,20 +91,20 @@ class SampleAnswers(PlainMessages):
         analyser: Sources,
         outputs: tuple[Outlet, Outlet],
     ) -> None:
-        heard = []
+        received = []
         for name, fields, sources in (
             (DEVICE_STATE.name, DEVICE_FIELDS, device),
             (POINT_MODEL.of(actor.point), OPERATIONAL_MODEL_FIELDS, analyser),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
-            heard.append(Heard(topic, sources, prefix, fields.size, len(prefix)))
+            received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
         command = PlainCommand(actor.wrenches)
         frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in outputs]
         said = [
             Said(outlet, frame, command.size)
             for outlet, (frame, _) in zip(outputs, frames, strict=True)
         ]
-        super().__init__(actor, heard, said, own.LINK_SIZE)
+        super().__init__(actor, received, said, own.LINK_SIZE)
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
@@ -139,7 +145,7 @@ class SampleAnswers(PlainMessages):
         of_device, of_analyser = self.inputs[:, kernels.READ].tolist()
         if of_analyser:
             origin = self.origin(own.MODELS)
-            self._controller.heard_model(self.link, self._known, origin, of_analyser)
+            self._controller.received_model(self.link, self._known, origin, of_analyser)
         if of_device:
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
@@ -221,7 +227,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
         self._of_device, self._of_analyser = device, analyser
         # C3 of the hands whose wrenches the device gets at once, and what these do to the point.
-        self._direct = heard_directly(self.shared_scene, self.point, self.other_points)
+        self._direct = received_directly(self.shared_scene, self.point, self.other_points)
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
         self._buttons = ButtonInput(self)
@@ -360,13 +366,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     def _on_device_state(self, values: Array, now_ns: int) -> None:
         inputs = read_device(values, self.bounds.device)
         stamp, device = inputs.stamp_ns, inputs.measured
-        heard = self.lockstep or self.path.heard(inputs, now_ns, self.age_limit_ns)
+        received = self.lockstep or self.path.received(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
-        self._device_pauses.heard(stamp, self._of_device.latest, now_ns)
+        self._device_pauses.received(stamp, self._of_device.latest, now_ns)
         if self.lockstep:
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
-        elif not heard:
+        elif not received:
             self._last_ns = now_ns  # a sign of life, but older than what was answered
         else:
             if self.path.changed(self._time_s(now_ns)):
@@ -528,7 +534,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
         return settings, self.side.locality(True, False)
 
-    def heard_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
+    def received_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
         """Take the last operational model that the kernel has heard.
 
         Args:
@@ -653,7 +659,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         found = read_operational_model(values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._model.put(found, found.stamp_ns)
-        self._model_pauses.heard(found.stamp_ns, self._of_analyser.latest, now_ns)
+        self._model_pauses.received(found.stamp_ns, self._of_analyser.latest, now_ns)
         self.ages.add(now_ns - found.stamp_ns)
         if self.lockstep:
             self._models.put(found, found.stamp_ns)

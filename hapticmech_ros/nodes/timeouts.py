@@ -150,8 +150,8 @@ class Losses:
         """Return what has come to explain the last loss, ns; empty if nothing has."""
         if self._open is None:
             return ""
-        sender, heard_ns, timeout_ns = self._open
-        paused = _explaining(sender, sender.looked_ns - heard_ns, timeout_ns)
+        sender, received_ns, timeout_ns = self._open
+        paused = _explaining(sender, sender.looked_ns - received_ns, timeout_ns)
         if not paused:
             return ""
         self._open = None

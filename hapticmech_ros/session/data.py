@@ -53,7 +53,7 @@ class SessionData(Structure):
         implicit: 1 for an implicit rule.
         connected: 1 if a connection is between device and controller.
         period_ns: of a tick.
-        heard: 1 if a sample has reached the controller in this tick.
+        received: 1 if a sample has reached the controller in this tick.
         rows: (t,) rows of a six-vector that the task space has.
         forth_state, back_state: channels of the connection, see ``channel_kernels``.
         times: (6,) see ``TIMES``.
@@ -95,7 +95,7 @@ class SessionData(Structure):
     __slots__ = ()
 
     index, steps, stages, implicit = Size(0), Size(1), Size(2), Size(3)
-    connected, period_ns, heard = Size(4), Size(5), Size(6)
+    connected, period_ns, received = Size(4), Size(5), Size(6)
     rows = Part(0, 1, whole=True)
     forth_state, back_state = Part(1, 1, whole=True), Part(2, 1, whole=True)
     times, metric, observation = Part(3, 1), Part(4, 1), Part(5, 1)

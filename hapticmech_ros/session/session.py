@@ -68,7 +68,6 @@ from hapticmech_ros.session.tick_kernels import (
     CONTACTS,
     DEVICE,
     EVERY,
-    HEAR,
     INPUTS,
     KERNEL_ARGUMENTS,
     KNOWN,
@@ -76,6 +75,7 @@ from hapticmech_ros.session.tick_kernels import (
     OBSERVATION_FAILED,
     OBSERVE,
     PHASES,
+    RECEIVE,
     RECORDED,
     RECORDS,
     RENDER,
@@ -477,7 +477,7 @@ class Session:
             "implicit": self._stepper.implicit,
             "connected": int(channels is not None),
             "period_ns": nanoseconds(self.period),
-            "heard": 1,
+            "received": 1,
         }
         parts = {
             "rows": self._analyser.rows,
@@ -627,13 +627,13 @@ class Session:
         control, simulated = self._control, self._simulated
         if self._call(first, inputs, rows):
             self._observe_in_python()
-        self._call(HEAR, inputs, rows)
+        self._call(RECEIVE, inputs, rows)
         clutch = self._engaged_clutch(self.time)
         self._set(clutch)
         faulty = self._motion is not None and bool(self._motion.fault)
         if faulty:
             self._given[:] = 0.0
-        elif control.answers_in_python and self._data.heard:
+        elif control.answers_in_python and self._data.received:
             self._answer_in_python(self.time, clutch)
         self._clock[ANSWERED] = control.answers_in_python or faulty
         self._call(RENDER | (DEVICE if simulated else 0), inputs, rows)
@@ -695,12 +695,12 @@ class Session:
     def _answer_in_python(self, time: float, clutch: Clutch) -> None:
         """Let a control law that is written in Python answer what was heard."""
         data, side = self._parts, self._side
-        heard = data.sample if side.is_ideal else data.forth[-1]
+        received = data.sample if side.is_ideal else data.forth[-1]
         operational_model, flying = data.observation[:_MODEL_SIZE], None
         if data.locality[FORCE_LOCAL] != 0.0:
-            flying = side.in_flight(data.settings, heard, operational_model, time)
+            flying = side.in_flight(data.settings, received, operational_model, time)
         found = self._control.answer(
-            time, clutch, heard.copy(), operational_model.copy(), 0.0, flying
+            time, clutch, received.copy(), operational_model.copy(), 0.0, flying
         )
         self._given[_WRENCHES] = found.ravel()
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, heard_directly
+from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, received_directly
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
@@ -80,7 +80,7 @@ class SharedSession:
         # Of each user: C3 of those whose wrenches its device gets at once, what it knows of them,
         # and H of the answers that do not act yet.
         self._direct = {
-            point: {} if user.answers_in_python else heard_directly(scene, point, self.points)
+            point: {} if user.answers_in_python else received_directly(scene, point, self.points)
             for point, user in self._users.items()
         }
         self._period_ns, self._delay = nanoseconds(self.period), command_delay

@@ -69,8 +69,8 @@ from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_
 from hapticmech_ros.session.data import TIMES, TOTALS, SessionData
 
 # What a tick consists of, in this order; a call does all of it or some.
-SENSE, OBSERVE, HEAR, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
-ALL = SENSE | OBSERVE | HEAR | RENDER | DEVICE | MECHANISM
+SENSE, OBSERVE, RECEIVE, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
+ALL = SENSE | OBSERVE | RECEIVE | RENDER | DEVICE | MECHANISM
 # Of a run: number of ticks; what they do; number of the next tick; 1 if terms at its start are
 # known; why the mechanism's step failed; from one record to the next, 0 for none; records written;
 # 1 if the answer's wrenches are there already; and which of the arrays of terms is the start's.
@@ -84,7 +84,7 @@ KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
 MODEL_SIZE = OPERATIONAL_MODEL.size
 RUN_PLAN_SIZE = RUN_PLAN.size
 # Among the whole numbers of a session.
-HEARD = vars(SessionData)["heard"].index
+RECEIVED = vars(SessionData)["received"].index
 PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
 TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
     "time", "work_in", "damping_loss", "closure_error", "constraints"
@@ -175,18 +175,18 @@ def feel_contacts(
 
 
 @inner
-def hear(data: SessionData, time: float, stamp_ns: int) -> None:
+def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
     """Count joint constraints, add up F_c, and send the sample over the connection."""
     observation, counted = data.observation, data.rows.size
     data.totals[CONSTRAINTS] = count_rigid(data.counter, observation[:counted], time)
     for i in range(6):
         observation[CONTACT + i] = data.external[i] + data.contact[i]
-    heard = 1
+    received = 1
     if data.connected != 0:
         times, state, rows = data.times, data.forth_state, data.forth
         send(state, rows, times[DELAY], times[JITTER], times[LOSS], stamp_ns, stamp_ns, data.sample)
-        heard = int(receive(state, rows, stamp_ns))
-    data.numbers[HEARD] = heard
+        received = int(receive(state, rows, stamp_ns))
+    data.numbers[RECEIVED] = received
 
 
 @inner
@@ -195,11 +195,11 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     controller, answers, connected = data.controller, data.answers, data.connected != 0
     operational_model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
     account_for_motion(controller, operational_model[TWIST:CONTACT], controller[PERIOD])
-    heard = data.forth[data.forth.shape[0] - 1] if connected else data.sample
+    received = data.forth[data.forth.shape[0] - 1] if connected else data.sample
     given = data.given if connected else last
-    if data.heard != 0:
+    if data.received != 0:
         settings, locality = data.settings, data.locality
-        account_for_hand(controller, heard)
+        account_for_hand(controller, received)
         if not answered:
             told, faded = data.told, data.faded
             give_answer(
@@ -207,14 +207,14 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
                 settings,
                 faded,
                 told,
-                heard,
+                received,
                 operational_model,
                 time,
                 0.0,
                 locality,
                 given,
             )
-        conclude(controller, settings, heard, operational_model, time, locality, given)
+        conclude(controller, settings, received, operational_model, time, locality, given)
         if connected:
             times, tag = data.times, data.forth_state[TAG]
             law = times[DELAY], times[JITTER], times[LOSS]
@@ -404,11 +404,11 @@ def run_ticks(
             sense(data)
         if phases & OBSERVE and not look(numbers, values, data, packed, clock):
             return OBSERVATION_FAILED
-        if phases & HEAR:
+        if phases & RECEIVE:
             if contact_numbers.size > 0 and clock[KNOWN] != 0:
                 contacts = Contacts(contact_numbers, contact_values)
                 feel_contacts(numbers, values, data, packed[clock[AT]], contacts)
-            hear(data, time, stamp_ns)
+            receive_sample(data, time, stamp_ns)
         if phases & RENDER:
             render(data, time, stamp_ns, clock[ANSWERED] != 0)
             if every > 0 and tick % every == 0:

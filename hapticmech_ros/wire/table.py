@@ -89,7 +89,7 @@ def published(node: str) -> list[str]:
     return [*_LOG, *managed, *own, *(_TF if node == VIEWER else ())]
 
 
-def heard(node: str) -> list[str]:
+def subscribed(node: str) -> list[str]:
     """Return patterns of the topics that a node subscribes to."""
     found = ["/clock", "/parameter_events", *([DIAGNOSTICS.name] if node == PAGE else ())]
     role = DEVICE if node in REAL_DEVICES else node
@@ -148,7 +148,7 @@ def _of_a_node(node: str) -> Rules:
         ("services", "reply"): answered(node),
         ("services", "request"): requested(node),
         ("topics", "publish"): published(node),
-        ("topics", "subscribe"): heard(node),
+        ("topics", "subscribe"): subscribed(node),
     }
     if node in (VIEWER, PAGE):
         # Of several users each has these in a namespace of its own.

@@ -110,11 +110,11 @@ def test_the_session_says_what_to_expect() -> None:
 def test_a_recorder_that_comes_late_or_leaves_early_is_found() -> None:
     rates = {DEVICE: 1000.0, MECHANISM: 1000.0}
 
-    def heard(device: int, mechanism: int) -> bool:
+    def received(device: int, mechanism: int) -> bool:
         published = {"/device/state": device, "/mechanism/state": mechanism}
         return check_recording(Recorded({}, {}, published, {}), rates, 20.0, "handle").held
 
-    assert heard(20_000, 20_000)
-    assert heard(19_990, 20_010)
-    assert not heard(19_000, 20_000)
-    assert not heard(20_000, 0)
+    assert received(20_000, 20_000)
+    assert received(19_990, 20_010)
+    assert not received(19_000, 20_000)
+    assert not received(20_000, 0)

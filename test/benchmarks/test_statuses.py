@@ -21,13 +21,13 @@ def spoken(seconds: float, node: str = DEVICE, **figures: float) -> Status:
 
 
 def test_the_statuses_around_a_window_are_the_nearest_outside() -> None:
-    heard = [spoken(second) for second in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
+    received = [spoken(second) for second in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
     window = (nanoseconds(2.5), nanoseconds(4.5))
-    ends = around([*heard, spoken(2.4, "other")], DEVICE, window)
+    ends = around([*received, spoken(2.4, "other")], DEVICE, window)
     assert ends is not None
     assert [status.stamp_ns / NANOSECONDS for status in ends] == [2.0, 5.0]
-    assert around(heard[:4], DEVICE, window) is None
-    assert around(heard[2:], DEVICE, window) is None
+    assert around(received[:4], DEVICE, window) is None
+    assert around(received[2:], DEVICE, window) is None
 
 
 def test_a_clocked_node_publishes_what_it_does_not_miss() -> None:

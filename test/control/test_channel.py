@@ -15,7 +15,7 @@ from oracles.delay_line import DelayLine
 MS = 1_000_000
 
 
-def heard(connection, messages, direction=0):
+def received(connection, messages, direction=0):
     """Return what a channel hands out each millisecond, for messages that are their own number."""
     line = Channel(connection, direction, 2, 1e-3)
     found = []
@@ -33,7 +33,7 @@ def heard(connection, messages, direction=0):
 @pytest.mark.parametrize("seed", [0, 5, 2**31 - 1])
 def test_it_is_the_readable_line_to_the_bit(seed, direction):
     connection = Connection(delay=0.0231, jitter=0.7, loss=0.1, seed=seed)
-    found, channel = heard(connection, 5000, direction)
+    found, channel = received(connection, 5000, direction)
     line = DelayLine(connection, direction)
     for tick, message in enumerate(found):
         line.put(tick * MS, tick)
@@ -50,17 +50,17 @@ def test_more_messages_than_the_period_allows_are_refused():
 
 
 def test_without_delay_each_message_arrives_at_once():
-    found, _ = heard(Connection(), 20)
+    found, _ = received(Connection(), 20)
     assert found == list(range(20))
 
 
 def test_an_even_delay_shifts_them_all():
-    found, _ = heard(Connection(delay=0.007), 40)
+    found, _ = received(Connection(delay=0.007), 40)
     assert found == [None] * 7 + list(range(33))
 
 
 def test_jitter_spreads_them_evenly_and_the_newest_counts():
-    found, _ = heard(Connection(delay=0.05, jitter=0.2, seed=4), 5000)
+    found, _ = received(Connection(delay=0.05, jitter=0.2, seed=4), 5000)
     delays = [tick - number for tick, number in enumerate(found) if number is not None]
     # Rounded up to the tick at which they are asked for; late ones are overtaken.
     assert 40 <= min(delays) <= 42
@@ -72,7 +72,7 @@ def test_jitter_spreads_them_evenly_and_the_newest_counts():
 
 
 def test_losses_are_as_frequent_as_said_and_without_pattern():
-    found, line = heard(Connection(loss=0.05, seed=1), 20_000)
+    found, line = received(Connection(loss=0.05, seed=1), 20_000)
     lost = [number is None for number in found]
     assert line.lost == sum(lost)
     # A binomial of 20000 at 0.05 has a deviation of 31; four of them.
@@ -83,10 +83,10 @@ def test_losses_are_as_frequent_as_said_and_without_pattern():
 
 def test_the_same_seed_is_the_same_connection_and_directions_differ():
     uneven = Connection(delay=0.01, jitter=0.5, loss=0.1, seed=7)
-    assert heard(uneven, 500)[0] == heard(uneven, 500)[0]
-    assert heard(uneven, 500)[0] != heard(uneven, 500, direction=1)[0]
+    assert received(uneven, 500)[0] == received(uneven, 500)[0]
+    assert received(uneven, 500)[0] != received(uneven, 500, direction=1)[0]
     other = uneven.model_copy(update={"seed": 8})
-    assert heard(uneven, 500)[0] != heard(other, 500)[0]
+    assert received(uneven, 500)[0] != received(other, 500)[0]
 
 
 def test_there_are_two_directions():

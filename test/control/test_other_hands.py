@@ -15,7 +15,7 @@ from hapticmech_ros.control.other_hands import (
     SILENT,
     OtherHands,
     coupling_gain,
-    heard_directly,
+    received_directly,
 )
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.scene import scene_from_document
@@ -81,12 +81,12 @@ def test_what_was_overtaken_is_dropped_and_what_is_old_forgotten():
 
 def test_a_hand_is_heard_as_long_as_it_is_carried_on():
     others = told(float, 10)
-    assert not others.heard("b", -1)
-    assert others.heard("b", 5 * PERIOD_NS)
-    assert others.heard("b", (9 + SILENT) * PERIOD_NS)
-    assert not others.heard("b", (9 + SILENT) * PERIOD_NS + 1)
+    assert not others.received("b", -1)
+    assert others.received("b", 5 * PERIOD_NS)
+    assert others.received("b", (9 + SILENT) * PERIOD_NS)
+    assert not others.received("b", (9 + SILENT) * PERIOD_NS + 1)
     others.forget("b")
-    assert not others.heard("b", 9 * PERIOD_NS)
+    assert not others.received("b", 9 * PERIOD_NS)
 
 
 def held(*connections, **changes):
@@ -101,14 +101,14 @@ def held(*connections, **changes):
 
 def test_heard_are_those_with_nothing_between():
     scene = held({}, {}, {"expected": 0.01})
-    assert heard_directly(scene, "a", "abc") == {"b": 1.0}
-    assert heard_directly(scene, "c", "abc") == {}
-    assert heard_directly(held({}, {"delay": 0.01}), "a", "ab") == {}
-    assert heard_directly(held({}, {"loss": 0.1}), "a", "ab") == {}
+    assert received_directly(scene, "a", "abc") == {"b": 1.0}
+    assert received_directly(scene, "c", "abc") == {}
+    assert received_directly(held({}, {"delay": 0.01}), "a", "ab") == {}
+    assert received_directly(held({}, {"loss": 0.1}), "a", "ab") == {}
     half = {"force_channel": {"hand": 0.5}}
-    assert heard_directly(held({}, {}, controller=half), "a", "ab") == {"b": 0.5}
+    assert received_directly(held({}, {}, controller=half), "a", "ab") == {"b": 0.5}
     remote = {"force_channel": {"local": False}}
-    assert heard_directly(held({}, {}, controller=remote), "a", "ab") == {}
+    assert received_directly(held({}, {}, controller=remote), "a", "ab") == {}
 
 
 @pytest.mark.parametrize("name", ["five_bar", "door", "spatial_arm", "ur5e"])

@@ -27,8 +27,8 @@ def test_an_emergency_stop_lasts_and_comes_first():
     guard = CommandGuard(sources)
     assert guard.fault(0) == ""
     guard.stopped = True
-    sources.heard(Origin(MIDDLEWARE, 100), 0)
-    sources.heard(Origin(MIDDLEWARE, 7), 0)
+    sources.received(Origin(MIDDLEWARE, 100), 0)
+    sources.received(Origin(MIDDLEWARE, 7), 0)
     assert guard.fault(1000 * MS) == STOPPED
     assert guard.fault(0) == STOPPED
     guard.stopped = False
@@ -42,9 +42,9 @@ def test_two_on_either_topic_are_a_fault_that_names_both(watched):
     sources = [Sources(Middleware(), topic) for topic in topics]
     guard = CommandGuard(*sources)
     for one in sources:
-        one.heard(Origin(MIDDLEWARE, 100), 0)
+        one.received(Origin(MIDDLEWARE, 100), 0)
     assert guard.fault(0) == ""
-    sources[watched].heard(Origin(MIDDLEWARE, 7), 0)
+    sources[watched].received(Origin(MIDDLEWARE, 7), 0)
     assert guard.fault(0) == f"more than one publisher of {topics[watched]}: /one and /other"
     guard.forget()
     assert guard.fault(0) == ""
@@ -53,5 +53,5 @@ def test_two_on_either_topic_are_a_fault_that_names_both(watched):
 def test_an_input_that_nobody_uses_is_no_fault():
     commands, gains = (Sources(Middleware(), name) for name in ("/servo_cf", "/gain"))
     guard = CommandGuard(commands, gains)
-    commands.heard(Origin(MIDDLEWARE, 100), 0)
+    commands.received(Origin(MIDDLEWARE, 100), 0)
     assert guard.fault(0) == ""

@@ -25,15 +25,15 @@ class FakePublisher:
 class Hears:
     """Puts messages into a list; two of one list are equal."""
 
-    def __init__(self, heard: list) -> None:
-        self.heard = heard
+    def __init__(self, received: list) -> None:
+        self.received = received
 
     def __call__(self, message: bytes, origin: Origin) -> None:
         assert origin == INSIDE
-        self.heard.append(message)
+        self.received.append(message)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Hears) and other.heard is self.heard
+        return isinstance(other, Hears) and other.received is self.received
 
     __hash__ = None
 
@@ -44,24 +44,24 @@ def outlet(exchange: Exchange, subscriptions: int, stays: bool = False) -> tuple
 
 
 def test_within_the_process_nothing_goes_outside() -> None:
-    exchange, heard = Exchange(), []
-    exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    exchange.listen("/topic", Hears(received))
     # The one subscription is that of the listener itself.
     publish, sent = outlet(exchange, 1)
     publish.publish(b"a")
-    assert heard == []
+    assert received == []
     exchange.deliver()
-    assert heard == [b"a"]
+    assert received == [b"a"]
     assert sent == []
 
 
 def test_who_listens_outside_gets_it_too_and_the_copy_is_dropped_here() -> None:
-    exchange, heard = Exchange(), []
-    is_own = exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    is_own = exchange.listen("/topic", Hears(received))
     publish, sent = outlet(exchange, 2)
     publish.publish(b"a")
     exchange.deliver()
-    assert heard == sent == [b"a"]
+    assert received == sent == [b"a"]
     assert all(is_own(message) for message in sent)
     assert not is_own(b"of another process")
 
@@ -79,28 +79,28 @@ def test_nothing_is_converted_that_nobody_wants_unless_it_stays() -> None:
 
 
 def test_what_stays_goes_outside_also_while_only_this_process_listens() -> None:
-    exchange, heard = Exchange(), []
-    exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    exchange.listen("/topic", Hears(received))
     publish, sent = outlet(exchange, 1, stays=True)
     publish.publish(b"a")
     exchange.deliver()
-    assert heard == sent == [b"a"]
+    assert received == sent == [b"a"]
 
 
 def test_message_objects_take_the_way_through_the_middleware() -> None:
-    exchange, heard = Exchange(), []
-    exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    exchange.listen("/topic", Hears(received))
     publish, sent = outlet(exchange, 1)
     message = object()
     publish.publish(message)
     exchange.deliver()
     assert sent == [message]
-    assert heard == []
+    assert received == []
 
 
 def test_who_comes_later_is_noticed() -> None:
-    exchange, heard = Exchange(), []
-    exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    exchange.listen("/topic", Hears(received))
     publish, sent = outlet(exchange, 1)
     publish.publish(b"a")
     publish.publisher.subscriptions = 2  # type: ignore[attr-defined]
@@ -111,54 +111,54 @@ def test_who_comes_later_is_noticed() -> None:
 
 
 def test_answers_come_after_the_message_they_answer() -> None:
-    exchange, heard = Exchange(), []
+    exchange, received = Exchange(), []
     publish, _ = outlet(exchange, 1)
 
     def answer(message: bytes, origin: Origin) -> None:
         if message == b"question":
             publish.publish(b"answer")
             exchange.deliver()
-        heard.append(message)
+        received.append(message)
 
     exchange.listen("/topic", answer)
     publish.publish(b"question")
     publish.publish(b"next")
     exchange.deliver()
-    assert heard == [b"question", b"next", b"answer"]
+    assert received == [b"question", b"next", b"answer"]
 
 
 def test_a_silenced_listener_hears_no_more() -> None:
-    exchange, heard = Exchange(), []
-    exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    exchange.listen("/topic", Hears(received))
     publish, _ = outlet(exchange, 1)
     publish.publish(b"a")
-    exchange.silence("/topic", Hears(heard))
+    exchange.silence("/topic", Hears(received))
     exchange.deliver()
     publish.publish(b"b")
     exchange.deliver()
-    assert heard == []
+    assert received == []
 
 
 def test_delivery_goes_on_after_a_listener_that_raised() -> None:
-    exchange, heard = Exchange(), []
+    exchange, received = Exchange(), []
 
     def refuse(message: bytes, origin: Origin) -> None:
         raise ValueError(message)
 
     exchange.listen("/topic", refuse)
-    exchange.listen("/topic", Hears(heard))
+    exchange.listen("/topic", Hears(received))
     publish, _ = outlet(exchange, 2)
     publish.publish(b"a")
     try:
         exchange.deliver()
     except ValueError:
         exchange.deliver()
-    assert heard == [b"a"]
+    assert received == [b"a"]
 
 
 def test_copies_that_never_come_back_are_forgotten() -> None:
-    exchange, heard = Exchange(), []
-    is_own = exchange.listen("/topic", Hears(heard))
+    exchange, received = Exchange(), []
+    is_own = exchange.listen("/topic", Hears(received))
     publish, _ = outlet(exchange, 2)
     for number in range(MOST_UNDERWAY + 1):
         publish.publish(b"%d" % number)

@@ -159,15 +159,15 @@ def test_events_without_messages_keep_nobody_waiting(system: LateSystem) -> None
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
     system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
     executor.wait(1000, ns=0)
-    heard: list[int] = []
-    executor.create_task(lambda: heard.append(system.now))
+    received: list[int] = []
+    executor.create_task(lambda: received.append(system.now))
     begun = system.now
     for _ in range(40):
         system.now += 1000 * US
         inbox.look()
-    assert heard
+    assert received
     # Each look takes MOST_CALLBACKS of them, and there is one a period.
-    assert heard[0] - begun <= (1000 // loop.MOST_CALLBACKS + 2) * 1_100 * US
+    assert received[0] - begun <= (1000 // loop.MOST_CALLBACKS + 2) * 1_100 * US
 
 
 class Lane:

@@ -53,7 +53,7 @@ def lanes(folder: Path) -> Iterator[list[Lane]]:
     assert not folder.exists()
 
 
-class Heard(list):
+class Received(list):
     """What a listener got."""
 
     def __call__(self, message: bytes, origin: Origin) -> None:
@@ -99,8 +99,8 @@ def send(lane: Lane, message: bytes, number: int = 0, both: bool = False, outlet
 
 def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[Lane]) -> None:
     speaks, first, second = lanes
-    heard, other, deaf = Heard(), Heard(), Heard()
-    first.listen(TOPIC, heard)
+    received, other, deaf = Received(), Received(), Received()
+    first.listen(TOPIC, received)
     second.listen(TOPIC, other)
     second.listen("/topic Other", deaf)
     meet(lanes)
@@ -109,20 +109,20 @@ def test_a_message_reaches_all_who_hear_its_topic_and_nobody_else(lanes: list[La
     send(speaks, b"a", 7)
     hand_on(first)
     hand_on(second)
-    assert heard.messages == other.messages == [b"a"]
+    assert received.messages == other.messages == [b"a"]
     assert deaf == []
-    assert heard[0][1].number == 7
-    assert heard[0][1].via > 0
+    assert received[0][1].number == 7
+    assert received[0][1].via > 0
 
 
 def test_who_wants_every_message_gets_it_after_those_who_answer(
     monkeypatch: pytest.MonkeyPatch, lanes: list[Lane]
 ) -> None:
     speaks, records, answers = lanes
-    kept, heard = Heard(), Heard()
+    kept, received = Received(), Received()
     records.listen_to_all(TOPIC, kept.every)
     meet(lanes)
-    answers.listen(TOPIC, heard)
+    answers.listen(TOPIC, received)
     meet(lanes)
     order = []
     plain = lane_connections.Outgoing.send
@@ -136,24 +136,24 @@ def test_who_wants_every_message_gets_it_after_those_who_answer(
     hand_on(records)
     hand_on(answers)
     assert order == [False, True]
-    assert kept.messages == heard.messages == [b"one"]
+    assert kept.messages == received.messages == [b"one"]
 
 
 def test_origins_tell_when_messages_were_sent_and_batches_are_in_that_order(
     lanes: list[Lane],
 ) -> None:
-    one, two, hears = lanes
-    heard = Heard()
-    hears.listen_to_all(TOPIC, heard.every)
+    one, two, receives = lanes
+    received = Received()
+    receives.listen_to_all(TOPIC, received.every)
     meet(lanes)
     times = [time.time_ns()]
     for number in range(6):
         send((one, two)[number % 2], bytes([number]))
         times.append(time.time_ns())
     # Long after, and from two processes.
-    hand_on(hears)
-    assert heard.messages == [bytes([number]) for number in range(6)]
-    for (_, origin), before, after in zip(heard, times[:-1], times[1:], strict=True):
+    hand_on(receives)
+    assert received.messages == [bytes([number]) for number in range(6)]
+    for (_, origin), before, after in zip(received, times[:-1], times[1:], strict=True):
         assert before <= origin.sent_ns <= after
 
 
@@ -202,8 +202,8 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
     folder: Path, monkeypatch: pytest.MonkeyPatch, whole: bool
 ) -> None:
     """What has come by the time of a call is taken, and no more, as slow as it may be taken."""
-    reader, heard, plain = Lane(folder), Heard(), Heard()
-    reader.listen_to_all(TOPIC, heard.every)
+    reader, received, plain = Lane(folder), Received(), Received()
+    reader.listen_to_all(TOPIC, received.every)
     reader.listen(TOPIC, plain)
     asked: list[int] = []
     plainly = lane_connections.Incoming.bytes_waiting
@@ -219,12 +219,12 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
             assert time.monotonic() < end
             reader.look()
             time.sleep(0.005)
-            before, looks = len(heard), len(asked)
+            before, looks = len(received), len(asked)
             for listener, batch, origin in reader.collect(0.01, whole):
                 listener(batch, origin)
             size = HEADER.size + 300
             assert len(asked) - looks <= 1
-            assert (len(heard) - before) * size <= max(sum(asked[looks:]), size)
+            assert (len(received) - before) * size <= max(sum(asked[looks:]), size)
         assert max(asked) > 10 * size
     assert plain
     reader.close()
@@ -232,7 +232,7 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
 
 def test_messages_of_an_outlet_are_numbered_lost_ones_included(lanes: list[Lane]) -> None:
     speaks, first, second = lanes
-    early, late = Heard(), Heard()
+    early, late = Received(), Received()
     first.listen_to_all(TOPIC, early.every)
     meet(lanes)
     send(speaks, b"a")
@@ -261,55 +261,55 @@ def test_what_a_process_leaves_that_was_killed_before_it_was_ready_is_removed(
 
 
 def test_publishers_are_told_apart_whoever_they_are(lanes: list[Lane]) -> None:
-    hears, heard = lanes[0], Heard()
-    hears.listen(TOPIC, heard)
+    receives, received = lanes[0], Received()
+    receives.listen(TOPIC, received)
     meet(lanes)
     for lane in lanes[1:]:
         for outlet in (1, 2):
             send(lane, b"x", outlet=outlet)
-    hand_on(hears)
-    assert len({origin.via for _, origin in heard}) == 4
+    hand_on(receives)
+    assert len({origin.via for _, origin in received}) == 4
 
 
 def test_of_what_has_piled_up_the_latest_of_each_publisher_counts(lanes: list[Lane]) -> None:
-    hears, speaks, other = lanes
-    heard = Heard()
-    hears.listen(TOPIC, heard)
+    receives, speaks, other = lanes
+    received = Received()
+    receives.listen(TOPIC, received)
     meet(lanes)
     for number in range(20):
         send(speaks, b"%d" % number, number, both=number % 2 == 0)
     send(other, b"other")
-    hand_on(hears)
-    assert sorted(heard.messages) == [b"19", b"other"]
+    hand_on(receives)
+    assert sorted(received.messages) == [b"19", b"other"]
     # Those that the middleware brings too are known, all of them.
-    assert [message for _, message in hears.copied] == [b"%d" % n for n in range(0, 20, 2)]
+    assert [message for _, message in receives.copied] == [b"%d" % n for n in range(0, 20, 2)]
 
 
 def test_whoever_looked_a_moment_ago_takes_one_at_a_time_and_loses_none(lanes: list[Lane]) -> None:
-    hears, speaks, _ = lanes
-    heard = Heard()
-    hears.listen(TOPIC, heard)
+    receives, speaks, _ = lanes
+    received = Received()
+    receives.listen(TOPIC, received)
     meet(lanes)
-    hears._idle_ns = time.monotonic_ns() + 10**9
+    receives._idle_ns = time.monotonic_ns() + 10**9
     for number in range(3):
         send(speaks, b"%d" % number)
     for _ in range(3):
-        for listener, message, origin in hears.collect():
+        for listener, message, origin in receives.collect():
             listener(message, origin)
-    assert heard.messages == [b"0", b"1", b"2"]
+    assert received.messages == [b"0", b"1", b"2"]
 
 
 def test_whoever_is_slower_than_a_publisher_has_its_newest_messages(lanes: list[Lane]) -> None:
-    hears, speaks, _ = lanes
-    heard, behind = Heard(), []
-    hears.listen(TOPIC, heard)
+    receives, speaks, _ = lanes
+    received, behind = Received(), []
+    receives.listen(TOPIC, received)
     meet(lanes)
     for number in range(0, 600, 3):
         for late in range(3):
             send(speaks, b"%d" % (number + late))
-        for listener, message, origin in hears.collect():
+        for listener, message, origin in receives.collect():
             listener(message, origin)
-        behind.append(number + 2 - int(heard.messages[-1]))
+        behind.append(number + 2 - int(received.messages[-1]))
         time.sleep(0.001)
     # What comes in three milliseconds, and in one round more.
     assert max(behind) <= 20
@@ -319,8 +319,8 @@ def test_who_stalls_is_not_counted_until_it_goes_on(
     lanes: list[Lane], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stalls, speaks, _ = lanes
-    heard = Heard()
-    stalls.listen(TOPIC, heard)
+    received = Received()
+    stalls.listen(TOPIC, received)
     meet(lanes)
     monkeypatch.setattr(lane_connections, "STALLED_NS", 0)
     for _ in range(MOST_SENT):
@@ -335,66 +335,66 @@ def test_who_stalls_is_not_counted_until_it_goes_on(
     send(speaks, b"goes on")
     assert speaks.readers(TOPIC) == 1
     hand_on(stalls)
-    assert heard.messages[-1] == b"goes on"
+    assert received.messages[-1] == b"goes on"
 
 
 def test_who_wants_all_gets_all_in_order_though_it_falls_behind(lanes: list[Lane]) -> None:
-    hears, speaks, _ = lanes
-    heard, count = Heard(), MOST_BEHIND
-    hears.listen_to_all(TOPIC, heard.every)
+    receives, speaks, _ = lanes
+    received, count = Received(), MOST_BEHIND
+    receives.listen_to_all(TOPIC, received.every)
     meet(lanes)
     message = b"m" * 4000
     for number in range(count):
         send(speaks, message, number)
     end = time.monotonic() + 10.0
-    while len(heard) < count and time.monotonic() < end:
-        hand_on(hears)
+    while len(received) < count and time.monotonic() < end:
+        hand_on(receives)
         speaks._looked_ns = -lane_module.LOOK_NS
         speaks.look()
-    assert [origin.number for _, origin in heard] == list(range(count))
+    assert [origin.number for _, origin in received] == list(range(count))
     assert speaks.lost == 0
 
 
 def test_who_stalls_holds_up_nobody_and_what_it_misses_is_counted(lanes: list[Lane]) -> None:
-    stalls, speaks, hears = lanes
-    never, heard = Heard(), Heard()
+    stalls, speaks, receives = lanes
+    never, received = Received(), Received()
     stalls.listen(TOPIC, never)
-    hears.listen(TOPIC, heard)
+    receives.listen(TOPIC, received)
     meet(lanes)
     begun = time.monotonic()
     for number in range(5000):
         send(speaks, b"m" * 1000, number)
-        hand_on(hears)
+        hand_on(receives)
     assert time.monotonic() - begun < 10.0
-    assert len(heard) == 5000
+    assert len(received) == 5000
     assert speaks.lost > 0
     hand_on(stalls)
     assert len(never) == 1
 
 
 def test_a_change_of_what_is_heard_is_told(lanes: list[Lane]) -> None:
-    speaks, hears, _ = lanes
-    heard, late = Heard(), Heard()
+    speaks, receives, _ = lanes
+    received, late = Received(), Received()
     meet(lanes)
-    hears.listen(TOPIC, heard)
+    receives.listen(TOPIC, received)
     meet(lanes)
     send(speaks, b"a")
-    hears.silence(TOPIC, heard)
+    receives.silence(TOPIC, received)
     # What was sent before it was told is dropped.
-    hand_on(hears)
+    hand_on(receives)
     meet(lanes)
     assert speaks.readers(TOPIC) == 0
-    hears.listen(TOPIC, late)
+    receives.listen(TOPIC, late)
     meet(lanes)
     send(speaks, b"b")
-    hand_on(hears)
-    assert heard == []
+    hand_on(receives)
+    assert received == []
     assert late.messages == [b"b"]
 
 
 def test_whoever_closes_is_forgotten_and_leaves_nothing(folder: Path) -> None:
     stays, goes = Lane(folder), Lane(folder)
-    goes.listen(TOPIC, Heard())
+    goes.listen(TOPIC, Received())
     meet([stays, goes])
     assert stays.readers(TOPIC) == 1
     assert stays.linked
@@ -412,13 +412,13 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
     folder: Path,
 ) -> None:
     lane = Lane(folder)
-    heard = Heard()
-    lane.listen("/back Kind", heard)
+    received = Received()
+    lane.listen("/back Kind", received)
     for _ in range(3):
         with process(folder) as other:
             end = time.monotonic() + 10.0
-            heard.clear()
-            while not (lane.readers(TOPIC) == 1 and heard):
+            received.clear()
+            while not (lane.readers(TOPIC) == 1 and received):
                 assert time.monotonic() < end
                 lane.look()
                 for listener, message, origin in lane.collect(0.01):
@@ -439,21 +439,21 @@ def test_a_killed_process_is_noticed_at_once_and_its_socket_removed_by_others(
 
 
 def test_bytes_that_are_no_messages_harm_nobody(lanes: list[Lane], folder: Path) -> None:
-    hears, heard = lanes[0], Heard()
-    hears.listen(TOPIC, heard)
+    receives, received = lanes[0], Received()
+    receives.listen(TOPIC, received)
     meet(lanes)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as liar:
-        liar.connect(str(folder / hears._name))
+        liar.connect(str(folder / receives._name))
         for frame in (b"\0", b"\1", b"\1" * 16, b"\2" * 400, os.urandom(1000)):
             liar.send(frame)
         liar.send(b"\1\0\xff\xff" + bytes(12) + b"of an unknown topic")
-        hand_on(hears)
-        hand_on(hears)
-        assert hears.refused == 5
-    hand_on(hears)
+        hand_on(receives)
+        hand_on(receives)
+        assert receives.refused == 5
+    hand_on(receives)
     send(lanes[1], b"a")
-    hand_on(hears)
-    assert heard.messages == [b"a"]
+    hand_on(receives)
+    assert received.messages == [b"a"]
 
 
 @pytest.mark.parametrize(
@@ -518,31 +518,31 @@ def test_without_a_descriptor_left_a_newcomer_is_met_later(
 
 
 def test_numbers_of_topics_begin_again(lanes: list[Lane]) -> None:
-    hears, speaks, _ = lanes
-    heard = Heard()
-    hears._next_code = (1 << 16) - 1
-    hears.listen("/last Kind", Heard())
-    hears.listen(TOPIC, heard)
+    receives, speaks, _ = lanes
+    received = Received()
+    receives._next_code = (1 << 16) - 1
+    receives.listen("/last Kind", Received())
+    receives.listen(TOPIC, received)
     meet(lanes)
     send(speaks, b"a")
-    hand_on(hears)
-    assert heard.messages == [b"a"]
+    hand_on(receives)
+    assert received.messages == [b"a"]
 
 
 def test_connections_of_another_user_are_refused(
     lanes: list[Lane], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hears, speaks, _ = lanes
-    hears.listen(TOPIC, Heard())
+    receives, speaks, _ = lanes
+    receives.listen(TOPIC, Received())
     there = os.geteuid()
     monkeypatch.setattr(lane_module.os, "geteuid", lambda: there + 1)
-    for lane in (speaks, hears):
+    for lane in (speaks, receives):
         lane._looked_ns = -lane_module.LOOK_NS
         lane.look()
         hand_on(lane)
     assert speaks.refused > 0
     assert speaks.readers(TOPIC) == 0
-    assert not hears.linked
+    assert not receives.linked
 
 
 class FakePublisher:
@@ -573,13 +573,13 @@ def pair(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Exchan
 def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(
     pair: tuple[Exchange, Exchange],
 ) -> None:
-    speaks, hears = pair
-    publisher, heard = FakePublisher(1), Heard()
+    speaks, receives = pair
+    publisher, received = FakePublisher(1), Received()
     outlet = speaks.outlet(publisher, "/topic", False, "Kind")
-    had = hears.listen("/topic", heard, "Kind")
+    had = receives.listen("/topic", received, "Kind")
     outlet.publish(b"before they meet")
     assert publisher.sent == [b"before they meet"]
-    meet([speaks.lane, hears.lane])
+    meet([speaks.lane, receives.lane])
     outlet.publish(b"alone")
     assert len(publisher.sent) == 1
     assert outlet.ways() == "lane"
@@ -592,8 +592,8 @@ def test_the_middleware_carries_what_somebody_else_hears_and_the_copy_is_known(
     assert outlet.ways() == "lane, middleware"
     # The middleware is faster here: what went over the lane is taken first all the same.
     assert had(b"for both")
-    assert heard.messages[-1] == b"for both"
-    assert heard[-1][1].number == 2
+    assert received.messages[-1] == b"for both"
+    assert received[-1][1].number == 2
     assert not had(b"of somebody else")
 
 
@@ -602,11 +602,11 @@ def test_while_listeners_come_and_go_the_middleware_carries_all(
 ) -> None:
     """It may not know yet of the one on the lane, but of one that only it reaches."""
     monkeypatch.setattr(exchange_module, "SETTLES_NS", 300_000_000)
-    speaks, hears = pair
-    publisher, heard = FakePublisher(1), Heard()
+    speaks, receives = pair
+    publisher, received = FakePublisher(1), Received()
     outlet = speaks.outlet(publisher, "/topic", False, "Kind")
-    hears.listen("/topic", heard, "Kind")
-    meet([speaks.lane, hears.lane])
+    receives.listen("/topic", received, "Kind")
+    meet([speaks.lane, receives.lane])
     outlet.publish(b"a")
     assert publisher.sent == [b"a"]
     assert outlet.ways() == "lane, middleware"
@@ -619,15 +619,15 @@ def test_while_listeners_come_and_go_the_middleware_carries_all(
 def test_what_waits_for_the_loop_is_sent_before_the_loop_stands_alone(
     pair: tuple[Exchange, Exchange],
 ) -> None:
-    speaks, hears = pair
+    speaks, receives = pair
     publisher = FakePublisher(1)
     outlet = speaks.outlet(publisher, "/view", False, "Kind", later=True)
-    hears.listen("/other", Heard(), "Kind")
-    meet([speaks.lane, hears.lane])
+    receives.listen("/other", Received(), "Kind")
+    meet([speaks.lane, receives.lane])
     outlet.publish(b"a")
     assert speaks.has_later
     assert publisher.sent == []
-    hears.close()
+    receives.close()
     hand_on(speaks.lane)
     assert not speaks.is_linked
     # In order, though nobody is on the lane any more.
@@ -639,10 +639,10 @@ def test_what_waits_for_the_loop_is_sent_before_the_loop_stands_alone(
 def test_a_copy_that_comes_much_later_is_somebody_elses(
     pair: tuple[Exchange, Exchange], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    speaks, hears = pair
+    speaks, receives = pair
     outlet = speaks.outlet(FakePublisher(2), "/topic", False, "Kind")
-    had = hears.listen("/topic", Heard(), "Kind")
-    meet([speaks.lane, hears.lane])
+    had = receives.listen("/topic", Received(), "Kind")
+    meet([speaks.lane, receives.lane])
     outlet.publish(b"the same")
     assert had(b"the same")
     monkeypatch.setattr(exchange_module, "UNDERWAY_NS", 0)
@@ -652,25 +652,25 @@ def test_a_copy_that_comes_much_later_is_somebody_elses(
 def test_a_message_too_long_for_the_lane_goes_through_the_middleware(
     pair: tuple[Exchange, Exchange],
 ) -> None:
-    speaks, hears = pair
-    publisher, heard = FakePublisher(1), Heard()
+    speaks, receives = pair
+    publisher, received = FakePublisher(1), Received()
     outlet = speaks.outlet(publisher, "/topic", False, "Kind")
-    hears.listen("/topic", heard, "Kind")
-    meet([speaks.lane, hears.lane])
+    receives.listen("/topic", received, "Kind")
+    meet([speaks.lane, receives.lane])
     outlet.publish(b"m" * MOST_BYTES)
     outlet.publish(b"m" * (MOST_BYTES + 1))
-    hears.collect()
-    hears.deliver()
-    assert [len(message) for message in heard.messages] == [MOST_BYTES]
+    receives.collect()
+    receives.deliver()
+    assert [len(message) for message in received.messages] == [MOST_BYTES]
     assert [len(message) for message in publisher.sent] == [MOST_BYTES + 1]
 
 
 def test_what_stays_and_what_has_no_kind_keeps_off_the_lane(
     pair: tuple[Exchange, Exchange],
 ) -> None:
-    speaks, hears = pair
-    hears.listen("/topic", Heard(), "Kind")
-    meet([speaks.lane, hears.lane])
+    speaks, receives = pair
+    receives.listen("/topic", Received(), "Kind")
+    meet([speaks.lane, receives.lane])
     for stays, kind in ((True, "Kind"), (False, "")):
         publisher = FakePublisher(1)
         speaks.outlet(publisher, "/topic", stays, kind).publish(b"a")

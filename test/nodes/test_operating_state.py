@@ -165,11 +165,11 @@ class StateMessage:
 
 
 def test_crtks_own_messages_are_filled_and_read(monkeypatch):
-    heard, sent = [], []
+    received, sent = [], []
     node = SimpleNamespace(
         active=True,
         keep=lambda entity: entity,
-        create_subscription=lambda kind, name, callback, qos, raw: heard.append(callback),
+        create_subscription=lambda kind, name, callback, qos, raw: received.append(callback),
         refuse=lambda name, error: pytest.fail(str(error)),
     )
     actor = SimpleNamespace(
@@ -190,7 +190,7 @@ def test_crtks_own_messages_are_filled_and_read(monkeypatch):
         for topic, kind in zip((DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND), classes, strict=True)
     ]
     operating_state.OperatingState(actor, tuple(topics), fault=str, at_zero=lambda: None)
-    (obey,) = heard
+    (obey,) = received
     obey(b"pause")
     obey(b"unhome")
     told = [(m.state, m.is_homed, m.is_busy, m.header.stamp.nanosec) for m in sent]

@@ -80,12 +80,12 @@ def test_a_device_whose_clock_was_set_back_is_judged_anew(clock):
 
 def test_without_a_network_the_clock_of_the_host_counts():
     way, _ = path()
-    assert way.heard(reading(10 * S), 10 * S + 200 * MS, 250 * MS)
+    assert way.received(reading(10 * S), 10 * S + 200 * MS, 250 * MS)
     for stamp in (10 * S + 10 * MS, 3600 * S):
         with pytest.raises(InvalidInputError, match="age of stamp"):
-            way.heard(reading(stamp), 10 * S + 300 * MS, 250 * MS)
+            way.received(reading(stamp), 10 * S + 300 * MS, 250 * MS)
     # What was refused is no newest one.
-    assert way.heard(reading(10 * S + 200 * MS), 10 * S + 300 * MS, 250 * MS)
+    assert way.received(reading(10 * S + 200 * MS), 10 * S + 300 * MS, 250 * MS)
 
 
 def device(count):
@@ -159,8 +159,8 @@ def path(delay=0.0):
 def test_a_path_takes_what_the_newest_sample_tells():
     way, _ = path(0.01)
     assert way.paced
-    assert way.heard(reading(5 * MS, 0.03, obeys=False), S, S)
-    assert not way.heard(reading(4 * MS, 9.0), S, S)
+    assert way.received(reading(5 * MS, 0.03, obeys=False), S, S)
+    assert not way.received(reading(4 * MS, 9.0), S, S)
     assert (way.round_trip, way.obeyed, way.overtaken) == (0.03, False, 1)
     assert not path()[0].paced
 
@@ -192,7 +192,7 @@ class Control:
 def test_a_longer_way_than_declared_is_said_and_softened_for():
     way, said = path()
     gains, control = load_scene("five_bar").controller, Control()
-    way.heard(reading(MS, 0.1), S, S)
+    way.received(reading(MS, 0.1), S, S)
     assert way.changed(1.0)
     way.tune(control, gains, soften=True, time=1.0)
     assert control.aim == (gains, 0.05)
@@ -211,7 +211,7 @@ def test_a_longer_way_than_declared_is_said_and_softened_for():
 def test_a_way_as_declared_is_not_warned_of():
     way, said = path(0.05)
     gains, control = load_scene("five_bar").controller, Control()
-    way.heard(reading(MS, 0.118), S, S)
+    way.received(reading(MS, 0.118), S, S)
     assert not way.changed(1.0)
     way.tune(control, gains, soften=True, time=1.0)
     assert control.aim == (gains, 0.05)

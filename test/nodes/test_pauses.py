@@ -101,22 +101,22 @@ def test_a_loss_without_a_known_silence_is_explained_by_half_a_timeout(process: 
     assert process.lose(None) == "this process had no processor for 12 ms"
 
 
-def hears(sender: SenderPauses, times: range, via: int = 1, behind: int = 0) -> None:
+def receives(sender: SenderPauses, times: range, via: int = 1, behind: int = 0) -> None:
     """Hear a message in each of these periods, which stamps and counts go on with."""
     for period in times:
         number = period - behind
         origin = Origin(via, 0, number) if via else Origin(MIDDLEWARE, number)
-        sender.heard(period * MS, origin, period * MS)
+        sender.received(period * MS, origin, period * MS)
 
 
 @pytest.mark.parametrize("via", [MIDDLEWARE, 1])
 def test_a_sender_whose_count_stood_still_had_paused(process: Process, via: int) -> None:
     sender = SenderPauses("the device", MS)
-    hears(sender, range(1, 1000), via)
+    receives(sender, range(1, 1000), via)
     process.now_ns = 1012 * MS
     assert process.lose(13 * MS, sender) == ""
     assert process.losses.explained_now(1012 * MS) == ""
-    hears(sender, range(1015, 1016), via, behind=15)
+    receives(sender, range(1015, 1016), via, behind=15)
     assert process.losses.explained_now(1015 * MS) == "the device had paused for 15 ms"
     assert process.losses.explained_now(1015 * MS) == ""
     assert process.losses.sender_paused == 1
@@ -126,17 +126,17 @@ def test_a_sender_whose_count_stood_still_had_paused(process: Process, via: int)
 @pytest.mark.parametrize("via", [MIDDLEWARE, 1])
 def test_messages_that_were_lost_on_the_way_are_no_pause(via: int) -> None:
     sender = SenderPauses("the device", MS)
-    hears(sender, range(1, 1000), via)
-    hears(sender, range(1015, 1016), via)
+    receives(sender, range(1, 1000), via)
+    receives(sender, range(1015, 1016), via)
     assert sender.within(100 * MS) == (0, 0)
 
 
 def test_another_sender_and_one_that_is_not_counted_have_not_paused() -> None:
     sender = SenderPauses("the device", MS)
-    hears(sender, range(1, 1000), via=1)
-    hears(sender, range(1015, 1016), via=2, behind=15)
+    receives(sender, range(1, 1000), via=1)
+    receives(sender, range(1015, 1016), via=2, behind=15)
     for period in (2000, 2050):
-        sender.heard(period * MS, INSIDE, period * MS)
+        sender.received(period * MS, INSIDE, period * MS)
     assert sender.within(5000 * MS) == (0, 0)
 
 

@@ -49,7 +49,7 @@ MODELS = MODELS.format("Float64MultiArray")
 COMMANDS = "/mechanism/handle/servo_cf WrenchStamped"
 DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
-HEARD = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES
+RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES
 MS = 1_000_000
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
@@ -106,13 +106,13 @@ class LaneHost(Host):
 
     def create_publisher(self, kind: Any, name: str, qos: Any) -> Any:
         topic = self.resolve_topic_name(name)
-        heard = topic in [name.split()[0] for name in HEARD]
+        received = topic in [name.split()[0] for name in RECEIVED]
         RCL_PUBLISHERS.append(lambda message: self.publish(topic, message))
         return SimpleNamespace(
             topic_name=topic,
             handle=SimpleNamespace(pointer=len(RCL_PUBLISHERS)),
             publish=self.carried[topic].append,
-            get_subscription_count=lambda: heard * (1 + self.outside),
+            get_subscription_count=lambda: received * (1 + self.outside),
         )
 
 
@@ -125,12 +125,12 @@ class Peer:
         spoken: topic that it speaks on; empty for none.
     """
 
-    def __init__(self, folder: Path, heard: str, spoken: str) -> None:
+    def __init__(self, folder: Path, received: str, spoken: str) -> None:
         self.lane, self.got = Lane(folder), []
-        self.heard, self.spoken = heard, spoken
+        self.received, self.spoken = received, spoken
         self.number = 0
-        if heard:
-            self.lane.listen(heard, lambda message, origin: self.got.append(message))
+        if received:
+            self.lane.listen(received, lambda message, origin: self.got.append(message))
 
     def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
         """Send a message; ``both`` as if through the middleware too."""
@@ -140,7 +140,7 @@ class Peer:
     def has_met(self, lane: Lane) -> bool:
         """Return whether both have found each other."""
         is_heard = not self.spoken or bool(self.lane.readers(self.spoken))
-        return is_heard and (not self.heard or bool(lane.readers(self.heard)))
+        return is_heard and (not self.received or bool(lane.readers(self.received)))
 
     def answers(self) -> list[bytes]:
         """Return what it has got by now."""
@@ -483,11 +483,11 @@ def test_held_elsewhere_the_mechanism_moves_as_the_simulator_does_there(
     actor.port.set_timeout(10_000 * MS)
     codes = by_the_kernel(moving, monkeypatch)
 
-    def heard() -> bool:
+    def received() -> bool:
         speak()
         return bool(actor.port.command.stands(time.time_ns()) and codes)
 
-    moving.until(heard)
+    moving.until(received)
     begun = actor._ticks
     moving.until(lambda: actor._ticks > begun + 10)
     start = actor.state
@@ -614,9 +614,9 @@ def test_samples_are_answered_as_python_answers_them(
         codes = by_the_kernel(process, monkeypatch)
         to_device, to_mechanism, done = [], [], actor._outputs.answers
         for sample, model in plain:
-            heard = actor._model_pauses.looked_ns
+            received = actor._model_pauses.looked_ns
             analyser.speak(model)
-            process.until(lambda heard=heard: actor._model_pauses.looked_ns != heard)
+            process.until(lambda received=received: actor._model_pauses.looked_ns != received)
             device.speak(sample)
             done += 1
             to_device += process.until(lambda done=done: actor._outputs.answers == done)
@@ -668,15 +668,15 @@ class Logged:
 
         def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
             # A message ends the run: see below.
-            steps, heard = int(link[device_kernels.DONE]), int(link[device_kernels.HEARD])
+            steps, received = int(link[device_kernels.DONE]), int(link[device_kernels.RECEIVED])
             last = int(link[device_kernels.NEXT]) - actor.period_ns
             self.by_kernel += steps
             for step in range(steps):
                 deadline = last - (steps - 1 - step) * actor.period_ns
                 note(("tick", (1, deadline), deadline))
-            if heard != actor._command.stamp_ns:
+            if received != actor._command.stamp_ns:
                 stamp = int(link[device_kernels.ANSWERED])
-                note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, heard), heard))
+                note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, received), received))
             moved(link, commands, *rest)
 
         actor.tick, actor._obey, actor.loop.take = ticked, obeyed, taken

@@ -33,9 +33,9 @@ class Middleware:
         ]
 
 
-def heard(sources: Sources, number: int, now_ns: int) -> None:
+def received(sources: Sources, number: int, now_ns: int) -> None:
     """Bring a message through the middleware."""
-    sources.heard(Origin(MIDDLEWARE, number), now_ns)
+    sources.received(Origin(MIDDLEWARE, number), now_ns)
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def sources() -> Sources:
 
 def test_one_publisher_is_none_too_many(sources: Sources) -> None:
     for now in range(1000):
-        heard(sources, now + 5000, now * MS)
+        received(sources, now + 5000, now * MS)
         assert sources.fault(now * MS) == ""
 
 
@@ -57,7 +57,7 @@ def test_losses_and_numbers_in_another_order_are_of_one_publisher(seed: int) -> 
     # After the first, each is late by up to seven others.
     order = [0, *sorted(sent, key=lambda number: number + chance.uniform(0.0, 8.0))]
     for now, number in enumerate(order):
-        heard(sources, number, now * MS)
+        received(sources, number, now * MS)
         assert sources.fault(now * MS) == ""
 
 
@@ -71,30 +71,30 @@ def test_a_second_that_speaks_at_the_same_rate_is_noticed_at_once(
     chance = random.Random(seed)
     sources = Sources(Middleware("/left/one", "/other"), "/topic")
     for now in range(100):
-        heard(sources, first - 99 + now, now * MS)
+        received(sources, first - 99 + now, now * MS)
     # Numbers that are apart by n may take for a while as if the first had lost n messages.
     within = 4 + abs(first - second) if abs(first - second) < 16 else 2
     for now in range(100, 100 + within):
         pair = [first + now - 99, second + now - 100]
         chance.shuffle(pair)
         for number in pair:
-            heard(sources, number, now * MS)
+            received(sources, number, now * MS)
     told = sources.fault((100 + within) * MS)
     assert told == "more than one publisher of /topic: /left/one and /other"
 
 
 def test_one_of_this_process_and_one_from_outside_are_two(sources: Sources) -> None:
     for now in range(50):
-        sources.heard(INSIDE, now * MS)
+        sources.received(INSIDE, now * MS)
     assert sources.fault(50 * MS) == ""
-    heard(sources, 1, 50 * MS)
+    received(sources, 1, 50 * MS)
     assert sources.fault(50 * MS) != ""
 
 
 def test_a_slow_second_is_noticed_by_its_first_message(sources: Sources) -> None:
     for now in range(200):
-        heard(sources, 5000 + now, now * MS)
-    heard(sources, 3, 200 * MS)
+        received(sources, 5000 + now, now * MS)
+    received(sources, 3, 200 * MS)
     assert sources.fault(200 * MS) != ""
 
 
@@ -103,57 +103,57 @@ def test_a_second_that_joined_before_is_noticed_by_the_first_of_the_other(
 ) -> None:
     # A client at 20 Hz, then a controller at 1 kHz.
     for now in range(0, 500, 50):
-        heard(sources, now // 50 + 1, now * MS)
-    heard(sources, 1, 501 * MS)
+        received(sources, now // 50 + 1, now * MS)
+    received(sources, 1, 501 * MS)
     assert sources.fault(501 * MS) != ""
 
 
 def test_who_takes_over_from_one_that_fell_silent_is_alone(sources: Sources) -> None:
     for now in range(100):
-        heard(sources, 5000 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
     for now in range(300, 400):
-        heard(sources, now - 299, now * MS)
+        received(sources, now - 299, now * MS)
         assert sources.fault(now * MS) == ""
 
 
 def test_the_one_that_stays_is_obeyed_again_after_a_second(sources: Sources) -> None:
     for now in range(100):
-        heard(sources, 5000 + now, now * MS)
-        heard(sources, 1 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
+        received(sources, 1 + now, now * MS)
     for now in range(100, 1101):
         assert sources.fault(now * MS) != ""
-        heard(sources, 5000 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
     assert sources.fault(1101 * MS) == ""
 
 
 def test_two_that_stand_still_for_a_while_are_still_two(sources: Sources) -> None:
     for now in range(100):
-        heard(sources, 5000 + now, now * MS)
-        heard(sources, 1 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
+        received(sources, 1 + now, now * MS)
     # Only one of them, on a machine that is busy for half a second.
     for now in range(100, 600):
-        heard(sources, 5000 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
         assert sources.fault(now * MS) != ""
-    heard(sources, 101, 600 * MS)
+    received(sources, 101, 600 * MS)
     for now in range(600, 1600):
-        heard(sources, 5000 + now, now * MS)
+        received(sources, 5000 + now, now * MS)
         assert sources.fault(now * MS) != ""
 
 
 def test_when_both_have_left_the_next_is_alone(sources: Sources) -> None:
-    heard(sources, 10, 0)
-    heard(sources, 2, 0)
+    received(sources, 10, 0)
+    received(sources, 2, 0)
     assert sources.fault(1000 * MS) != ""
     assert sources.fault(1001 * MS) == ""
-    heard(sources, 1, 2000 * MS)
+    received(sources, 1, 2000 * MS)
     assert sources.fault(2000 * MS) == ""
 
 
 def test_a_name_that_is_not_known_yet_is_asked_for_again() -> None:
     middleware = Middleware("/one", "_NODE_NAME_UNKNOWN_")
     sources = Sources(middleware, "/topic")
-    heard(sources, 10, 0)
-    heard(sources, 2, 0)
+    received(sources, 10, 0)
+    received(sources, 2, 0)
     assert "UNKNOWN" in sources.fault(0)
     middleware.names = ("/one", "/other")
     assert "UNKNOWN" in sources.fault(99 * MS)
@@ -163,8 +163,8 @@ def test_a_name_that_is_not_known_yet_is_asked_for_again() -> None:
 def test_a_publisher_that_is_listed_late_is_named_then() -> None:
     middleware = Middleware("/dead", "/one")
     sources = Sources(middleware, "/topic")
-    heard(sources, 10, 0)
-    heard(sources, 2, 0)
+    received(sources, 10, 0)
+    received(sources, 2, 0)
     assert sources.fault(0).endswith("/dead and /one")
     middleware.names = ("/one", "/other")
     assert sources.fault(100 * MS).endswith("/one and /other")
@@ -172,8 +172,8 @@ def test_a_publisher_that_is_listed_late_is_named_then() -> None:
 
 def test_namesakes_are_told_apart() -> None:
     sources = Sources(Middleware("/device", "/device"), "/topic")
-    heard(sources, 10, 0)
-    heard(sources, 10, 0)
+    received(sources, 10, 0)
+    received(sources, 10, 0)
     first, second = sources.fault(0).rpartition(": ")[2].split(" and ")
     assert first != second
     assert first.startswith("/device (")
@@ -181,16 +181,16 @@ def test_namesakes_are_told_apart() -> None:
 
 def test_without_numbers_the_middleware_is_asked() -> None:
     alone = Sources(Middleware("/one"), "/topic")
-    heard(alone, UNNUMBERED, 0)
+    received(alone, UNNUMBERED, 0)
     assert alone.fault(0) == ""
     two = Sources(Middleware("/one", "/other"), "/topic")
-    heard(two, UNNUMBERED, 0)
+    received(two, UNNUMBERED, 0)
     assert "/one and /other" in two.fault(0)
 
 
 def test_what_was_heard_can_be_forgotten(sources: Sources) -> None:
-    heard(sources, 10, 0)
-    heard(sources, 2, 0)
+    received(sources, 10, 0)
+    received(sources, 2, 0)
     assert sources.fault(0) != ""
     sources.forget()
     assert sources.fault(0) == ""
@@ -201,20 +201,20 @@ LANE, OTHER_LANE = 1 << 32, 2 << 32
 
 def test_one_that_changes_to_the_lane_and_back_is_one(sources: Sources) -> None:
     for now in range(100):
-        heard(sources, 40 + now, now * MS)
+        received(sources, 40 + now, now * MS)
     # Nobody listens outside: it counts no further.
     for now in range(100, 200):
-        sources.heard(Origin(LANE, 141), now * MS)
+        sources.received(Origin(LANE, 141), now * MS)
         if now == 110:
             # What was under way through the middleware.
-            heard(sources, 140, now * MS)
-            heard(sources, 141, now * MS)
+            received(sources, 140, now * MS)
+            received(sources, 141, now * MS)
         assert sources.fault(now * MS) == ""
     for now in range(200, 300):
-        sources.heard(Origin(LANE, 141 + now - 199), now * MS)
+        sources.received(Origin(LANE, 141 + now - 199), now * MS)
         assert sources.fault(now * MS) == ""
     for now in range(300, 400):
-        heard(sources, 242 + now - 300, now * MS)
+        received(sources, 242 + now - 300, now * MS)
         assert sources.fault(now * MS) == ""
 
 
@@ -222,21 +222,21 @@ def test_what_is_under_way_when_the_lane_takes_over_is_its_own_at_any_rate(
     sources: Sources,
 ) -> None:
     for now in range(100):
-        heard(sources, now, now * MS)
+        received(sources, now, now * MS)
     # At 10 kHz many messages come before the middleware is looked at.
     for tenth in range(60):
-        sources.heard(Origin(LANE, 101), 100 * MS + tenth * MS // 10)
+        sources.received(Origin(LANE, 101), 100 * MS + tenth * MS // 10)
     for number in (100, 101):
-        heard(sources, number, 107 * MS)
+        received(sources, number, 107 * MS)
     assert sources.fault(107 * MS) == ""
 
 
 def test_a_full_lane_whose_messages_come_through_the_middleware_is_one(sources: Sources) -> None:
     for now in range(200):
         if now % 7 == 3:
-            heard(sources, now, now * MS)
+            received(sources, now, now * MS)
         else:
-            sources.heard(Origin(LANE, now), now * MS)
+            sources.received(Origin(LANE, now), now * MS)
         assert sources.fault(now * MS) == ""
 
 
@@ -246,11 +246,11 @@ def test_a_stranger_beside_one_on_the_lane_is_noticed_within_two(
 ) -> None:
     """Whatever its numbers: the one on the lane tells how many it has sent otherwise."""
     for now in range(100):
-        sources.heard(Origin(LANE, 200), now * MS)
+        sources.received(Origin(LANE, 200), now * MS)
     assert sources.fault(100 * MS) == ""
     for now in range(100, 102):
-        heard(sources, first + now - 100, now * MS)
-        sources.heard(Origin(LANE, 200), now * MS)
+        received(sources, first + now - 100, now * MS)
+        sources.received(Origin(LANE, 200), now * MS)
     assert sources.fault(102 * MS) == "more than one publisher of /topic: /left/one and /other"
 
 
@@ -260,22 +260,22 @@ def test_a_stranger_is_noticed_too_where_the_middleware_carries_everything(
     sources: Sources, apart: int, first: bool
 ) -> None:
     for now in range(100):
-        sources.heard(Origin(LANE, 200 + now), now * MS)
+        sources.received(Origin(LANE, 200 + now), now * MS)
         sources.copied(200 + now, now * MS)
     assert sources.fault(100 * MS) == ""
     for now in range(100, 103):
-        sources.heard(Origin(LANE, 200 + now), now * MS)
+        sources.received(Origin(LANE, 200 + now), now * MS)
         for copy in (first, not first):
             if copy:
                 sources.copied(200 + now, now * MS)
             else:
-                heard(sources, 200 + now + apart, now * MS)
+                received(sources, 200 + now + apart, now * MS)
     assert sources.fault(102 * MS) == "more than one publisher of /topic: /left/one and /other"
 
 
 def test_copies_that_come_late_or_not_at_all_are_of_one(sources: Sources) -> None:
     for now in range(100):
-        sources.heard(Origin(LANE, 200 + now), now * MS)
+        sources.received(Origin(LANE, 200 + now), now * MS)
         if now % 3:
             sources.copied(195 + now, now * MS)
         assert sources.fault(now * MS) == ""
@@ -284,23 +284,23 @@ def test_copies_that_come_late_or_not_at_all_are_of_one(sources: Sources) -> Non
 @pytest.mark.parametrize("number", [0, 50, 10**6])
 def test_two_on_the_lane_are_two_whatever_their_numbers(sources: Sources, number: int) -> None:
     for now in range(50):
-        sources.heard(Origin(LANE, 50), now * MS)
+        sources.received(Origin(LANE, 50), now * MS)
     assert sources.fault(50 * MS) == ""
-    sources.heard(Origin(OTHER_LANE, number), 50 * MS)
+    sources.received(Origin(OTHER_LANE, number), 50 * MS)
     assert sources.fault(50 * MS) != ""
 
 
 def test_one_that_was_restarted_on_the_lane_is_alone(sources: Sources) -> None:
     for now in range(100):
-        sources.heard(Origin(LANE, 50), now * MS)
+        sources.received(Origin(LANE, 50), now * MS)
     for now in range(300, 400):
-        sources.heard(Origin(OTHER_LANE, 0), now * MS)
+        sources.received(Origin(OTHER_LANE, 0), now * MS)
         assert sources.fault(now * MS) == ""
 
 
 def test_one_of_this_process_and_one_on_the_lane_are_two(sources: Sources) -> None:
-    sources.heard(INSIDE, 1 * MS)
-    sources.heard(Origin(LANE, 0), 2 * MS)
+    sources.received(INSIDE, 1 * MS)
+    sources.received(Origin(LANE, 0), 2 * MS)
     assert sources.fault(2 * MS) != ""
 
 
@@ -309,15 +309,15 @@ def test_one_of_this_process_and_one_on_the_lane_are_two(sources: Sources) -> No
 )
 def test_a_fault_tells_of_two_whatever_is_known_by_name(names: tuple, told: str) -> None:
     sources = Sources(Middleware(*names), "/topic")
-    heard(sources, 10, 0)
-    heard(sources, 2, 0)
+    received(sources, 10, 0)
+    received(sources, 2, 0)
     assert sources.fault(0) == f"more than one publisher of /topic: {told}"
 
 
 def test_late_copies_of_what_the_lane_took_over_are_of_one(sources: Sources) -> None:
     """Whoever else is listed: the lane has brought the same message."""
     for now in range(100):
-        sources.heard(Origin(LANE, 200 + min(now, 10)), now * MS)
+        sources.received(Origin(LANE, 200 + min(now, 10)), now * MS)
     for number in range(200, 211):
         sources.copied(number, 100 * MS)
     assert sources.fault(100 * MS) == ""
@@ -328,12 +328,12 @@ def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody(via: in
     middleware = Middleware("/one")
     sources = Sources(middleware, "/topic")
     for now in range(1000, 1200):
-        sources.heard(Origin(via, 200), now * MS)
+        sources.received(Origin(via, 200), now * MS)
     late = [Origin(MIDDLEWARE, number, sent_ns=(900 + number) * MS) for number in (100, 101, 102)]
-    sources.heard(late[0], 1200 * MS)
+    sources.received(late[0], 1200 * MS)
     assert sources.fault(1200 * MS) == ""
     middleware.names = ("/one", "/other")
-    sources.heard(late[1], 1200 * MS)
+    sources.received(late[1], 1200 * MS)
     assert sources.fault(1200 * MS).endswith("/one and /other")
 
 
@@ -341,17 +341,17 @@ def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody(via: in
 def test_what_comes_in_time_is_somebody_elses_before_he_is_listed(via: int) -> None:
     sources = Sources(Middleware("/one"), "/topic")
     for now in range(1000, 1200):
-        sources.heard(Origin(via, 200), now * MS)
-    sources.heard(Origin(MIDDLEWARE, 100, sent_ns=1199 * MS), 1200 * MS)
+        sources.received(Origin(via, 200), now * MS)
+    sources.received(Origin(MIDDLEWARE, 100, sent_ns=1199 * MS), 1200 * MS)
     assert sources.fault(1200 * MS).endswith("/one and one without a name")
 
 
 def test_a_number_that_comes_twice_is_of_two_however_late() -> None:
     sources = Sources(Middleware("/one"), "/topic")
     for now in range(1000, 1200):
-        sources.heard(Origin(LANE, 200), now * MS)
+        sources.received(Origin(LANE, 200), now * MS)
     for fault in (False, True):
-        sources.heard(Origin(MIDDLEWARE, 199, sent_ns=1100 * MS), 1200 * MS)
+        sources.received(Origin(MIDDLEWARE, 199, sent_ns=1100 * MS), 1200 * MS)
         assert bool(sources.fault(1200 * MS)) is fault
 
 
@@ -359,9 +359,9 @@ def test_a_number_that_comes_twice_is_of_two_however_late() -> None:
 def test_a_connection_that_was_made_anew_is_no_second_unless_the_first_speaks(stays: bool) -> None:
     sources = Sources(Middleware("/one", "/other"), "/topic")
     for now in range(50):
-        sources.heard(Origin(LANE, 20, sent=now + 1), now * MS)
+        sources.received(Origin(LANE, 20, sent=now + 1), now * MS)
     for now in range(50, 100):
-        sources.heard(Origin(OTHER_LANE, 20 + now - 50, sent=now + 1), now * MS)
+        sources.received(Origin(OTHER_LANE, 20 + now - 50, sent=now + 1), now * MS)
         if stays:
-            sources.heard(Origin(LANE, 20, sent=now + 1), now * MS)
+            sources.received(Origin(LANE, 20, sent=now + 1), now * MS)
         assert bool(sources.fault(now * MS)) is stays

@@ -149,7 +149,7 @@ class Reader:
                     if not whole:
                         break
                 if newest is not None:
-                    self.sources.heard(newest, now_ns)
+                    self.sources.received(newest, now_ns)
                 elif via != publisher.connections[-1][0]:
                     publisher.connections.remove((via, frames))
 
@@ -164,7 +164,7 @@ class Reader:
             if noted is not None and now_ns - noted < UNDERWAY_NS:
                 self.sources.copied(number, now_ns)
             else:
-                self.sources.heard(Origin(MIDDLEWARE, number, sent_ns=sent_ns), now_ns)
+                self.sources.received(Origin(MIDDLEWARE, number, sent_ns=sent_ns), now_ns)
 
 
 class Model:

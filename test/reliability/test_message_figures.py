@@ -85,12 +85,12 @@ def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
     graph = FakeGraph("five_bar", [ON_LINK, ON_HAND, HELD], ACTORS[:4])
     graph.run(0.3)
     seen, hostile = ForceSeen(load_scene("five_bar").device), Hostile(5, ["link2", "device"])
-    heard = dict(graph.listened())
+    received = dict(graph.listened())
     topics = [ON_LINK, ON_HAND, HELD, "/mechanism/handle/set_operational_point"]
     for _ in range(1000):
         topic = topics[hostile.index(4)]
-        message = hostile.message(heard[topic], b"", graph.now_ns)
-        graph.put(topic, gentler(heard[topic], message, *GENTLE))
+        message = hostile.message(received[topic], b"", graph.now_ns)
+        graph.put(topic, gentler(received[topic], message, *GENTLE))
         graph.tick()
         seen.look(graph.last["/device/state"])
     assert [one.name for one in seen.figures("messages", "here", True) if not one.kept] == []

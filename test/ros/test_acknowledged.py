@@ -41,19 +41,19 @@ while rclpy.ok():
 
 
 def test_what_was_acknowledged_arrives_though_its_publisher_is_gone(domain: int) -> None:
-    hears, speaks = Peer(domain), Peer(domain)
+    receives, speaks = Peer(domain), Peer(domain)
     try:
-        heard = hears.listen(TOPIC, String)
+        received = receives.listen(TOPIC, String)
         publisher = speaks.publisher(TOPIC, String, RELIABLE)
         for number in range(100):
             publisher.publish(String(data=str(number)))
         # Others of a node's entities have nothing to say.
         assert wait_until_acknowledged([object(), publisher], within_s=5.0)
         speaks.node.destroy_publisher(publisher)
-        hears.until(lambda: len(heard) == 100, "all messages of a publisher that is gone")
-        assert [message.data for message in heard] == [str(number) for number in range(100)]
+        receives.until(lambda: len(received) == 100, "all messages of a publisher that is gone")
+        assert [message.data for message in received] == [str(number) for number in range(100)]
     finally:
-        hears.close()
+        receives.close()
         speaks.close()
 
 

@@ -96,14 +96,14 @@ def test_what_is_played_and_recorded_again_is_the_same(
 
 
 def test_plays_at_a_rate_with_the_bags_clock(bag: Path, peer: Peer, domain: int) -> None:
-    heard = peer.listen("/arm/state", Float64MultiArray)
+    received = peer.listen("/arm/state", Float64MultiArray)
     clock = peer.listen("/clock", Clock)
     options = ("--rate", "0.5", "--clock", "200", "--start-offset", "0.2", "--duration", "0.6")
     with bag_command(domain, "play", bag, "/arm/state", *options, *WAIT) as player:
         assert "300 messages played" in end(player)
-        peer.until(lambda: len(heard) == 300 and len(clock) > 10, "all messages")
+        peer.until(lambda: len(received) == 300 and len(clock) > 10, "all messages")
         peer.run(0.1)
-    assert numbers(heard) == [i / 7 for i in range(100, 400)]
+    assert numbers(received) == [i / 7 for i in range(100, 400)]
     times = [message.clock.sec * SECOND + message.clock.nanosec for message in clock]
     assert times == sorted(times)
     assert START + SECOND // 5 <= times[0] < times[-1]
@@ -112,37 +112,37 @@ def test_plays_at_a_rate_with_the_bags_clock(bag: Path, peer: Peer, domain: int)
 
 
 def test_pauses_and_resumes(bag: Path, peer: Peer, domain: int) -> None:
-    heard = peer.listen("/arm/state", Float64MultiArray)
+    received = peer.listen("/arm/state", Float64MultiArray)
     # Half a second of messages, in 2.5 s: a starved peer asks to pause before the end.
     slowly = ("--rate", "0.2", "--paused")
     with bag_command(domain, "play", bag, "/arm/state", *slowly, *WAIT) as player:
         peer.client(Trigger, "/bag_player/toggle_paused")
         assert call(peer, "pause") == "paused"
         peer.run(0.3)
-        assert heard == []
+        assert received == []
         assert call(peer, "resume") == "playing"
-        peer.until(lambda: len(heard) > 10, "messages after resuming")
+        peer.until(lambda: len(received) > 10, "messages after resuming")
         assert call(peer, "toggle_paused") == "paused"
         peer.run(0.2)
-        count = len(heard)
+        count = len(received)
         peer.run(0.3)
-        assert count == len(heard) < 500
+        assert count == len(received) < 500
         assert call(peer, "toggle_paused") == "playing"
         assert "500 messages played" in end(player)
-        peer.until(lambda: len(heard) == 500, "all messages")
-    assert numbers(heard) == [i / 7 for i in range(500)]
+        peer.until(lambda: len(received) == 500, "all messages")
+    assert numbers(received) == [i / 7 for i in range(500)]
 
 
 def test_remaps_loops_and_ends_on_a_signal(bag: Path, peer: Peer, domain: int) -> None:
-    heard = peer.listen("/there", Float64MultiArray)
+    received = peer.listen("/there", Float64MultiArray)
     status = peer.listen("/left/status", UInt8)
     options = ("--remap", "/arm/state:=/there", "--namespace", "left", "--loop", "--rate", "2")
     with bag_command(domain, "play", bag, *options, *WAIT) as player:
-        peer.until(lambda: len(heard) > 1200, "the third round")
+        peer.until(lambda: len(received) > 1200, "the third round")
         player.send_signal(signal.SIGINT)
         player.send_signal(signal.SIGINT)
         end(player)
-    assert numbers(heard)[:1000] == [i / 7 for i in range(500)] * 2
+    assert numbers(received)[:1000] == [i / 7 for i in range(500)] * 2
     assert [message.data for message in status][:4] == [1, 7, 1, 7]
 
 
@@ -177,7 +177,7 @@ def terminal() -> Iterator[tuple[int, int]]:
 
 def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, tmp_path: Path) -> None:
     bag = write(tmp_path / "bag")
-    heard = peer.listen("/arm/state", Float64MultiArray)
+    received = peer.listen("/arm/state", Float64MultiArray)
     # In a session whose controlling terminal is ours, as a shell would start it.
     main = (
         "import fcntl, os, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
@@ -196,9 +196,9 @@ def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, tmp_pa
         peer.until(client.service_is_ready, "the player")
         peer.until(lambda: peer.node.count_publishers("/arm/state") > 0, "its publisher")
         peer.run(0.5)
-        assert heard == []
+        assert received == []
         os.write(terminal[0], b"x ")
-        peer.until(lambda: len(heard) > 0, "messages after the space key")
+        peer.until(lambda: len(received) > 0, "messages after the space key")
         assert "space pauses" in end(player)
     finally:
         stop_process(player)

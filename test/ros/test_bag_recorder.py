@@ -21,7 +21,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import UInt8
 
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.nodes.bags.heard_topic import adapted_offer, adapted_request, as_recorded
+from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer, adapted_request, as_recorded
 from hapticmech_ros.nodes.sources import WithInfo
 from ros.bag_processes import bag_command
 from ros.harness import Peer
@@ -187,11 +187,11 @@ def test_refuses_to_overwrite(domain: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", [EventsExecutor, SingleThreadedExecutor])
 @pytest.mark.parametrize("raw", [True, False])
 def test_callbacks_get_the_number_of_a_message(kind: Any, raw: bool, peer: Peer) -> None:
-    heard: list[int] = []
+    received: list[int] = []
 
     def note(message: Any, info: Any) -> None:
         assert isinstance(message, bytes if raw else UInt8)
-        heard.append(info["publication_sequence_number"])
+        received.append(info["publication_sequence_number"])
 
     peer.executor.remove_node(peer.node)
     peer.executor = kind(context=peer.context)
@@ -200,8 +200,8 @@ def test_callbacks_get_the_number_of_a_message(kind: Any, raw: bool, peer: Peer)
     publisher = peer.publisher("/value", UInt8)
     for value in range(5):
         publisher.publish(UInt8(data=value))
-    peer.until(lambda: len(heard) == 5, "five messages")
-    assert heard == list(range(heard[0], heard[0] + 5))
+    peer.until(lambda: len(received) == 5, "five messages")
+    assert received == list(range(received[0], received[0] + 5))
 
 
 def test_requests_suit_every_publisher_and_offers_every_reader() -> None:

@@ -43,7 +43,7 @@ def test_a_handles_buttons_are_told_and_one_is_the_clutch(
     domain: int, peer: Peer, scene: str
 ) -> None:
     statuses = peer.statuses()
-    heard = peer.listen(TOPIC, Joy, LATCHED)
+    received = peer.listen(TOPIC, Joy, LATCHED)
     commands = peer.listen("device/servo_cf", WrenchStamped)
     controller = "teleoperation_controller"
 
@@ -57,20 +57,22 @@ def test_a_handles_buttons_are_told_and_one_is_the_clutch(
         running("haply_device", domain, scene, uri=service.uri, diagnostics_period=0.1),
     ):
         peer.until(lambda: says("engaged"), "the controller to engage", 40.0)
-        peer.until(lambda: told(heard)[-1] == [1, 0, 0], "the button to be pressed", 40.0)
+        peer.until(lambda: told(received)[-1] == [1, 0, 0], "the button to be pressed", 40.0)
         peer.until(
             lambda: says("disengaged: the button of the clutch is pressed"), "the open clutch"
         )
         # Zero at once, and then nothing more: the device is free, the mechanism is let go.
         assert not np.any(six(commands[-1]))
         said = len(commands)
-        peer.until(lambda: told(heard)[-1] == [0, 0, 0], "the button to be released", 40.0)
+        peer.until(lambda: told(received)[-1] == [0, 0, 0], "the button to be released", 40.0)
         peer.until(lambda: says("engaged"), "the controller to engage again")
         peer.until(lambda: len(commands) > said + 50, "commands again")
         # Another button is not the clutch.
-        peer.until(lambda: told(heard)[-1] == [0, 0, 1], "the other button", 40.0)
+        peer.until(lambda: told(received)[-1] == [0, 0, 1], "the other button", 40.0)
         peer.until(lambda: says("engaged"), "the controller to be engaged")
-    changes = [one for i, one in enumerate(told(heard)) if i == 0 or one != told(heard)[i - 1]]
+    changes = [
+        one for i, one in enumerate(told(received)) if i == 0 or one != told(received)[i - 1]
+    ]
     assert changes == [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 1]]
 
 
@@ -109,7 +111,7 @@ def test_the_relay_passes_the_buttons_of_its_source(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
     copy_scene("five_bar", tmp_path / "omega.yaml", ["device={preset: omega_3}"])
-    heard = peer.listen(TOPIC, Joy, LATCHED)
+    received = peer.listen(TOPIC, Joy, LATCHED)
     given = {"button_topic": "/fd/buttons", "command_timeout": 0.1}
     with running("relay_device", domain, str(tmp_path / "omega.yaml"), **given):
         states = peer.publisher("/fd/joint_states", JointState)
@@ -120,7 +122,7 @@ def test_the_relay_passes_the_buttons_of_its_source(
             message.velocity, message.header.stamp = [0.0] * 3, peer.now()
             states.publish(message)
             buttons.publish(Joy(buttons=pressed))
-            return bool(heard) and told(heard)[-1] == list(pressed)
+            return bool(received) and told(received)[-1] == list(pressed)
 
         peer.until(lambda: presses(1, 0), "the pressed button")
         peer.until(lambda: presses(0, 1), "the other one")

@@ -76,8 +76,8 @@ class CrtkClient:
             (WrenchStamped, "measured_cf"),
             (JointState, "measured_js"),
         ):
-            heard = getattr(self, name)
-            node.create_subscription(kind, f"{namespace}/{name}", heard.append, qos)
+            received = getattr(self, name)
+            node.create_subscription(kind, f"{namespace}/{name}", received.append, qos)
         self._servo_cf = node.create_publisher(WrenchStamped, f"{namespace}/servo_cf", qos)
 
     @property
@@ -208,7 +208,7 @@ class StateClient:
 
     def __init__(self, peer: Peer, namespace: str, kinds: tuple[Any, Any]) -> None:
         self._peer, (state, self._kind) = peer, kinds
-        self.heard = peer.listen(f"{namespace}/operating_state", state, RELIABLE)
+        self.received = peer.listen(f"{namespace}/operating_state", state, RELIABLE)
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         # As its check_connections does.
         self._commands = peer.publisher(f"{namespace}/state_command", self._kind, latched)
@@ -218,17 +218,19 @@ class StateClient:
     @property
     def state(self) -> str:
         """The last state that was heard."""
-        return "" if not self.heard else getattr(self.heard[-1], FIELDS[type(self.heard[-1])])
+        return (
+            "" if not self.received else getattr(self.received[-1], FIELDS[type(self.received[-1])])
+        )
 
     def command(self, word: str, state: str) -> None:
         """Ask for a state, and wait until it is told."""
         message = self._kind()
         setattr(message, FIELDS.get(self._kind, "string"), word)
-        before = len(self.heard)
+        before = len(self.received)
         known = self.state == state
         self._commands.publish(message)
         self._peer.until(
-            lambda: known or (len(self.heard) > before and self.state == state),
+            lambda: known or (len(self.received) > before and self.state == state),
             f"{state} after {word}",
         )
 
@@ -297,9 +299,9 @@ def test_a_client_enables_reads_renders_pauses_and_disables(
         peer.until(lambda: node in statuses, "diagnostics of it")
     assert figures(statuses[node])["refused_messages"] == "0"
     if state_kinds[0] is not String:
-        assert {message.is_homed for message in client.heard} == {True}
-        assert not any(message.is_busy for message in client.heard)
-        stamps = [_time(message) for message in client.heard]
+        assert {message.is_homed for message in client.received} == {True}
+        assert not any(message.is_busy for message in client.received)
+        stamps = [_time(message) for message in client.received]
         assert stamps == sorted(stamps)
         assert stamps[0] > 0.0
 

@@ -211,16 +211,16 @@ def test_the_program_that_pushes_pushes(folder: Path, domain: int, peer: Peer) -
     page = (ROOT / "docs" / "wrenches.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     (folder / "pusher.py").write_text(program, encoding="utf-8")
-    heard = peer.listen("mechanism/handle/external_cf/pusher", WrenchStamped)
+    received = peer.listen("mechanism/handle/external_cf/pusher", WrenchStamped)
     process = subprocess.Popen(
         [sys.executable, "pusher.py"], cwd=folder, env=private_environment(domain)
     )
     try:
-        peer.until(lambda: len(heard) > 2, "wrenches", 2 * WAIT_S)
+        peer.until(lambda: len(received) > 2, "wrenches", 2 * WAIT_S)
     finally:
         process.kill()
         process.wait()
-    assert {(message.header.frame_id, *six(message)) for message in heard} == {
+    assert {(message.header.frame_id, *six(message)) for message in received} == {
         ("world", 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
     }
 

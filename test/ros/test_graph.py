@@ -78,8 +78,8 @@ def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: P
         peer.until(lambda: len(commands) > 400, "answers")
         stamps = [stamp_ns(message.header) for message in commands]
         assert len(set(stamps)) == len(stamps)
-        heard = figures(statuses["haptic_device"])
-        assert int(heard["loop_latency_count"]) <= int(heard["periods"])
+        received = figures(statuses["haptic_device"])
+        assert int(received["loop_latency_count"]) <= int(received["periods"])
         expected = "SCHED_FIFO 50" if grants_real_time(50) else "SCHED_OTHER:"
         assert all(
             figures(status)["scheduling"].startswith(expected) for status in statuses.values()

@@ -68,11 +68,11 @@ def test_control_topics_take_the_lane_and_the_middleware_serves_whoever_listens(
         peer.until(renders(statuses), "rendering")
         peer.until(all_go(statuses, "lane"), "the lane to carry everything")
         assert all(figures(statuses[node])["transport"] == "lane and middleware" for node in NODES)
-        heard = peer.listen("device/state", Float64MultiArray)
+        received = peer.listen("device/state", Float64MultiArray)
         topic = "/device/state"
         peer.until(lambda: ways(statuses, topic) == "lane, middleware", "both to carry it")
-        peer.until(lambda: len(heard) > 200, "samples")
-        stamps = [round(message.data[0] * 1e9 + message.data[1]) for message in heard]
+        peer.until(lambda: len(received) > 200, "samples")
+        stamps = [round(message.data[0] * 1e9 + message.data[1]) for message in received]
         assert stamps == sorted(set(stamps))
         # Nobody takes the copies that come to the nodes for another publisher's.
         assert renders(statuses)()
@@ -208,12 +208,12 @@ def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> Non
         lane = Lane.open(environment)
         try:
 
-            def heard() -> bool:
+            def received() -> bool:
                 lane.look()
                 lane.collect()
                 return all(lane.readers(topic) for topic in samples)
 
-            peer.until(heard, "the controller to hear the device's samples on the lane")
+            peer.until(received, "the controller to hear the device's samples on the lane")
             assert not lane.readers("/device/setpoint_cf WrenchStamped")
         finally:
             lane.close()

@@ -161,8 +161,11 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
     controller = "teleoperation_controller"
     with running(ALL, domain, diagnostics_period=0.05):
         for times in (1, 2, 3):
-            for name, heard in commands.items():
-                peer.until(lambda heard=heard: heard and any(six(heard[-1])), f"force on {name}")
+            for name, received in commands.items():
+                peer.until(
+                    lambda received=received: received and any(six(received[-1])),
+                    f"force on {name}",
+                )
             peer.until(
                 lambda times=times: (
                     _engagements(statuses) >= times and statuses[controller].message == "engaged"
@@ -173,15 +176,15 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
 
             def at_zero() -> bool:
                 last = unpack_device(samples[-1].data)
-                told = all(six(heard[-1]) == [0.0] * 6 for heard in commands.values())
+                told = all(six(received[-1]) == [0.0] * 6 for received in commands.values())
                 return told and not (last.applied.any() or last.measured.hand_wrench.any())
 
             peer.until(at_zero, "zero on all")
             peer.run(QUIET_S)
             assert at_zero()
-            seen = {name: len(heard) for name, heard in commands.items()}
+            seen = {name: len(received) for name, received in commands.items()}
             peer.run(QUIET_S)
-            assert {name: len(heard) for name, heard in commands.items()} == seen
+            assert {name: len(received) for name, received in commands.items()} == seen
             peer.until(lambda: _sentence(statuses, controller) == "inactive", "the status")
             assert peer.transition(controller, "activate")
 

@@ -89,9 +89,9 @@ class Pushes:
 
     def __init__(self, peer: Peer, topic: str) -> None:
         self.rows: list[tuple[float, float]] = []
-        peer.node.create_subscription(WrenchStamped, f"{topic}/live_page", self._heard, 1000)
+        peer.node.create_subscription(WrenchStamped, f"{topic}/live_page", self._received, 1000)
 
-    def _heard(self, message: WrenchStamped) -> None:
+    def _received(self, message: WrenchStamped) -> None:
         force, stamp = message.wrench.force, message.header.stamp
         self.rows.append((stamp.sec + 1e-9 * stamp.nanosec, float(np.hypot(force.x, force.y))))
 

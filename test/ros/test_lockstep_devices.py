@@ -53,22 +53,22 @@ def test_a_run_in_lockstep_is_the_session(tmp_path: Path, sensor: str) -> None:
     run = LockstepRun(str(path), duration=0.35, out=out, composed=True)
     run_lockstep(run, private_environment(next_domain()), lambda: False)
     with BagReader(out) as bag:
-        heard = [unpack_device(decode(data)) for _, _, data in bag.serialized("/device/state")]
+        received = [unpack_device(decode(data)) for _, _, data in bag.serialized("/device/state")]
     session = Session(load_scene(path))
-    samples = [session.tick() for _ in heard]
+    samples = [session.tick() for _ in received]
     for found, expected in (
         (
-            [d.measured.pose.translation for d in heard],
+            [d.measured.pose.translation for d in received],
             [s.device.pose.translation for s in samples],
         ),
-        ([d.measured.twist for d in heard], [s.device.twist for s in samples]),
-        ([d.measured.hand_wrench for d in heard], [s.hand_wrench for s in samples]),
-        ([d.applied for d in heard], [s.device.applied for s in samples]),
+        ([d.measured.twist for d in received], [s.device.twist for s in samples]),
+        ([d.measured.hand_wrench for d in received], [s.hand_wrench for s in samples]),
+        ([d.applied for d in received], [s.device.applied for s in samples]),
     ):
         one, two = np.array(found), np.array(expected)
         # Poses travel as quaternions, 1e-16 off; differences of speeds over a period, in the arm's
         # wrench and in the estimate, are a thousand times of that, and stiff controllers more.
         assert np.abs(one - two).max() <= 1e-9 * max(np.abs(two).max(), 1e-3)
-    reported = np.array([d.measured.hand_wrench for d in heard])
+    reported = np.array([d.measured.hand_wrench for d in received])
     assert reported.any() == (sensor != "absent")
     assert np.array([s.device.hand_wrench for s in samples]).any()

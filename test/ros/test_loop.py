@@ -40,16 +40,16 @@ def test_waiting_leaves_nothing_behind(peer: Peer) -> None:
 
 
 def test_it_waits_as_long_as_it_was_told_and_hears_all(peer: Peer) -> None:
-    heard = peer.listen("number", UInt8)
+    received = peer.listen("number", UInt8)
     publisher = peer.publisher("number", UInt8, RELIABLE)
     for number in range(20):
         publisher.publish(UInt8(data=number))
     begun = time.monotonic()
-    while len(heard) < 20 and time.monotonic() - begun < 10.0:
+    while len(received) < 20 and time.monotonic() - begun < 10.0:
         wait_begun = time.monotonic()
         wait_for_messages(peer.executor, 0.2)
         assert time.monotonic() - wait_begun >= 0.2
-    assert [message.data for message in heard] == list(range(20))
+    assert [message.data for message in received] == list(range(20))
 
 
 def test_a_future_ends_it(peer: Peer) -> None:

@@ -14,7 +14,7 @@ import pytest
 from visualization_msgs.msg import MarkerArray
 
 from hapticmech_ros.bag.check import OPTIONAL
-from hapticmech_ros.wire.table import answered, heard, published, requested
+from hapticmech_ros.wire.table import answered, published, requested, subscribed
 from hapticmech_ros.wire.topics import DEVICE_BODY_FORCE, DIAGNOSTICS, TOPICS
 from ros.harness import Peer, running
 
@@ -27,7 +27,7 @@ NODES = (
 SOME = {t.name.replace("{point}", "*") for t in TOPICS if t.rate in OPTIONAL}
 SOME |= {DEVICE_BODY_FORCE.name} | {"/tf", "/tf_static", "/clock", "/parameter_events"}
 # Of other users, of whom this graph has none: a device hears their samples.
-OF_OTHERS = {("haptic_device", "heard", "device/state")}
+OF_OTHERS = {("haptic_device", "subscribed", "device/state")}
 
 
 def _names(found: list[tuple[str, list[str]]]) -> set[str]:
@@ -58,7 +58,7 @@ def test_nodes_do_what_the_policy_allows_and_nothing_else(domain: int, peer: Pee
     node = peer.node
     asks: tuple[tuple[Callable[..., Any], Callable[[str], list[str]]], ...] = (
         (node.get_publisher_names_and_types_by_node, published),
-        (node.get_subscriber_names_and_types_by_node, heard),
+        (node.get_subscriber_names_and_types_by_node, subscribed),
         (node.get_service_names_and_types_by_node, answered),
     )
     # The viewer listens while somebody looks.
@@ -105,4 +105,4 @@ def test_the_live_page_does_what_the_policy_allows(domain: int, peer: Peer) -> N
             return _names(node.get_subscriber_names_and_types_by_node(page, "/"))
 
         peer.until(lambda: DIAGNOSTICS.name in listening(), "the page to hear of diagnostics")
-        assert not _wild(listening(), heard(page))
+        assert not _wild(listening(), subscribed(page))

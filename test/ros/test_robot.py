@@ -65,8 +65,8 @@ class Watched:
         return figures(self.statuses[node]) if node in self.statuses else {}
 
     def follows(self) -> bool:
-        heard = self.poses and self.twists and self.joints
-        return bool(heard) and int(self.counts().get("followed", "0")) > 0
+        received = self.poses and self.twists and self.joints
+        return bool(received) and int(self.counts().get("followed", "0")) > 0
 
 
 @contextmanager

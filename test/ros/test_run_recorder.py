@@ -16,7 +16,7 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
-from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _hears
+from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _receives
 from hapticmech_ros.experiment.demo import DemoError, record_graph
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from ros.harness import RATE, WAIT_S, Peer
@@ -163,11 +163,11 @@ def test_a_recorder_that_hears_nothing_is_not_waited_for_without_an_end(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     recorder, now = SimpleNamespace(has_ended=False, process=None), time.monotonic()
-    deaf, hears = (SimpleNamespace(is_up=lambda _, up=up: up) for up in (False, True))
-    assert _hears(recorder, hears, now)
-    assert not _hears(recorder, deaf, now)
+    deaf, receives = (SimpleNamespace(is_up=lambda _, up=up: up) for up in (False, True))
+    assert _receives(recorder, receives, now)
+    assert not _receives(recorder, deaf, now)
     assert not capsys.readouterr().err
-    assert _hears(recorder, deaf, now - HEARS_WITHIN_S)
+    assert _receives(recorder, deaf, now - HEARS_WITHIN_S)
     assert "after 20 s the recorder does not hear every topic" in capsys.readouterr().err
-    assert _hears(SimpleNamespace(has_ended=True), deaf, now)
-    assert _hears(None, deaf, now)
+    assert _receives(SimpleNamespace(has_ended=True), deaf, now)
+    assert _receives(None, deaf, now)

@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser
+from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs
 from hapticmech_ros.view import Placer, moving_frames
 from hapticmech_ros.view.shapes import numbered, sphere
@@ -82,8 +82,8 @@ class Stage:
             NOW, (True,), self.q, self.q, np.ones((1, 6)), flat_grasps(mechanism.scene), (True,)
         )
         force = np.arange(6.0)
-        user = HeardUser(DEVICE, force, force, 1)
-        self.heard = Heard(told, {"handle": user}, {"handle": force})
+        user = ReceivedUser(DEVICE, force, force, 1)
+        self.received = Received(told, {"handle": user}, {"handle": force})
 
     def sent(self, name: str) -> list[Any]:
         return self.actor.made[name].sent
@@ -91,7 +91,7 @@ class Stage:
     def show_all(self) -> None:
         self.outputs.show_frames(self.moving, NOW)
         self.outputs.show_joints(self.q, self.q, NOW)
-        self.outputs.show_wrenches(self.heard, NOW)
+        self.outputs.show_wrenches(self.received, NOW)
 
 
 def balls(count: int) -> list[Any]:
@@ -164,8 +164,8 @@ def test_a_wrench_that_is_not_known_is_not_published(missing: str) -> None:
     stage = Stage()
     for publisher in stage.actor.made.values():
         publisher.readers = 1
-    user = replace(stage.heard.users["handle"], **{missing: None})
-    stage.outputs.show_wrenches(replace(stage.heard, users={"handle": user}), NOW)
+    user = replace(stage.received.users["handle"], **{missing: None})
+    stage.outputs.show_wrenches(replace(stage.received, users={"handle": user}), NOW)
     empty = {
         "device_command": "view/device/servo_cf",
         "hand_wrench": "view/device/hand/measured_cf",

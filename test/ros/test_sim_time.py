@@ -42,14 +42,14 @@ class TestClock:
         self.mechanisms = peer.listen("mechanism/state", Float64MultiArray)
         self._publisher = peer.node.create_publisher(Clock, "/clock", RELIABLE)
 
-    def begin(self, time_ns: int, *heard: list) -> None:
+    def begin(self, time_ns: int, *received: list) -> None:
         """Go on from a time until all that listen say so."""
         self.now_ns = time_ns
 
         def going() -> bool:
             self.tell(self.now_ns + STEP_NS)
             self.peer.run(0.05)
-            return all(heard)
+            return all(received)
 
         self.peer.until(going, "samples")
 

@@ -94,7 +94,7 @@ def test_two_devices_feel_each_other(domain: int, peer: Peer, tmp_path: Path) ->
         peer.until(engaged, "both controllers to engage", 40.0)
         peer.until(lambda: names <= set(statuses), f"diagnostics of {names}")
         assert set(statuses) == names
-        peer.until(lambda: all(len(heard) > 100 for heard in commands.values()), "commands")
+        peer.until(lambda: all(len(received) > 100 for received in commands.values()), "commands")
         for pusher, other in (("a", "b"), ("b", "a")):
             push = peer.publisher(f"{pusher}/device/hand_cf", WrenchStamped)
             forces = commands[other]
@@ -268,8 +268,8 @@ def test_a_device_that_dies_frees_nobody_else(domain: int, peer: Peer, tmp_path:
         graph.kill("a/haptic_device")
         peer.until(lambda: not engaged("a"), "a to be let go")
         peer.until(lambda: not np.any(gains[-1].data[2:]), "b to be corrected for nobody")
-        heard = len(told["b"])
-        peer.until(lambda: len(told["b"]) > heard + 300, "b to go on")
+        received = len(told["b"])
+        peer.until(lambda: len(told["b"]) > received + 300, "b to go on")
         assert engaged("b")
         assert not np.any(six(told["a"][-1]))
         graph.restart("a/haptic_device")
@@ -320,11 +320,11 @@ class Users:
         assert status.message == f"rendering, not corrected by what two say: {fault}"
         before = int(self.device("corrected_for_others"))
         answers = "b/teleoperation_controller"
-        heard = int(figures(self.statuses[answers])["answers"])
+        received = int(figures(self.statuses[answers])["answers"])
 
         def went_on() -> bool:
             second.publish(message())
-            more = int(figures(self.statuses[answers])["answers"]) > heard + 200
+            more = int(figures(self.statuses[answers])["answers"]) > received + 200
             return more and self.engaged("b")
 
         self.peer.until(went_on, "b to go on")

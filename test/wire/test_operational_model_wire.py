@@ -52,11 +52,11 @@ def test_both_ways_write_the_same(name):
         terms = mechanism.evaluate(state.q, state.v, state.active)
         found, point = analyser.analyse(terms), terms.points[analyser.index]
         measured = PointMeasurement(point.pose, point.twist, state.contacts[analyser.index])
-        heard, grasp = state.commanded[analyser.index], state.grasps[analyser.index]
+        received, grasp = state.commanded[analyser.index], state.grasps[analyser.index]
         s = found.spectrum.s
         expected = pack_operational_model(
             OperationalModelMessage(
-                state.stamp_ns, count, s, operational_model_of(found), measured, heard, grasp
+                state.stamp_ns, count, s, operational_model_of(found), measured, received, grasp
             )
         )
         assert (writer.s == s).all()

@@ -32,8 +32,8 @@ def state_of(mechanism, q):
     contacts = np.arange(6.0 * points).reshape(points, 6)
     active = tuple(index % 2 == 0 for index in range(len(mechanism.closures)))
     grasps = flat_grasps(mechanism.scene)
-    heard = tuple(i % 2 == 1 for i in range(points))
-    return WireState(STAMP, active, q, v, contacts, grasps, heard)
+    received = tuple(i % 2 == 1 for i in range(points))
+    return WireState(STAMP, active, q, v, contacts, grasps, received)
 
 
 @pytest.mark.parametrize(("layout", "mechanism", "q"), list(layouts()))

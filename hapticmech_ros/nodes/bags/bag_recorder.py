@@ -25,7 +25,7 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.bag_spool import BagSpool
-from hapticmech_ros.nodes.bags.heard_topic import HeardTopic
+from hapticmech_ros.nodes.bags.recorded_topic import RecordedTopic
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest
 from hapticmech_ros.nodes.quiet_events import QuietEventsNode
@@ -104,7 +104,7 @@ class BagRecorderNode(QuietEventsNode):
         except re.error as error:
             raise BagError(f"regex {options.regex!r}: {error}") from None
         self._store = get_typestore(Stores.ROS2_JAZZY)
-        self.heard: dict[str, HeardTopic] = {}
+        self.received: dict[str, RecordedTopic] = {}
         self._counted: dict[str, int] = {}
         self.skipped: dict[str, str] = {}
 
@@ -114,20 +114,20 @@ class BagRecorderNode(QuietEventsNode):
         for name, types in self.get_topic_names_and_types():
             if name in self.skipped or not self._wants(name):
                 continue
-            topic = self.heard.get(name)
+            topic = self.received.get(name)
             count = self.count_publishers(name)
             if topic is not None and topic.is_settled and count == self._counted.get(name):
                 continue
             self._counted[name] = count
             offered, hashes = self._offers(name)
             if topic is None and offered:
-                topic = self._hear(name, types, hashes)
+                topic = self._receive(name, types, hashes)
             if topic is not None and offered:
                 topic.follow(offered, now)
 
-    def hear(
+    def receive(
         self, name: str, msgtype: str, watch: Callable[[Messages], None] | None = None
-    ) -> HeardTopic:
+    ) -> RecordedTopic:
         """Begin with a topic, and return it.
 
         Args:
@@ -138,20 +138,20 @@ class BagRecorderNode(QuietEventsNode):
         Raises:
             BagError: no such message type is installed.
         """
-        made = HeardTopic(self, self._spool, name, msgtype, self._time_ns, self._exchange, watch)
-        self.heard[name] = made
+        made = RecordedTopic(self, self._spool, name, msgtype, self._time_ns, self._exchange, watch)
+        self.received[name] = made
         return made
 
     @property
-    def hears(self) -> bool:
+    def receives(self) -> bool:
         """Whether a message has come."""
-        return any(topic.count for topic in self.heard.values())
+        return any(topic.count for topic in self.received.values())
 
     def silent(self) -> list[str]:
         """Return topics with a publisher that nothing came from, of those that never pause."""
         return [
             name
-            for name, topic in sorted(self.heard.items())
+            for name, topic in sorted(self.received.items())
             if self._counted.get(name)
             and not topic.count
             and (known := topic_of(name)) is not None
@@ -161,14 +161,14 @@ class BagRecorderNode(QuietEventsNode):
     def finish(self) -> None:
         """Announce what was heard too briefly to be announced until now, and note what was lost."""
         silent = self.silent()
-        for topic in self.heard.values():
+        for topic in self.received.values():
             if not topic.is_announced:
                 topic.announce(self._offers(topic.name)[0])
             self._spool.note_lost(topic.name, None if topic.name in silent else topic.lost)
 
     def missing(self) -> list[str]:
         """Return topics asked for by name that nobody published."""
-        return sorted(self._names - set(self.heard) - set(self.skipped))
+        return sorted(self._names - set(self.received) - set(self.skipped))
 
     def _wants(self, name: str) -> bool:
         if name in self._names:
@@ -189,17 +189,17 @@ class BagRecorderNode(QuietEventsNode):
         ]
         return [o.qos_profile for o in others], {str(o.topic_type_hash) for o in others}
 
-    def _hear(self, name: str, types: list[str], hashes: set[str]) -> HeardTopic | None:
+    def _receive(self, name: str, types: list[str], hashes: set[str]) -> RecordedTopic | None:
         reason = self._refusal(types, hashes)
         if not reason:
             try:
-                self.hear(name, types[0])
+                self.receive(name, types[0])
             except BagError as error:
                 reason = str(error)
         if reason:
             self.skipped[name] = reason
             sys.stderr.write(f"{name} is not recorded: {reason}\n")
-        return self.heard.get(name)
+        return self.received.get(name)
 
     def _refusal(self, types: list[str], hashes: set[str]) -> str:
         if len(types) != 1:
@@ -264,19 +264,19 @@ def _record(
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     begun = time.monotonic()
-    looked, ready, heard = -DISCOVERY_PERIOD_S, False, math.inf
+    looked, ready, received = -DISCOVERY_PERIOD_S, False, math.inf
     print(f"recording into {options.path}; Ctrl-C ends it", flush=True)
     while rclpy.ok() and not stop.asked and not spool.failure:
         now = time.monotonic() - begun
         if options.duration_s is not None and now >= options.duration_s:
             break
         if now - looked >= DISCOVERY_PERIOD_S:
-            looked, known = now, len(node.heard)
+            looked, known = now, len(node.received)
             node.discover()
-            heard = min(heard, now) if node.hears else math.inf
+            received = min(received, now) if node.receives else math.inf
             # Nobody is new, and messages come: of a part of a graph perhaps not from every topic.
-            late = now - heard >= SILENT_S
-            if not ready and len(node.heard) == known and node.hears:
+            late = now - received >= SILENT_S
+            if not ready and len(node.received) == known and node.receives:
                 ready = late or not node.silent()
                 if ready:
                     say_ready()
@@ -288,9 +288,9 @@ def _record(
 
 
 def _report(node: BagRecorderNode, spool: BagSpool, path: Path) -> None:
-    total = sum(topic.count for topic in node.heard.values())
-    print(f"{path}: {total} messages of {len(node.heard)} topics")
-    for name, topic in sorted(node.heard.items()):
+    total = sum(topic.count for topic in node.received.values())
+    print(f"{path}: {total} messages of {len(node.received)} topics")
+    for name, topic in sorted(node.received.items()):
         lost = "losses unknown: several publishers" if topic.lost is None else f"{topic.lost} lost"
         lost = lost if topic.count else "losses unknown"
         untimed = f", {topic.untimed} before the first /clock left out" if topic.untimed else ""

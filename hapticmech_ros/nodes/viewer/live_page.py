@@ -41,7 +41,7 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import LiveParameters
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.viewer.page_device import STALE, GraphCommands, PageDevice, PageLink
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard, HeardUser, Onlooker
+from hapticmech_ros.nodes.viewer.scene_inputs import Onlooker, Received, ReceivedUser
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.state import WireState
@@ -203,24 +203,24 @@ class LivePageNode(Onlooker[LiveParameters]):
 
     def _tell(self, now_ns: int) -> None:
         """Tell the page what is known now; where nothing comes any more, what was known last."""
-        heard = self.inputs.now(now_ns, self._timeout_ns)
-        if heard is not None:
-            self._first_ns = self._first_ns or heard.state.stamp_ns
-            self.ages.add(now_ns - heard.state.stamp_ns)
+        received = self.inputs.now(now_ns, self._timeout_ns)
+        if received is not None:
+            self._first_ns = self._first_ns or received.state.stamp_ns
+            self.ages.add(now_ns - received.state.stamp_ns)
             try:
-                if self.followed(heard.state.grasps):
+                if self.followed(received.state.grasps):
                     self._dragging.release()
                     self._open()
-                self._seen, self._last = self._observed(heard), heard
+                self._seen, self._last = self._observed(received), received
             except HapticMechError as error:
                 problem = InvalidInputError(
-                    "state", heard.state.q.tolist(), f"cannot be drawn: {error}"
+                    "state", received.state.q.tolist(), f"cannot be drawn: {error}"
                 )
                 self.node.refuse(STATE.name, problem)
                 return
-        self._link.tell(self._state(self._last, heard is not None, now_ns))
+        self._link.tell(self._state(self._last, received is not None, now_ns))
 
-    def _state(self, known: Heard, fresh: bool, now_ns: int) -> LiveState:
+    def _state(self, known: Received, fresh: bool, now_ns: int) -> LiveState:
         state = known.state
         rates = (device.told(now_ns) for device in self._devices.values())
         return LiveState(
@@ -236,7 +236,7 @@ class LivePageNode(Onlooker[LiveParameters]):
             told="; ".join(rates) if fresh else f"nothing on {STATE.name}",
         )
 
-    def _user_state(self, point: str, known: Heard, now_ns: int) -> UserState:
+    def _user_state(self, point: str, known: Received, now_ns: int) -> UserState:
         seen, user, device = self._seen[point], known.users[point], self._devices[point]
         pose = seen.point.pose if user.device is None else user.device
         return UserState(
@@ -261,14 +261,14 @@ class LivePageNode(Onlooker[LiveParameters]):
         (began, first), (ended, last) = times[0], times[-1]
         return (last - first) / (ended - began) if ended > began else 0.0
 
-    def _observed(self, heard: Heard) -> dict[str, Observation]:
-        state = heard.state
+    def _observed(self, received: Received) -> dict[str, Observation]:
+        state = received.state
         return {
             point: self.analyser(point).observe(state.q, state.v, state.active)
             for point in self.users
         }
 
-    def _at_the_start(self) -> Heard:
+    def _at_the_start(self) -> Received:
         """Return what is drawn before anything is heard."""
         mechanism = self.mechanism
         q, v = consistent_initial_state(mechanism)
@@ -282,7 +282,7 @@ class LivePageNode(Onlooker[LiveParameters]):
             flat_grasps(mechanism.scene),
             (False,) * points,
         )
-        return Heard(state, dict.fromkeys(self.users, HeardUser()), {})
+        return Received(state, dict.fromkeys(self.users, ReceivedUser()), {})
 
     def _open(self) -> None:
         self._number += 1
@@ -293,7 +293,7 @@ class LivePageNode(Onlooker[LiveParameters]):
 
     def _on_diagnostics(self, message: DiagnosticArray, now_ns: int) -> None:
         for device in self._devices.values():
-            device.hear(message, now_ns)
+            device.receive(message, now_ns)
 
 
 def _or_none(wrench: Array | None) -> Array:

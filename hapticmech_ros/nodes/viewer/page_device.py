@@ -260,7 +260,7 @@ class PageDevice:
         }
         self._driver, self._said = DEVICE, ""
         self._figures: dict[str, str] = {}
-        self._heard_ns = -_TOLD_NS
+        self._received_ns = -_TOLD_NS
 
     def listen(self, wanted: bool) -> None:
         """Subscribe to its samples, or not."""
@@ -273,13 +273,13 @@ class PageDevice:
         """Forget its samples."""
         self._state.forget()
 
-    def hear(self, message: DiagnosticArray, now_ns: int) -> None:
+    def receive(self, message: DiagnosticArray, now_ns: int) -> None:
         """Take what its driver says of itself at a time (ns)."""
         for status in message.status:
             if status.name in self._drivers:
                 self._driver, self._said = self._drivers[status.name], status.message
                 self._figures = {pair.key: pair.value for pair in status.values}
-                self._heard_ns = now_ns
+                self._received_ns = now_ns
 
     def motion(self, now_ns: int) -> tuple[Array, Array] | None:
         """Return its place (3,), m, and velocity (3,), m/s, world axes; None if not known."""
@@ -317,4 +317,4 @@ class PageDevice:
         return ""
 
     def _is_told(self, now_ns: int) -> bool:
-        return now_ns - self._heard_ns <= _TOLD_NS
+        return now_ns - self._received_ns <= _TOLD_NS

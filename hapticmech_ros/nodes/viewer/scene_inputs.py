@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class HeardUser:
+class ReceivedUser:
     """What is known now of one user, old messages left out.
 
     Attributes:
@@ -61,7 +61,7 @@ class HeardUser:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Received:
     """What is known now, old messages left out.
 
     Attributes:
@@ -72,7 +72,7 @@ class Heard:
     """
 
     state: WireState
-    users: dict[str, HeardUser]
+    users: dict[str, ReceivedUser]
     point_commands: dict[str, Array]
     touching: ContactPoints | None = None
 
@@ -160,9 +160,9 @@ class UserInputs:
         """Return each of them."""
         return [self._device, self._hand, self._command, self._count]
 
-    def now(self, now_ns: int, timeout_ns: int) -> HeardUser:
+    def now(self, now_ns: int, timeout_ns: int) -> ReceivedUser:
         """Return what is known of the user."""
-        return HeardUser(
+        return ReceivedUser(
             self._device.value(now_ns, timeout_ns),
             self._hand.value(now_ns, timeout_ns),
             self._command.value(now_ns, timeout_ns),
@@ -227,14 +227,14 @@ class SceneInputs:
         """Return the mechanism's state; None without one that came within ``timeout_ns``."""
         return self._state.value(now_ns, timeout_ns)
 
-    def now(self, now_ns: int, timeout_ns: int) -> Heard | None:
+    def now(self, now_ns: int, timeout_ns: int) -> Received | None:
         """Return what is known; None without a state of the mechanism."""
         state = self._state.value(now_ns, timeout_ns)
         if state is None:
             return None
         touching = [one.value(now_ns, timeout_ns) for one in self._touching]
         commands = {name: one.value(now_ns, timeout_ns) for name, one in self._points.items()}
-        return Heard(
+        return Received(
             state,
             {point: user.now(now_ns, timeout_ns) for point, user in self._users.items()},
             {name: wrench for name, wrench in commands.items() if wrench is not None},
@@ -322,15 +322,15 @@ class Onlooker(ClockedActor[P]):
         self._analyse_anew()
         return True
 
-    def count(self, user: str, heard: Heard, s: Array) -> int:
+    def count(self, user: str, received: Received, s: Array) -> int:
         """Return how many joint constraints a user feels: as heard, or else found from s.
 
         Args:
             user: by the point held.
-            heard: what is known.
+            received: what is known.
             s: (t,) of the spectrum at that point.
         """
-        counted = heard.users[user].count
+        counted = received.users[user].count
         return rigid_count(s, self.scene.perception) if counted is None else counted
 
     def _analyse_anew(self) -> None:

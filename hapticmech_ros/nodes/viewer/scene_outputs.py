@@ -22,7 +22,7 @@ from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import WORLD, set_stamp, write_wrench
 from hapticmech_ros.nodes.qos import LATCHED
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard
+from hapticmech_ros.nodes.viewer.scene_inputs import Received
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.view import JointStates, fixed_frames, urdf_of, vanished
@@ -265,9 +265,9 @@ class SceneOutputs:
             set_stamp(message.header.stamp, time_ns)
             self._publish_joints.publish(message)
 
-    def show_wrenches(self, heard: Heard, time_ns: int) -> None:
+    def show_wrenches(self, received: Received, time_ns: int) -> None:
         """Publish wrenches in frames at whose origin they act."""
-        for point, user in heard.users.items():
+        for point, user in received.users.items():
             frame = self._names[at_world(self._users[point] + DEVICE)]
             for topic, wrench in (
                 (SEEN_DEVICE_COMMAND, user.device_command),
@@ -276,9 +276,9 @@ class SceneOutputs:
                 self._show_wrench(topic.name, point, frame, wrench, time_ns)
         for index, point in enumerate(self._mechanism.point_names):
             frame = self._names[at_world(point)]
-            command = heard.point_commands.get(point)
+            command = received.point_commands.get(point)
             self._show_wrench(SEEN_POINT_COMMAND.name, point, frame, command, time_ns)
-            contact = heard.state.contacts[index]
+            contact = received.state.contacts[index]
             self._show_wrench(SEEN_POINT_FORCE.name, point, frame, contact, time_ns)
 
     def _show_wrench(

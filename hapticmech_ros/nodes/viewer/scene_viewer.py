@@ -11,7 +11,7 @@ from __future__ import annotations
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
-from hapticmech_ros.nodes.viewer.scene_inputs import Heard, Onlooker
+from hapticmech_ros.nodes.viewer.scene_inputs import Onlooker, Received
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.view import (
@@ -88,10 +88,10 @@ class SceneViewer(Onlooker[ViewerParameters]):
         self._wanted = self._outputs.looked_at()
         self.inputs.listen(self._wanted)
         now = self.now_ns()
-        heard = self.inputs.now(now, self._timeout_ns)
-        if heard is None:
+        received = self.inputs.now(now, self._timeout_ns)
+        if received is None:
             return
-        state, outputs = heard.state, self._outputs
+        state, outputs = received.state, self._outputs
         time_ns = state.stamp_ns
         try:
             if self.followed(state.grasps):
@@ -105,7 +105,7 @@ class SceneViewer(Onlooker[ViewerParameters]):
         placement = self._placer.at(state.q)
         devices = {
             self.prefixes[point]: user.device
-            for point, user in heard.users.items()
+            for point, user in received.users.items()
             if user.device is not None
         }
         frames = moving_frames(
@@ -113,10 +113,10 @@ class SceneViewer(Onlooker[ViewerParameters]):
         )
         outputs.show_frames(frames, time_ns)
         outputs.show_joints(state.q, state.v, time_ns)
-        outputs.show_wrenches(heard, time_ns)
+        outputs.show_wrenches(received, time_ns)
         if outputs.wants_markers():
             try:
-                shapes = self._draw(heard, placement)
+                shapes = self._draw(received, placement)
             except HapticMechError as error:
                 problem = InvalidInputError("state", state.q.tolist(), f"cannot be drawn: {error}")
                 self.node.refuse(STATE.name, problem)
@@ -125,13 +125,13 @@ class SceneViewer(Onlooker[ViewerParameters]):
             outputs.show_markers(shapes, time_ns, lifetime)
             self.pictures += 1
 
-    def _draw(self, heard: Heard, placement: Placement) -> list[Shape]:
-        state, parameters = heard.state, self.parameters
+    def _draw(self, received: Received, placement: Placement) -> list[Shape]:
+        state, parameters = received.state, self.parameters
         terms = self.mechanism.evaluate(state.q, state.v, state.active)
         users = []
-        for point, user in heard.users.items():
+        for point, user in received.users.items():
             found = self.analyser(point).analyse(terms)
-            count = self.count(point, heard, found.spectrum.s)
+            count = self.count(point, received, found.spectrum.s)
             given = user.device, user.hand_wrench, user.device_command
             users.append(UserSnapshot(point, *given, found, count))
         picture = Picture(self.mechanism, parameters.force_scale, parameters.torque_scale)
@@ -139,11 +139,11 @@ class SceneViewer(Onlooker[ViewerParameters]):
             active=state.active,
             users=tuple(users),
             contacts=dict(zip(self.mechanism.point_names, state.contacts, strict=True)),
-            point_commands=heard.point_commands,
+            point_commands=received.point_commands,
         )
         shapes = [*picture.draw(snapshot, placement), *self._hulls.draw(placement)]
-        if heard.touching is not None:
+        if received.touching is not None:
             length = self.mechanism.length
             scales = Scales(length, parameters.force_scale, parameters.torque_scale)
-            shapes += touch_shapes(heard.touching, scales)
+            shapes += touch_shapes(received.touching, scales)
         return shapes

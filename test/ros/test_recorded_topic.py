@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from hapticmech_ros.nodes.bags import heard_topic
-from hapticmech_ros.nodes.bags.heard_topic import UNDERWAY_S, HeardTopic
+from hapticmech_ros.nodes.bags import recorded_topic
+from hapticmech_ros.nodes.bags.recorded_topic import UNDERWAY_S, RecordedTopic
 from hapticmech_ros.nodes.sources import Origin
 
 
@@ -46,12 +46,12 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(heard_topic, "time", made)
+    monkeypatch.setattr(recorded_topic, "time", made)
     return made
 
 
-def topic(kept: Kept, watched: list[int]) -> HeardTopic:
-    made = HeardTopic(
+def topic(kept: Kept, watched: list[int]) -> RecordedTopic:
+    made = RecordedTopic(
         kept,  # type: ignore[arg-type]
         kept,  # type: ignore[arg-type]
         "/v",
@@ -72,7 +72,7 @@ def test_a_batch_of_which_the_middleware_has_brought_all_is_not_kept_again(clock
     kept, watched = Kept(), list[int]()
     made = topic(kept, watched)
     made._hear_on_lane([(b"a", Origin(1, 1, 1, 5))])
-    made._hear(b"b", brought(2))
+    made._receive(b"b", brought(2))
     made._hear_on_lane([(b"b", Origin(1, 2, 2, 6))])
     assert kept.put_in == [b"a", b"b"]
     assert watched == [5, 1]
@@ -81,9 +81,9 @@ def test_a_batch_of_which_the_middleware_has_brought_all_is_not_kept_again(clock
 
 def test_what_the_middleware_drops_of_what_the_lane_brings_is_not_lost(clock: Clock) -> None:
     made = topic(Kept(), [])
-    made._hear(b"a", brought(1))
+    made._receive(b"a", brought(1))
     made._hear_on_lane([(bytes([n]), Origin(1, n, n, n)) for n in range(2, 40)])
-    made._hear(b"late", brought(40))
+    made._receive(b"late", brought(40))
     assert made.lost == 0
     made._hear_on_lane([(b"after", Origin(1, 43, 42, 43))])
     assert made.lost == 2
@@ -92,7 +92,7 @@ def test_what_the_middleware_drops_of_what_the_lane_brings_is_not_lost(clock: Cl
 def test_what_the_middleware_drops_counts_again_when_the_lane_has_ended(clock: Clock) -> None:
     made = topic(Kept(), [])
     made._hear_on_lane([(b"a", Origin(1, 1, 1, 1))])
-    made._hear(b"b", brought(2))
+    made._receive(b"b", brought(2))
     clock.now += 2 * UNDERWAY_S
-    made._hear(b"c", brought(6))
+    made._receive(b"c", brought(6))
     assert made.lost == 3

@@ -107,7 +107,7 @@ UNDERWAY_S = 2.0
 OVERLAP_S = 1.0
 
 
-class HeardTopic:
+class RecordedTopic:
     """Puts every message of one topic into a spool.
 
     Args:
@@ -224,7 +224,7 @@ class HeardTopic:
             self._replaced = now_s
             self._doubles.add(self._key)
         self._subscription = self._node.create_subscription(
-            self._class, self.name, WithInfo(self._hear), wanted, raw=True
+            self._class, self.name, WithInfo(self._receive), wanted, raw=True
         )
 
     def _hear_on_lane(self, batch: Batch) -> None:
@@ -242,7 +242,7 @@ class HeardTopic:
         key = origin.number, data
         return key in self._ahead and self._ahead.pop(key) is None
 
-    def _hear(self, data: bytes, info: Info) -> None:
+    def _receive(self, data: bytes, info: Info) -> None:
         had = self._had(data)
         number = info["publication_sequence_number"] or 0
         key = (info["source_timestamp"], number)
