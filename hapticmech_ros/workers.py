@@ -92,7 +92,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-class Crew:
+class WorkerPool:
     """Shares cases among workers; a context, at the end of which no process of its own is left.
 
     A worker that is killed, or out of memory, costs no case but its own: the others at work then
@@ -112,7 +112,7 @@ class Crew:
         self._workers = workers
         self._pool: ProcessPoolExecutor | None = None
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -239,8 +239,8 @@ def in_order(
     Raises:
         InvalidInputError: no process.
     """
-    with Crew(workers) as crew:
-        yield from crew.in_order(work, cases)
+    with WorkerPool(workers) as pool:
+        yield from pool.in_order(work, cases)
 
 
 def answers(
@@ -252,8 +252,8 @@ def answers(
         LostError: one was.
         InvalidInputError: no process.
     """
-    with Crew(workers) as crew:
-        yield from crew.answers(work, cases)
+    with WorkerPool(workers) as pool:
+        yield from pool.answers(work, cases)
 
 
 # The extra ``cluster`` in setup.py says the same.

@@ -74,16 +74,16 @@ class Failures:
 
     Args:
         node: that hosts the actor.
-        reseat: puts the actor back to where all was well, at rest, with nobody under a force.
+        reset: puts the actor back to where all was well, at rest, with nobody under a force.
 
     Attributes:
         count, defects: failures so far, and unexpected ones among them.
         last: what failed last, and how.
     """
 
-    def __init__(self, node: Host, reseat: Callable[[], None]) -> None:
+    def __init__(self, node: Host, reset: Callable[[], None]) -> None:
         self._node = node
-        self._reseat = reseat
+        self._reset = reset
         self.count = 0
         self.last = ""
         self.defects = 0
@@ -158,7 +158,7 @@ class Failures:
 
     def _begin_anew(self) -> None:
         try:
-            self._reseat()
+            self._reset()
         except Exception as error:  # noqa: BLE001 - as in run(): what cannot begin anew must end
             self.last = f"cannot begin anew: {_sentence(error)}"
             self._give_up()
@@ -265,7 +265,7 @@ class Actor(Generic[P]):
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node
-        self.failures = Failures(node, self.reseat)
+        self.failures = Failures(node, self.reset)
         # Time that no stamp can hold is refused where it is first asked for.
         seconds_of(node.now_ns())
         scene = load_scene(parameters.scene, parameters.control_rate, parameters.network_delay)
@@ -315,7 +315,7 @@ class Actor(Generic[P]):
     def close(self) -> None:
         """Give back what it has beside ROS: it is not used any more."""
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Go back, after a failure, to where all was well, at rest, and leave nobody under a force.
 
         Does not send what may have failed; what was heard before counts no more.

@@ -276,7 +276,7 @@ class DeviceDriver(ClockedActor[D]):
         self.put_at_zero()
         self._state = self.device.at_rest(self._state.pose, home=self._state.home)
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Stand still where all was well, with the actuators at zero, held by nobody."""
         self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
         self._rest()

@@ -370,7 +370,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _rest(self) -> None:
         self.state = replace(self.state, v=np.zeros_like(self.state.v))
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
         self.state = self._last_valid.go_back(self.now_ns())
         self._rest()

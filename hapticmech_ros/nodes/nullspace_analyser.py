@@ -211,7 +211,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         """Answer no more."""
         self.wait_by(None)
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Forget what was found of states so far."""
         self.past.forget()
         self._model = OperationalModelWriter(self.analyser, self.past, self._values)

@@ -90,7 +90,7 @@ class Transmissions:
         self._latest = Latest()
         self._guard.forget()
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Forget what came in lockstep."""
         self._stamped = Stamped()
 

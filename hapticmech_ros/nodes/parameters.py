@@ -325,7 +325,7 @@ class ControllerParameters(NodeParameters):
         return {name: getattr(self, name) for name in TUNED}
 
 
-class OnlookerParameters(NodeParameters):
+class SceneSubscriberParameters(NodeParameters):
     """Parameters of who looks on, and has no deadlines to keep."""
 
     realtime: RealtimeMode = text("off", "as for the other nodes", "never")
@@ -337,7 +337,7 @@ class OnlookerParameters(NodeParameters):
     input_timeout: float = number(0.5, "inputs older than this are not shown", "s", 0.02, 60.0)
 
 
-class ViewerParameters(OnlookerParameters):
+class ViewerParameters(SceneSubscriberParameters):
     """Parameters of the scene viewer."""
 
     marker_rate: float = number(30.0, "rate of markers, frames and joint states", "Hz", 1.0, 200.0)
@@ -349,7 +349,7 @@ class ViewerParameters(OnlookerParameters):
     )
 
 
-class LiveParameters(OnlookerParameters):
+class LiveParameters(SceneSubscriberParameters):
     """Parameters of the live page."""
 
     transport: Transport = text("middleware", "as for the other nodes", "never")

@@ -312,7 +312,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.wait_by(None)
         self._disengage("deactivated", self._log.stopped)
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         """Disengage, say zero to both sides, and begin with controllers and accounts made anew."""
         self._clutch = self._arrived = None
         # Made when it is asked for.
@@ -320,7 +320,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.apply_parameters(self.parameters)
         self.side = self._new_side()
         self._devices, self._models = Stamped(), Stamped()
-        self._transmissions.reseat()
+        self._transmissions.reset()
         self.activate()
         now = self.now_ns()
         self._outputs.zero(now, now)

@@ -20,7 +20,7 @@ from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.workers import Crew, Workers
+from hapticmech_ros.workers import WorkerPool, Workers
 
 # Longest step of prescribed joints (rad or m), so that loops stay on their branch.
 LONGEST_STEP = 0.02
@@ -103,8 +103,8 @@ def sweep(
     mechanism.point_index(point)
     reached = dict([_first(mechanism, prescribed, columns)])
     front = list(reached)
-    with Crew(workers) as crew:
-        mover = _Mover(mechanism, columns, crew)
+    with WorkerPool(workers) as pool:
+        mover = _Mover(mechanism, columns, pool)
         while front:
             wanted = _beside(front, reached, prescribed)
             goals = [
@@ -159,8 +159,8 @@ def _beside(
 class _Mover:
     """Moves a mechanism to places: here if they are few, else by all who work at it."""
 
-    def __init__(self, mechanism: Mechanism, columns: list[int], crew: Crew) -> None:
-        self._mechanism, self._columns, self._crew = mechanism, columns, crew
+    def __init__(self, mechanism: Mechanism, columns: list[int], pool: WorkerPool) -> None:
+        self._mechanism, self._columns, self._pool = mechanism, columns, pool
 
     def move(self, goals: list[Goal]) -> list[Array | None]:
         """Return for each (q, goal) the configuration there, or None.
@@ -168,13 +168,13 @@ class _Mover:
         Raises:
             LostError: the process of some of them was ended, twice.
         """
-        if self._crew.processes == 1 or len(goals) < WORTH_SHARING:
+        if self._pool.processes == 1 or len(goals) < WORTH_SHARING:
             return [_move(self._mechanism, q, self._columns, goal) for q, goal in goals]
         text = self._mechanism.scene.model_dump_json()
-        size = max(1, min(CHUNK, math.ceil(len(goals) / (self._crew.processes or 1))))
+        size = max(1, min(CHUNK, math.ceil(len(goals) / (self._pool.processes or 1))))
         chunks = [goals[at : at + size] for at in range(0, len(goals), size)]
         tasks = [_Task(text, self._columns, chunk) for chunk in chunks]
-        return [q for some in self._crew.answers(_move_there, tasks) for q in some]
+        return [q for some in self._pool.answers(_move_there, tasks) for q in some]
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ from hapticmech_ros.study.figure import study_figure
 from hapticmech_ros.study.journal import Journal, Rows
 from hapticmech_ros.study.measures import with_unit
 from hapticmech_ros.study.task import Numbers, Task, carry_out
-from hapticmech_ros.workers import Crew, Lost, Workers, versions
+from hapticmech_ros.workers import Lost, WorkerPool, Workers, versions
 
 # Scenes of one task.
 CHUNK = 64
@@ -273,12 +273,12 @@ def _fill(
     total = len(design)
     left = [index for index in range(total) if index not in rows]
     show(total - len(left), total)
-    with Crew(workers) as crew:
+    with WorkerPool(workers) as pool:
         chunks = [left[at : at + CHUNK] for at in range(0, len(left), CHUNK)]
         while chunks:
             alone = list[list[int]]()
             tasks = (first.of(chunk, design) for chunk in chunks)
-            for at, found in crew.completed(carry_out, tasks):
+            for at, found in pool.completed(carry_out, tasks):
                 if not isinstance(found, Lost):
                     more = _rows_of(found, columns)
                     write(more)

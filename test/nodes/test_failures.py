@@ -33,12 +33,12 @@ class Node:
 class Bench:
     """Failures whose actor begins anew as often as it is told to."""
 
-    def __init__(self, reseat=None) -> None:
+    def __init__(self, reset=None) -> None:
         self.node = Node()
         self.begun = 0
-        self.failures = Failures(self.node, reseat or self.reseat)
+        self.failures = Failures(self.node, reset or self.reset)
 
-    def reseat(self) -> None:
+    def reset(self) -> None:
         self.begun += 1
 
 
@@ -113,7 +113,7 @@ def test_what_was_foreseen_may_come_as_often_as_its_cause_does():
 
 
 def test_who_cannot_begin_anew_gives_up():
-    bench = Bench(reseat=raising(OverflowError("again")))
+    bench = Bench(reset=raising(OverflowError("again")))
     bench.failures.run("tick", raising(OutputError("v", 1e9, "must be less")))
     assert not bench.node.active
     assert bench.node.ended == 1
@@ -121,7 +121,7 @@ def test_who_cannot_begin_anew_gives_up():
 
 
 def test_a_node_that_cannot_even_be_deactivated_does_nothing_more():
-    bench = Bench(reseat=raising(OverflowError("again")))
+    bench = Bench(reset=raising(OverflowError("again")))
     bench.node.end = raising(RuntimeError("end"))
     bench.failures.run("tick", raising(TypeError("x")))
     assert not bench.node.active

@@ -41,7 +41,7 @@ from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import LiveParameters
 from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.viewer.page_device import STALE, GraphCommands, PageDevice, PageLink
-from hapticmech_ros.nodes.viewer.scene_inputs import Onlooker, Received, ReceivedUser
+from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser, SceneSubscriber
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.state import WireState
@@ -55,7 +55,7 @@ _DELAYED_S = 2.0 * TICK_S
 _END_S = 5.0
 
 
-class LivePageNode(Onlooker[LiveParameters]):
+class LivePageNode(SceneSubscriber[LiveParameters]):
     """Serves the page, tells it what it hears, and does what is asked for there.
 
     Raises:

@@ -21,7 +21,7 @@ from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench
-from hapticmech_ros.nodes.parameters import OnlookerParameters
+from hapticmech_ros.nodes.parameters import SceneSubscriberParameters
 from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
@@ -258,10 +258,10 @@ def _count(data: bytes, largest: int) -> int:
     return count
 
 
-P = TypeVar("P", bound=OnlookerParameters)
+P = TypeVar("P", bound=SceneSubscriberParameters)
 
 
-class Onlooker(ClockedActor[P]):
+class SceneSubscriber(ClockedActor[P]):
     """Hears a mechanism and all who hold it.
 
     Attributes:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
-from hapticmech_ros.nodes.viewer.scene_inputs import Onlooker, Received
+from hapticmech_ros.nodes.viewer.scene_inputs import Received, SceneSubscriber
 from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.view import (
@@ -30,7 +30,7 @@ from hapticmech_ros.wire.topics import STATE
 SHORTEST_LIFETIME_S = 1.0
 
 
-class SceneViewer(Onlooker[ViewerParameters]):
+class SceneViewer(SceneSubscriber[ViewerParameters]):
     """Draws the newest of what it hears, at ``marker_rate``."""
 
     name = "scene_viewer"
