@@ -15,7 +15,7 @@ from collections.abc import Iterator, MutableMapping
 from pathlib import Path
 from typing import Literal
 
-from hapticmech_ros.share import shared
+from hapticmech_ros.files import shared
 
 Discovery = Literal["localhost", "subnet"]
 # Between processes of one host: directly where both can, or always through the middleware.

@@ -3,13 +3,16 @@
 """Opens what a path names only if it is a regular file of bounded size, and never waits for one.
 
 A device has no end, a pipe has no beginning, and either can stand where a file is expected: every
-file that somebody else wrote is opened here.
+file that somebody else wrote is opened here. The package's own files are in the source tree, or in
+the share folder of a prefix.
 """
 
 from __future__ import annotations
 
 import os
 import stat
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -111,3 +114,27 @@ def _check(name: str, found: os.stat_result, limit: int | None) -> None:
 
 def _reason(error: Exception) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+PACKAGE = "hapticmech_ros"
+
+
+def shared(relative: str) -> Path | None:
+    """Return the first existing ``relative`` file or folder of the package's data, or None."""
+    for folder in _folders():
+        if (folder / relative).exists():
+            return folder / relative
+    return None
+
+
+def _folders() -> Iterator[Path]:
+    here = Path(__file__).resolve()
+    # The source tree: the package's folder stands beside config/.
+    yield here.parents[1]
+    # Installed, lib/pythonX.Y/site-packages/hapticmech_ros/: the prefix is a few levels up.
+    for parent in here.parents[2:6]:
+        yield parent / "share" / PACKAGE
+    yield Path(sys.prefix) / "share" / PACKAGE
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix) / "share" / PACKAGE

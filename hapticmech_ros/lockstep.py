@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.topics import users_of
+from hapticmech_ros.wire.topics import check_feeds, users_of
 
 CLOCK = "hapticmech_ros.nodes.lockstep_clock"
 

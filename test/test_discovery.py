@@ -10,8 +10,8 @@ import pytest
 
 from hapticmech_ros import discovery
 from hapticmech_ros.discovery import PEERS, PROFILES, RANGE, choose_discovery, exposure
+from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment
-from hapticmech_ros.share import shared
 
 LOOPBACK = str(shared("config/dds/loopback_udp.xml"))
 NETWORK = str(shared("config/dds/discovery.xml"))

@@ -9,14 +9,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hapticmech_ros.errors import SceneError, SceneProblem
-from hapticmech_ros.files import is_file
+from hapticmech_ros.files import is_file, shared
 from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.contact_rules import with_mesh_paths
 from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.scene import Scene, scene_from_document
 from hapticmech_ros.scene.script import with_script_path
 from hapticmech_ros.scene.validation import written_document
-from hapticmech_ros.share import shared
 
 
 def load_scene(

@@ -38,7 +38,6 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
-from hapticmech_ros.feeds import check_feeds
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
@@ -61,6 +60,7 @@ from hapticmech_ros.wire.topics import (
     TOPICS,
     VIEWER,
     Topic,
+    check_feeds,
 )
 
 _DEVICE = FlatArray(DEVICE_FIELDS)

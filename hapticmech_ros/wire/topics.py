@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from hapticmech_ros.errors import InvalidInputError
+
 # Stands for CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
 Rate = Literal[
@@ -642,3 +644,17 @@ def topic_of(absolute: str) -> Topic | None:
     """Return the topic that an absolute name stands for, in any namespace, or None."""
     found = [topic for topic in TOPICS if topic.names(absolute)]
     return max(found, key=lambda topic: topic.name.count("/"), default=None)
+
+
+FEEDS = ("hand", "device", "external")
+
+
+def check_feeds(kinds: Sequence[str]) -> None:
+    """Refuse what cannot be fed.
+
+    Raises:
+        InvalidInputError: not one of :data:`FEEDS`.
+    """
+    for kind in kinds:
+        if kind not in FEEDS:
+            raise InvalidInputError("feed", kind, f"must be one of {', '.join(FEEDS)}")

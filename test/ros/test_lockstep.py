@@ -19,9 +19,9 @@ from geometry_msgs.msg import WrenchStamped
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
-from hapticmech_ros.share import shared
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import (
     unpack_device,

@@ -15,10 +15,10 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from std_msgs.msg import Float64MultiArray
 
+from hapticmech_ros.files import shared
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.managed import descriptor_of
 from hapticmech_ros.nodes.runtime import actor_type
-from hapticmech_ros.share import shared
 from hapticmech_ros.wire.layouts import unpack_device
 from ros.harness import Peer, allowing, running
 

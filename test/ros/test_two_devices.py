@@ -21,13 +21,13 @@ from hapticmech_ros.experiment import compare
 from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.experiment.from_bag import HAND, read_series, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_shared_session
+from hapticmech_ros.files import shared
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading.copying import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.replay import replay
 from hapticmech_ros.scene.limits import Limits
-from hapticmech_ros.share import shared
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire
