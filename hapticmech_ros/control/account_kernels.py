@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller's side of the rendering loop in kernels: energies, and what the mechanism is told.
+"""The controller's side of the rendering loop in kernels: energies, commands to the mechanism.
 
     E_m   = ∫ f · v dt                       given to the mechanism at its operational point
     S     = ½ k eᵀ P_c e + ½ eᵀ C_k e        held in the springs of joint constraint and C
@@ -163,7 +163,7 @@ def predict(
 ) -> float:
     """Fill an operational model once what is in the queue has acted; return how long it takes, s.
 
-    And half a period more of what the mechanism is told now of F_h and F_c: it gets F_h of the
+    And half a period more of the wrench that F_h and F_c command on it now: it gets F_h of the
     samples, held over a period, and the device as it varies, half a period earlier in the mean. The
     pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
 
@@ -313,16 +313,16 @@ def give_answer(
 
 
 @inner
-def passive_wrench(account: Array, answer: Array, told: Array) -> None:
-    """Fill what the mechanism is told (6,): the last answer, as far as the hand has paid for it."""
+def passive_wrench(account: Array, answer: Array, commanded: Array) -> None:
+    """Fill the wrench commanded on the mechanism (6,): what of the last answer the hand has paid."""
     if answer[IS_ANSWER] == 0.0:
-        told[:] = 0.0
+        commanded[:] = 0.0
         return
-    put(told, answer[TO_MECHANISM : TO_MECHANISM + 6])
+    put(commanded, answer[TO_MECHANISM : TO_MECHANISM + 6])
     if account[PASSIVE] == 0.0 or account[GIVEN] - account[FROM_HAND] - account[SLACK] <= 0.0:
         return
     twist, inertia = account[MOVED : MOVED + 6], account[INERTIA : INERTIA + 6]
-    given = dot(told, twist)
+    given = dot(commanded, twist)
     if given <= 0.0:
         return
     account[CHANGED] += 1.0
@@ -330,29 +330,29 @@ def passive_wrench(account: Array, answer: Array, told: Array) -> None:
     for i in range(6):
         square += inertia[i] * twist[i] * twist[i]
     for i in range(6):
-        told[i] -= given / square * (inertia[i] * twist[i])
+        commanded[i] -= given / square * (inertia[i] * twist[i])
 
 
 @inner
-def queue_wrench(account: Array, queue: Array, told: Array, acting: Array) -> None:
+def queue_wrench(account: Array, queue: Array, commanded: Array, acting: Array) -> None:
     """Put a wrench into the queue, and take out which acts from now on."""
     delay = queue.shape[0]
     if delay == 0:
-        put(acting, told)
+        put(acting, commanded)
     else:
         at = int(account[QUEUE_AT])
         put(acting, queue[at])
-        put(queue[at], told)
+        put(queue[at], commanded)
         account[QUEUE_AT] = (at + 1) % delay
     put(account[ACTING : ACTING + 6], acting)
 
 
 @inner
-def remember_told(past: Array, told: Array) -> None:
-    """Put what the mechanism is told (6,) before what it was told (n, 6)."""
+def remember_commanded(past: Array, commanded: Array) -> None:
+    """Put the wrench commanded on the mechanism (6,) before what was (n, 6)."""
     for row in range(past.shape[0] - 1, 0, -1):
         put(past[row], past[row - 1])
-    put(past[0], told)
+    put(past[0], commanded)
 
 
 @kernel("void(float64[::1], float64[::1], float64)")
@@ -452,7 +452,7 @@ def command_response(settings: Array, operational_model: Array, time: float, out
 def command_mechanism(
     account: Array, queue: Array, past: Array, answer: Array, wrenches: Array
 ) -> None:
-    """Fill what the mechanism is told, and what acts on it from now on: rows of (2, 6).
+    """Fill the wrench commanded on the mechanism, and what acts on it from now on: rows of (2, 6).
 
     Args:
         account: (account,) of the controller, changed; see ``loop_layout``.
@@ -463,4 +463,4 @@ def command_mechanism(
     """
     passive_wrench(account, answer, wrenches[0])
     queue_wrench(account, queue, wrenches[0], wrenches[1])
-    remember_told(past, wrenches[0])
+    remember_commanded(past, wrenches[0])

@@ -32,8 +32,19 @@ ACTS, MOST_FORCE, MOST_TORQUE, PERIOD, KEPT, AHEAD, MOVED, MOST_DAMPING, FILTERE
         *("most_damping", "filtered"),
     )
 )
-PASSIVE, ALLOWANCE, SLACK, ACTUATORS, MECHANISM, TOLD, DISSIPATED, CHANGED = DEVICE_ACCOUNT.starts(
-    *("passive", "allowance", "slack", "actuators", "mechanism", "told", "dissipated", "changed")
+PASSIVE, ALLOWANCE, SLACK, ACTUATORS, MECHANISM, RECEIVED, DISSIPATED, CHANGED = (
+    DEVICE_ACCOUNT.starts(
+        *(
+            "passive",
+            "allowance",
+            "slack",
+            "actuators",
+            "mechanism",
+            "received",
+            "dissipated",
+            "changed",
+        )
+    )
 )
 PLACED, PLACE, ADDED, RATE, APPLIED, QUEUE_AT = DEVICE_ACCOUNT.starts(
     "pose_known", "pose", "added", "rate", "applied", "queue_at"
@@ -65,19 +76,19 @@ def account_for_actuators(account: Array, sample: Array, applied: Array) -> None
 
 @inner
 def take_energy(account: Array, given: float) -> None:
-    """Take E_m, J, as it is told, or NaN; the account begins when it is told first."""
+    """Take E_m, J, as it is received, or NaN; the account begins with the first one."""
     if np.isnan(given):
-        account[TOLD] = 0.0
+        account[RECEIVED] = 0.0
         return
-    if account[TOLD] == 0.0:
+    if account[RECEIVED] == 0.0:
         account[ACTUATORS] = account[DISSIPATED] = 0.0
-    account[TOLD], account[MECHANISM] = 1.0, given
+    account[RECEIVED], account[MECHANISM] = 1.0, given
 
 
 @inner
 def energy_available(account: Array) -> float:
     """Return what the actuators may give now, J; infinite while E_m is not known."""
-    if account[TOLD] == 0.0 or account[PASSIVE] == 0.0:
+    if account[RECEIVED] == 0.0 or account[PASSIVE] == 0.0:
         return float(np.inf)
     given = account[MECHANISM]
     least = min(0.0, given) - account[ALLOWANCE]
@@ -263,7 +274,7 @@ def allow_command(
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         added: (6,) by the device's driver, N and N m, world axes.
-        given: E_m, J, as it is told; NaN while nobody tells it.
+        given: E_m, J, as it was received; NaN while nobody sends it.
     """
     account_for_actuators(account, sample, applied)
     take_energy(account, given)

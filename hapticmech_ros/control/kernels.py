@@ -229,13 +229,13 @@ def force_let_through(settings: Array, time: float) -> float:
 
 @inner
 def hand_on_mechanism(
-    settings: Array, device: Array, operational_model: Array, time: float, told: Array
+    settings: Array, device: Array, operational_model: Array, time: float, commanded: Array
 ) -> None:
-    """Fill what the mechanism is told (6,) of measured forces: s (C3 F_h + C5 F_c)."""
+    """Fill the wrench that measured forces command on the mechanism (6,): s (C3 F_h + C5 F_c)."""
     through = force_let_through(settings, time)
     for i in range(6):
         hand, touch = device[PUSH + i], operational_model[CONTACT + i]
-        told[i] = through * settings[i] * (settings[C3] * hand + settings[C5] * touch)
+        commanded[i] = through * settings[i] * (settings[C3] * hand + settings[C5] * touch)
 
 
 @inner
@@ -326,15 +326,15 @@ def control_wrenches(
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64, float64[::1])")
 def forces_on_mechanism(
-    settings: Array, device: Array, operational_model: Array, time: float, told: Array
+    settings: Array, device: Array, operational_model: Array, time: float, commanded: Array
 ) -> None:
-    """Fill what the mechanism is told of measured forces, C3 F_h + C5 F_c.
+    """Fill the wrench that measured forces command on the mechanism, C3 F_h + C5 F_c.
 
     Args:
         settings: (59,) what the scene and the clutch fix; see ``loop_layout``.
         device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
-        told: (6,) to fill, N and N m, world axes.
+        commanded: (6,) to fill, N and N m, world axes.
     """
-    hand_on_mechanism(settings, device, operational_model, time, told)
+    hand_on_mechanism(settings, device, operational_model, time, commanded)

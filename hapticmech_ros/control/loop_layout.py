@@ -79,8 +79,8 @@ ANSWER = Layout(
 # Rows of an answer's wrenches: on the hand, by the device; on the mechanism, by the hand; the three
 # parts of the first; and the pose error e.
 ON_HAND, ON_MECHANISM, IMPEDANCE, JOINT_CONSTRAINT, FOUR_CHANNEL, POSE_ERROR = range(6)
-# Rows of what acts in a tick: the first two, and what the mechanism is told.
-TOLD = 2
+# Rows of what acts in a tick: the first two, and the wrench commanded on the mechanism.
+COMMANDED = 2
 # What the device closes by itself, 1 or 0: the force channel, and the joint constraint; and whether
 # answers are to say how.
 LOCALITY = Layout(dict.fromkeys(("force_channel", "joint_constraint", "with_model"), ONE))
@@ -88,7 +88,7 @@ FORCE_LOCAL, JOINT_LOCAL, WITH_MODEL = LOCALITY.starts(*LOCALITY)
 # The device's account: constants first. Diagonal of Λ_d; 1 where there are actuators; their limits,
 # N and N m; period, s; share of their old wrench in the mean of a period; what is predicted, s, and
 # what a held wrench moves in it per acceleration, s²; most damping, 1/s; 1 if velocities are
-# filtered; 1 for passivity control, its allowance and slack. Then W, E_m, 1 if E_m is told; what
+# filtered; 1 for passivity control, its allowance and slack. Then W, E_m, 1 if E_m is known; what
 # damping took; commands changed; 1 if the device's pose is known, and that; what its driver adds;
 # its mean twist since then; what of old commands acts on; and where in the queue the next answer
 # is.
@@ -109,7 +109,7 @@ DEVICE_ACCOUNT = Layout(
         "slack": ONE,
         "actuators": ONE,
         "mechanism": ONE,
-        "told": ONE,
+        "received": ONE,
         "dissipated": ONE,
         "changed": ONE,
         "pose_known": ONE,

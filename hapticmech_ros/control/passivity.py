@@ -68,7 +68,7 @@ class PassivityController:
         filtered: whether the twist of samples lags: the mean of the last period then counts too,
             carried on to its end by what acted, whichever says that more is given.
         lag: s, of the actuators, of first order: they still give a part of what they gave before,
-            and go on with what they are told for as long.
+            and go on with what was commanded for as long.
 
     Attributes:
         account: all that it knows; a :data:`~hapticmech_ros.control.loop_layout.DEVICE_ACCOUNT`.
@@ -108,20 +108,20 @@ class PassivityController:
 
     def begin(self) -> None:
         """Start anew: the hand takes hold, or nobody holds."""
-        for name in ("actuators", "mechanism", "told", "dissipated"):
+        for name in ("actuators", "mechanism", "received", "dissipated"):
             self.account[_STARTS[name]] = 0.0
         self.account[_MEMORY] = 0.0
 
     @property
     def actuators(self) -> float:
-        """W, J, since E_m was told first; before that, since the last :meth:`begin`."""
+        """W, J, since E_m was received first; before that, since the last :meth:`begin`."""
         return float(self.account[_STARTS["actuators"]])
 
     @property
     def mechanism(self) -> float | None:
-        """E_m as it was told last, J; None until it is, and nothing is held back."""
-        told = self.account[_STARTS["told"]] != 0.0
-        return float(self.account[_STARTS["mechanism"]]) if told else None
+        """E_m as it was received last, J; None until it is, and nothing is held back."""
+        received = self.account[_STARTS["received"]] != 0.0
+        return float(self.account[_STARTS["mechanism"]]) if received else None
 
     @property
     def dissipated(self) -> float:
@@ -150,8 +150,8 @@ class PassivityController:
     def set_mechanism_energy(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.
 
-        When it is told first, the account begins: what a commander without one gave before, be it
-        of his own, is no debt that the next one's damping has to collect.
+        With the first one the account begins: what a commander without one gave before, be it of
+        his own, is no debt that the next one's damping has to collect.
         """
         take_energy(self.account, math.nan if mechanism is None else mechanism)
 
@@ -253,7 +253,7 @@ class DeviceSide:
             command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
             sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
             applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-            to_mechanism: E_m, J, as it is told; None while nobody tells it.
+            to_mechanism: E_m, J, as it was received; None while nobody sends it.
             added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
         """
         found = np.array(command, dtype=float)

@@ -26,7 +26,7 @@ from hapticmech_ros.control.device_side_kernels import (
     take_energy,
 )
 from hapticmech_ros.control.hand_lead_kernels import remember
-from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM, TOLD
+from hapticmech_ros.control.loop_layout import COMMANDED, ON_HAND, ON_MECHANISM
 
 
 @inner
@@ -44,7 +44,7 @@ def queue_answer(account: Array, queue: Array, arrived: Array) -> int:
 def act(
     controller: Array,
     given: Array,
-    told: Array,
+    commanded: Array,
     device: Array,
     safety: Array,
     answers: Array,
@@ -60,7 +60,7 @@ def act(
     Args:
         controller: the controller's account.
         given: the last answer that was given, whether it has arrived or not.
-        told: (delay, 6) what the mechanism was told and does not act yet.
+        commanded: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
         device: the device's account.
         safety: its envelope, a :data:`~hapticmech_ros.device.safety_kernels.SAFETY`.
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
@@ -71,11 +71,11 @@ def act(
         added: (6,) by the device's driver, to the next command.
         others: (19,) what corrects it for other hands; see ``other_hands``.
         wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
-            the mechanism is told.
+            the mechanism gets.
     """
     rows = answers.shape[0] - 1
-    passive_wrench(controller, given, wrenches[TOLD])
-    queue_wrench(controller, told, wrenches[TOLD], wrenches[ON_MECHANISM])
+    passive_wrench(controller, given, wrenches[COMMANDED])
+    queue_wrench(controller, commanded, wrenches[COMMANDED], wrenches[ON_MECHANISM])
     now = answers[queue_answer(device, answers[:rows], answers[rows])]
     account_for_actuators(device, sample, applied)
     remember(hand, device[PERIOD], sample[PUSH : PUSH + 6])

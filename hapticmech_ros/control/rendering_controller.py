@@ -208,13 +208,13 @@ class RenderingController:
         control: that computes.
         period: s.
         connection: between device and controller.
-        delay: whole periods until the mechanism is moved by what it is told.
+        delay: whole periods until the mechanism is moved by what is commanded.
         before: what answered until now, whose account goes on.
 
     Attributes:
         account: a :data:`~hapticmech_ros.control.loop_layout.CONTROLLER_ACCOUNT`.
-        queue: (delay, 6) what the mechanism was told and does not act yet.
-        past: (16, 6) what it was told until now, the last command first.
+        queue: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
+        past: (16, 6) what was commanded until now, the last command first.
         last: last answer that was given, whether it has arrived or not; None before the first.
         channels: of the connection, to the controller and back; None if answers arrive at once.
     """
@@ -316,12 +316,12 @@ class RenderingController:
     def command_mechanism(self) -> tuple[Array, Array]:
         """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
-        told = np.empty((2, 6))
-        command_mechanism(self.account, self.queue, self.past, last, told)
-        return told[0], told[1]
+        commanded = np.empty((2, 6))
+        command_mechanism(self.account, self.queue, self.past, last, commanded)
+        return commanded[0], commanded[1]
 
     def held_elsewhere(self) -> None:
-        """Take back what the mechanism was told at the place where it was held.
+        """Take back the wrench commanded on the mechanism at the place where it was held.
 
         Springs and motion begin anew there; what has flowed stays in the account.
         """
@@ -360,7 +360,7 @@ class RenderingController:
     def in_flight(
         self, settings: Array, device: Array, operational_model: Array, time: float
     ) -> InFlight:
-        """Return what the mechanism was told, and a device that corrects commands has done.
+        """Return what was commanded on the mechanism, and a device that corrects commands has done.
 
         Args:
             settings: (59,) of the controllers; see ``loop_layout``.
@@ -373,10 +373,10 @@ class RenderingController:
     def _in_flight(
         self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
     ) -> InFlight:
-        """Return the same of a queue: with half a period of what is told now, as ``predict``."""
-        told, period = np.empty(6), float(self.account[_PERIOD])
-        forces_on_mechanism(settings, device, operational_model, time, told)
-        impulse = period * (queue.sum(axis=0) + 0.5 * told)
+        """Return the same of a queue, with half a period of what is commanded now."""
+        commanded, period = np.empty(6), float(self.account[_PERIOD])
+        forces_on_mechanism(settings, device, operational_model, time, commanded)
+        impulse = period * (queue.sum(axis=0) + 0.5 * commanded)
         return InFlight((len(queue) + 0.5) * period, impulse)
 
     def _queue_of(self, ahead: float, locality: Array) -> tuple[Array, float]:

@@ -17,7 +17,7 @@ from hapticmech_ros.control.account_kernels import (
     give_answer,
     passive_wrench,
     queue_wrench,
-    remember_told,
+    remember_commanded,
 )
 from hapticmech_ros.control.loop_layout import FORCE_LOCAL
 from hapticmech_ros.device.motion_kernels import SOUND, follow_sample
@@ -127,7 +127,7 @@ def plain_sample(link: Array, values: Array, most: Array, round_trip: float, tim
         link: see above.
         values: (29,) the sample.
         most: (29,) largest magnitudes.
-        round_trip: s, as the device has told it.
+        round_trip: s, as the device has reported it.
         time: now, ns of the node's time.
     """
     stamp = sound_stamp(values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
@@ -238,7 +238,7 @@ def answer_samples(
         motion: (numbers,) of the device's motion, changed; see ``motion_kernels``.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
-        round_trip: s, as the device has told it.
+        round_trip: s, as the device has reported it.
         ages: (n,) to fill: of the messages, ns.
 
     Returns:
@@ -310,7 +310,7 @@ def answer_samples(
         write_stamp(point_frame, stamp)
         send_to_all(outputs[TO_POINT], words, point_frame, point_targets, real)
         queue_wrench(account, queue, wrenches[0], wrenches[1])
-        remember_told(past, wrenches[0])
+        remember_commanded(past, wrenches[0])
         put(motion, moved)
         note_sender(link, OF_DEVICE, stamp, counted)
         note_read(link, inputs[STATES], ages, time, time - stamp, counted, sent)

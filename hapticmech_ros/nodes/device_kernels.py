@@ -192,7 +192,7 @@ def drive_at_deadlines(
         model: (108,) how commands depend on the device: G, K and B.
         others: (19,) zeros.
         period: s.
-        given: E_m as it is told, J; NaN while nobody tells it.
+        given: E_m as it was received, J; NaN while nobody sends it.
         trips: (n,) to fill: s, of samples and their answers.
         ages: (n,) to fill: of the commands, ns.
 

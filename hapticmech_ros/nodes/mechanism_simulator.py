@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.loop_layout import TOLD
+from hapticmech_ros.control.loop_layout import COMMANDED
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.grasp import grasp_written
@@ -91,7 +91,7 @@ class MechanismTicks(PlainMessages):
         sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
         parts = {name: np.zeros(0) for name in PARTS} | {
             "times": np.zeros(TIMES.size),
-            "wrenches": np.zeros((TOLD + 1, 6)),
+            "wrenches": np.zeros((COMMANDED + 1, 6)),
             "external": np.zeros(6),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),

@@ -602,7 +602,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         return max(periods, 0) * self.period_s
 
     def _send(self, answer: ControllerCommand | None, stamp_ns: int, mechanism_ns: int) -> None:
-        """Send what reaches the device now, and what the mechanism is told; the rest after that.
+        """Send what reaches the device now, and the mechanism's command; the rest after that.
 
         In lockstep the device waits for a command with each sample: the last one is said again.
         There, over a network and until the device obeys, a gain goes before its command.
@@ -610,9 +610,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs, side = self._outputs, self.side
         if self.lockstep:
             self._arrived = answer = answer or self._arrived or ControllerCommand.nothing(stamp_ns)
-        told, _ = side.command_mechanism()
+        commanded, _ = side.command_mechanism()
         if answer is None:
-            outputs.mechanism(told, mechanism_ns)
+            outputs.mechanism(commanded, mechanism_ns)
             return
         with_gain = self.lockstep or answer.is_modelled
         if with_gain and (self.lockstep or self.path.paced or not self.path.obeyed):
@@ -620,7 +620,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             with_gain = False
         answered_ns = stamp_ns if self.lockstep else answer.answered_ns
         outputs.device(answer.wrenches[0], answered_ns)
-        outputs.mechanism(told, mechanism_ns)
+        outputs.mechanism(commanded, mechanism_ns)
         if with_gain:
             outputs.gain(answer, stamp_ns)
         outputs.view(answer.wrenches, answered_ns, side.entry)

@@ -62,7 +62,7 @@ class SessionData(Structure):
         controller: its account, settings and so on: see ``loop_layout``.
         settings: of the controllers.
         faded: (6,) what is carried on from another grasp, N and N m, world axes.
-        told: (d, 6) what the mechanism was told and does not act yet.
+        commanded: (d, 6) the wrenches commanded on the mechanism that do not act yet.
         account: the device's.
         safety: its envelope.
         answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
@@ -71,7 +71,7 @@ class SessionData(Structure):
         state: (107,) of the device.
         later: (107,) its next one.
         counter: of joint constraints.
-        wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``TOLD`` of ``loop_layout``.
+        wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``COMMANDED`` of ``loop_layout``.
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
         push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
@@ -99,7 +99,7 @@ class SessionData(Structure):
     rows = Part(0, 1, whole=True)
     forth_state, back_state = Part(1, 1, whole=True), Part(2, 1, whole=True)
     times, metric, observation = Part(3, 1), Part(4, 1), Part(5, 1)
-    controller, settings, faded, told = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
+    controller, settings, faded, commanded = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
     account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
     device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
     wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)

@@ -25,12 +25,12 @@ from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
+    COMMANDED,
     FORCE_LOCAL,
     LOCALITY,
     ON_HAND,
     ON_MECHANISM,
     SETTINGS,
-    TOLD,
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
@@ -489,7 +489,7 @@ class Session:
             "controller": side.account,
             "settings": np.zeros(SETTINGS.size),
             "faded": np.zeros(6),
-            "told": side.queue,
+            "commanded": side.queue,
             "account": passivity.account,
             "safety": envelope.numbers,
             # Those on the way, the row after them, and the one that has arrived last.
@@ -499,7 +499,7 @@ class Session:
             "state": state,
             "later": state,
             "counter": self._counter.numbers,
-            "wrenches": np.zeros((TOLD + 1, 6)),
+            "wrenches": np.zeros((COMMANDED + 1, 6)),
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
             "others": NO_OTHERS.copy(),
             "locality": np.zeros(LOCALITY.size),
@@ -518,7 +518,7 @@ class Session:
             "before": np.zeros(1 + mechanism.nv),
         }
         data = session_data(sizes, parts)
-        side.account, side.queue = data.controller, data.told
+        side.account, side.queue = data.controller, data.commanded
         passivity.account, envelope.numbers = data.account, data.safety
         self._counter.numbers = data.counter
         if channels is not None:
@@ -674,7 +674,7 @@ class Session:
         motion.look(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
         if motion.faults > before:
             warnings.warn(f"disengaged: {motion.fault}", RuntimeWarning, stacklevel=2)
-            self._parts.answers[:] = self._parts.told[:] = 0.0
+            self._parts.answers[:] = self._parts.commanded[:] = 0.0
             self._device_side.begin()
         if motion.fault:
             self._clutch = None

@@ -257,14 +257,14 @@ class SharedSession:
                 self._gains[point].popleft()
 
     def _by_others(self) -> Array:
-        """Return (points, 6) what the other hands were told last to do, as part of F_c."""
-        told = np.zeros((len(self.simulator.mechanism.point_names), 6))
+        """Return (points, 6) what was commanded last for the other hands, as part of F_c."""
+        commanded = np.zeros((len(self.simulator.mechanism.point_names), 6))
         for point, user in self._users.items():
-            told[self._places[point]] = user.answered
-        if len(self._users) == 1 or not told.any():
-            return np.zeros_like(told)
+            commanded[self._places[point]] = user.answered
+        if len(self._users) == 1 or not commanded.any():
+            return np.zeros_like(commanded)
         terms = self.simulator.evaluate(self._state)
-        return self._contact_wrenches.at(terms, by_others(terms, told))
+        return self._contact_wrenches.at(terms, by_others(terms, commanded))
 
     def _inputs(
         self, external: Mapping[str, Array], hands: Mapping[str, Array]

@@ -201,12 +201,12 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         settings, locality = data.settings, data.locality
         account_for_hand(controller, received)
         if not answered:
-            told, faded = data.told, data.faded
+            commanded, faded = data.commanded, data.faded
             give_answer(
                 controller,
                 settings,
                 faded,
-                told,
+                commanded,
                 received,
                 operational_model,
                 time,
@@ -224,7 +224,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     act(
         controller,
         given,
-        data.told,
+        data.commanded,
         data.account,
         data.safety,
         answers,

@@ -16,8 +16,8 @@ from hapticmech_ros.wire.table import (
     REAL_DEVICES,
     answered,
     published,
-    received,
     requested,
+    subscribed,
 )
 from hapticmech_ros.wire.topics import DEVICE, TOPICS
 
@@ -60,7 +60,7 @@ def of_all(node, names):
 def test_a_node_may_do_what_its_tables_say_and_nothing_else(node):
     (profile,) = enclaves()[f"/hapticmech/{node}"].iter("profile")
     assert allowed(profile, "topics", "publish") == of_all(node, published(node))
-    assert allowed(profile, "topics", "subscribe") == of_all(node, received(node))
+    assert allowed(profile, "topics", "subscribe") == of_all(node, subscribed(node))
     assert allowed(profile, "services", "reply") == set(answered(node))
     assert allowed(profile, "services", "request") == of_all(node, requested(node))
     # Drivers of real devices speak in the simulated one's place.
