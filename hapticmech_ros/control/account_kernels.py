@@ -314,7 +314,7 @@ def give_answer(
 
 @inner
 def passive_wrench(account: Array, answer: Array, commanded: Array) -> None:
-    """Fill the wrench commanded on the mechanism (6,): what of the last answer the hand has paid."""
+    """Fill the command to the mechanism (6,): what of the last answer the hand has paid."""
     if answer[IS_ANSWER] == 0.0:
         commanded[:] = 0.0
         return
