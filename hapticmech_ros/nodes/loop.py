@@ -94,8 +94,9 @@ _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 # middleware brings messages of the lane's topics, as it did within the time below.
 LOOK_NS, LATEST_LOOK_NS, LOOK_OFTEN_NS = 4_000_000, 5_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
-# Callbacks in one look.
-MOST_CALLBACKS = 32
+# Callbacks in one look; and no more of them after so long: where much waits on the lane, one may
+# take seconds.
+MOST_CALLBACKS, MOST_LOOK_NS = 32, 50_000_000
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
 GATHER_S = 0.01
@@ -268,7 +269,7 @@ class Inbox:
         self._mark()
         for _ in range(MOST_CALLBACKS):
             self._executor.spin_once(timeout_sec=NO_WAIT_S)
-            if not self._marked:
+            if not self._marked or time.monotonic_ns() - now > MOST_LOOK_NS:
                 break
         now = time.monotonic_ns()
         if self._marked or now - self._exchange.strange_ns < STRANGE_NS:

@@ -239,6 +239,19 @@ def test_who_answers_nobody_stops_where_the_middleware_never_does(
     assert system.now - begun < 2.1e9 * loop.GATHER_S
 
 
+def test_callbacks_that_take_seconds_keep_nobody_from_his_clock(
+    monkeypatch: pytest.MonkeyPatch, system: LateSystem
+) -> None:
+    """As a recorder's, on a machine with other work, where a lane has filled."""
+    executor = Busy(system, 2_000_000 * US)
+    monkeypatch.setattr(loop.time, "sleep", system.sleep)
+    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+    executor.wait(1000)
+    inbox.gather()
+    assert system.now < 2.1e9
+    assert executor.calls == 1
+
+
 def test_who_ends_takes_all_that_has_come_but_not_for_ever(
     monkeypatch: pytest.MonkeyPatch, system: LateSystem
 ) -> None:
