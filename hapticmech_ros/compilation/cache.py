@@ -18,6 +18,7 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent.parent
 # Read and run by everybody, written by its user alone, whatever the umask is.
 FOLDER_MODE = 0o755
+_DIGEST_SIZE = 32
 # All files whose functions or constants become part of a kernel.
 _SOURCES = (
     "compilation/arrays.py",
@@ -144,19 +145,23 @@ def is_own(folder: Path) -> bool:
 
 
 def read_own(path: Path) -> bytes:
-    """Return what is in a regular file that only this user or root can write.
+    """Return what was written by :func:`put_in_place`, where only this user or root can write.
 
     Raises:
         FileNotFoundError: there is none.
-        OSError: it is another's, writable by others, a link, or no file.
+        OSError: it is another's, writable by others, a link, or no file; damaged, or of another
+            place.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         found = os.fstat(descriptor)
         fault = _fault(found) if stat.S_ISREG(found.st_mode) else "is no regular file"
         if fault:
-            raise OSError(f"{path} {fault}")
-        return file.read()
+            raise OSError(fault)
+        digest, content = file.read(_DIGEST_SIZE), file.read()
+    if digest != _digest(path, content):
+        raise OSError("is damaged, or of other kernels")
+    return content
 
 
 def put_in_place(content: bytes, path: Path, beside: Path) -> None:
@@ -168,12 +173,17 @@ def put_in_place(content: bytes, path: Path, beside: Path) -> None:
     try:
         with beside.open("wb") as file:
             os.fchmod(file.fileno(), FOLDER_MODE)
-            file.write(content)
+            file.write(_digest(path, content) + content)
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def _digest(path: Path, content: bytes) -> bytes:
+    """Return what a file begins with: a digest of its content, and of which kernels' it is."""
+    return hashlib.sha256(f"{path.parent.name}/{path.name}\n".encode() + content).digest()
 
 
 def _fault(found: os.stat_result) -> str:

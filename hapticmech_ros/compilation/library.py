@@ -153,23 +153,23 @@ def _read(path: Path, says_why: bool = False) -> Mapping[str, bytes]:
         return _unpacked(read_own(path))
     except FileNotFoundError:
         return {}
-    except (OSError, LibraryError) as error:
+    except OSError as error:
         if says_why:
             warn(f"{path}: {error}: it is not loaded")
         return {}
 
 
 def _unpacked(content: bytes) -> Mapping[str, bytes]:
-    """Return a library's objects by name, whose checksums are right.
+    """Return a library's objects by name.
 
     Raises:
-        LibraryError: it is damaged, or none.
+        LibraryError: it is none.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             return {name: archive.read(name) for name in archive.namelist()}
-    except (ValueError, NotImplementedError, zipfile.BadZipFile) as error:
-        raise LibraryError(f"is no library of kernels, or damaged: {error}") from None
+    except zipfile.BadZipFile as error:
+        raise LibraryError(f"this is no library of kernels: {error}") from None
 
 
 def _built(path: Path) -> Mapping[str, bytes]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.compilation import library
+from hapticmech_ros.compilation.cache import put_in_place, read_own
 
 
 def half(path):
@@ -27,6 +28,20 @@ def one_bit(path):
     path.write_bytes(content)
 
 
+def count(path):
+    """Change how many kernels the archive says that it has: its own checksums do not cover that."""
+    content = bytearray(path.read_bytes())
+    content[-12] ^= 1
+    path.write_bytes(content)
+
+
+def other_kernels(path):
+    place = path.parent.with_name("kernels-0123456789abcdef") / path.name
+    place.parent.mkdir()
+    put_in_place(read_own(path), place, place.with_name("made"))
+    place.replace(path)
+
+
 def link(path):
     elsewhere = path.with_name("elsewhere.zip")
     path.rename(elsewhere)
@@ -42,6 +57,8 @@ FAULTS = {
     "half": (half, "damaged"),
     "hole": (hole, "damaged"),
     "one bit": (one_bit, "damaged"),
+    "count": (count, "damaged"),
+    "other kernels": (other_kernels, "of other kernels"),
     "empty": (lambda path: os.truncate(path, 0), "damaged"),
     "group-writable": (lambda path: path.chmod(0o775), "can be written by others (mode 0775)"),
     "world-writable": (lambda path: path.chmod(0o757), "can be written by others (mode 0757)"),
