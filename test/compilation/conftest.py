@@ -8,6 +8,7 @@ import shutil
 import pytest
 
 from hapticmech_ros.compilation import cache, library
+from hapticmech_ros.compilation.cache import read_own
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def builds(good, monkeypatch):
 
     def made():
         built.append(library.library_path())
-        return good.read_bytes()
+        return read_own(good)
 
     monkeypatch.setattr(library, "_made", made)
     return built

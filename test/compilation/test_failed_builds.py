@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.compilation import library
-from hapticmech_ros.compilation.cache import is_own
+from hapticmech_ros.compilation.cache import is_own, read_own
 from hapticmech_ros.compilation.library import LibraryError
 
 
@@ -195,4 +195,4 @@ def test_who_waited_for_a_build_does_not_repeat_it(place, builds, monkeypatch):
 def test_arrays_that_are_not_as_numpy_keeps_them_are_told(monkeypatch, good):
     monkeypatch.setattr(library, "DATA_AT", 0)
     with pytest.raises(LibraryError, match="keeps arrays"):
-        library._loaded(library._unpacked(good.read_bytes()))
+        library._loaded(library._unpacked(read_own(good)))

@@ -161,7 +161,7 @@ def test_kernels_outlive_the_library_that_they_came_from(place, builds):
     library.library.cache_clear()
     gc.collect()
     # Others take the place in memory, if it is free.
-    others = [library._loaded(library._unpacked(place.read_bytes())) for _ in range(3)]
+    others = [library._loaded(library._unpacked(read_own(place))) for _ in range(3)]
     values = np.array([3.0, 7.0])
     assert found(values, np.full(2, 10.0), -1, 1e-6) == 3_000_000_007
     assert len(others) == 3
