@@ -57,8 +57,8 @@ def run_demo(
 ) -> dict[str, object]:
     """Run the experiment over ROS.
 
-    Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
-    is run at a lower one, of :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
+    Where the machine does not carry the scene's rate, interrupts the rendering, or delays it so
+    that gains are reduced, the experiment is run at a lower one, of :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
@@ -106,15 +106,17 @@ def run_demo(
     if not run.kept:
         notify(f"{run.told()}: take the results with care")
     scene = load_scene(scene_name, rate)
-    return _results(scene, bag, out, seconds, run.interruptions, show)
+    return _results(scene, bag, out, seconds, run, show)
 
 
 def _results(
-    scene: Scene, bag: Path, out: Path, seconds: float, interruptions: int, show: Show
+    scene: Scene, bag: Path, out: Path, seconds: float, run: GraphRun, show: Show
 ) -> dict[str, object]:
     """Write figures and summary of a recorded run, beside a session's, and return the summary."""
     show("reading the bag", None)
-    health = replace(health_from_bag(bag), interruptions=interruptions)
+    health = replace(
+        health_from_bag(bag), interruptions=run.interruptions, reduced_gains=run.reduced_gains
+    )
     if len(scene.held_points) > 1:
         shared = shared_record_from_bag(bag, scene, duration=seconds)
         show("simulating the same without ROS", None)
@@ -142,19 +144,25 @@ class GraphRun:
     Attributes:
         load: what the graph cost; None if its nodes reported too little.
         interruptions: how often rendering broke off and began anew after the hands had started.
+        reduced_gains: whether a controller has reduced its gains meanwhile, since the round trip to
+            its device took longer than the scene's gains allow.
     """
 
     load: GraphLoad | None
     interruptions: int
+    reduced_gains: bool = False
 
     @property
     def kept(self) -> bool:
-        """Whether rendering went on without a break, at the rate that was wanted."""
-        return not self.interruptions and (self.load is None or self.load.fits)
+        """Whether rendering went on without a break, at the rate and with the gains wanted."""
+        broken = self.interruptions or self.reduced_gains
+        return not broken and (self.load is None or self.load.fits)
 
     def told(self) -> str:
         """Return in words what was not kept."""
         if not self.interruptions:
+            if self.reduced_gains:
+                return "the loop took longer than the gains allow, which were reduced"
             if self.load is not None and self.load.missed <= MOST_MISSED:
                 return "the graph took more than half of the machine"
             return "the machine did not keep the rate"
@@ -176,6 +184,15 @@ def _engagements(reports: Mapping[str, Report]) -> int:
     return max(
         sum(int(report.figures.get(name, 0)) for report in reports.values()) for name in counted
     )
+
+
+def _reduced_gains(reports: Mapping[str, Report]) -> bool:
+    """Return whether the gains of a controller are those for a longer delay than declared."""
+    delays = (
+        [float(report.figures.get(name, 0.0)) for name in ("softened_for_ms", "designed_delay_ms")]
+        for report in reports.values()
+    )
+    return any(present > declared for present, declared in delays)
 
 
 def record_graph(
@@ -222,7 +239,7 @@ def record_graph(
     # What starting costs is not counted, unless that takes too long.
     watch, starting = LoadWatch(*size), LoadWatch(*size, least_span_s=STARTS_WITHIN_S)
     load: GraphLoad | None = None
-    engaged = 0
+    engaged, reduced = 0, False
     try:
         # A recorder without a processor tells nothing.
         events = told_by(recorder, PATIENCE_S)
@@ -245,13 +262,15 @@ def record_graph(
                     case "failed":
                         raise DemoError(f"recording failed: {event['reason']}")
                     case "done":
-                        return GraphRun(load, _engagements(graph.reports()) - engaged)
+                        broken = _engagements(graph.reports()) - engaged
+                        return GraphRun(load, broken, reduced)
                 reports = graph.reports()
                 if pushing or not missing:
                     load = watch.look(reports)
                     engaged = engaged if pushing else _engagements(reports)
                     broken = _engagements(reports) - engaged
-                    _look_whether_it_fits(GraphRun(load, broken), must_fit)
+                    reduced = reduced or (pushing and _reduced_gains(reports))
+                    _look_whether_it_fits(GraphRun(load, broken, reduced), must_fit)
                 else:
                     _look_whether_it_fits(GraphRun(starting.look(reports), 0), must_fit)
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")

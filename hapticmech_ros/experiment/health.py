@@ -45,11 +45,14 @@ class GraphHealth:
             where it has not counted.
         interruptions: how often rendering was interrupted once the hands had started; None: nobody
             has counted.
+        reduced_gains: whether a controller had to reduce its gains for a longer delay; None: not
+            known.
     """
 
     nodes: Mapping[str, NodeHealth]
     lost: Mapping[str, int | None] | None = None
     interruptions: int | None = None
+    reduced_gains: bool | None = None
 
     def total(self, figure: str) -> float | None:
         """Return the sum of a figure over the nodes that report it; None if none does."""

@@ -121,11 +121,15 @@ def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def _break_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a row where rendering was interrupted; else none."""
+    """Return rows where rendering was interrupted, or went on with other gains; else none."""
     times, paused = graph["interruptions"], graph["losses_by_pauses"]
-    if not times:
-        return []
-    return [("interruptions of the rendering", f"{times}; processes paused {paused or 0:g} times")]
+    rows = []
+    if times:
+        told = f"{times}; processes paused {paused or 0:g} times"
+        rows.append(("interruptions of the rendering", told))
+    if graph["reduced_gains"]:
+        rows.append(("gains", "reduced, since the loop took longer than they allow"))
+    return rows
 
 
 def _loss_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:

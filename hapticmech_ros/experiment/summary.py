@@ -258,6 +258,7 @@ def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
             health.total("lost_without_processor"), health.total("lost_while_sender_paused")
         ),
         "interruptions": health.interruptions,
+        "reduced_gains": health.reduced_gains,
         "recorder_lost": None if lost is None else sum(count or 0 for count in lost.values()),
         "recorder_lost_by_topic": dict(lost or {}),
         **{f"loop_latency_{name}_us": value for name, value in latency.items()},

@@ -26,12 +26,25 @@ print('{"event": "waiting", "missing": ["/device/state"]}', flush=True)
 time.sleep(600.0)
 """
 
+# Pushes for a second, as it says.
+RECORDING = """
+for event in ('"ready"', '"waiting", "missing": []', '"progress", "elapsed_s": 0.5', '"done"'):
+    print('{"event": %s}' % event, flush=True)
+"""
+
 
 class Machine:
     """Graphs on a machine that carries them up to a rate, and interrupts them up to another."""
 
-    def __init__(self, carries_hz: float, calm_hz: float = 1e9, period_us: float = 1000.0) -> None:
+    def __init__(
+        self,
+        carries_hz: float,
+        calm_hz: float = 1e9,
+        period_us: float = 1000.0,
+        prompt_hz: float = 1e9,
+    ) -> None:
         self.carries_hz, self.calm_hz, self.period_us = carries_hz, calm_hz, period_us
+        self.prompt_hz = prompt_hz
         self.rates: list[float] = []
         self.said: list[str] = []
 
@@ -41,7 +54,7 @@ class Machine:
         missed = 0.0 if rate <= self.carries_hz else 0.5
         used = 1e-6 * self.period_us * rate * (1.0 - missed)
         load = GraphLoad(rate, 2.0, used, missed)
-        run = GraphRun(load, 0 if rate <= self.calm_hz else 3)
+        run = GraphRun(load, 0 if rate <= self.calm_hz else 3, rate > self.prompt_hz)
         if must_fit and not run.kept:
             raise demo._DoesNotFitError(run)
         return run
@@ -86,6 +99,13 @@ def test_an_interrupted_run_is_done_again_more_slowly(run: Any) -> None:
     assert not any("take the results with care" in one for one in machine.said)
 
 
+def test_a_run_with_other_gains_than_the_scenes_is_done_again(run: Any) -> None:
+    machine = Machine(carries_hz=1000.0, prompt_hz=500.0)
+    assert run(machine) == pytest.approx(500.0)
+    assert any("gains allow, which were reduced" in sentence for sentence in machine.said)
+    assert not any("take the results with care" in one for one in machine.said)
+
+
 def test_the_lowest_rate_is_run_whatever_it_gives_and_that_is_said(run: Any) -> None:
     machine = Machine(carries_hz=10.0, calm_hz=10.0)
     assert run(machine) == pytest.approx(250.0)
@@ -126,6 +146,36 @@ class Saturated:
             "missed_deadlines": f"{periods // 2}",
         }
         return {"/haptic_device": Report("/haptic_device", True, "", figures)}
+
+
+class Slow(Saturated):
+    """A graph whose controller has reduced its gains for a longer delay than declared."""
+
+    def reports(self) -> dict[str, Report]:
+        figures = {"softened_for_ms": "6.0", "designed_delay_ms": f"{self.declared_ms:.1f}"}
+        return {"/controller": Report("/controller", True, "", figures)}
+
+    declared_ms = 3.0
+
+
+class Declared(Slow):
+    """A graph over a network, whose gains are those for the delay that is declared."""
+
+    declared_ms = 6.0
+
+
+@pytest.mark.parametrize(("graph", "reduced"), [(Slow, True), (Declared, False)])
+def test_reduced_gains_are_found_in_the_diagnostics(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, graph: type[Slow], reduced: bool
+) -> None:
+    def recording(*arguments: Any, **options: Any) -> Any:
+        return start_process([sys.executable, "-c", RECORDING], {}, pipe_output=True)
+
+    monkeypatch.setattr(demo, "start_process", recording)
+    monkeypatch.setattr(demo, "Graph", graph)
+    run = record_graph("five_bar", tmp_path / "bag", False, 1.0)
+    assert run.reduced_gains is reduced
+    assert run.kept is not reduced
 
 
 def starved(command: Sequence[str], *arguments: Any, **options: Any) -> Any:
