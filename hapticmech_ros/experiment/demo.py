@@ -58,7 +58,8 @@ def run_demo(
     """Run the experiment over ROS.
 
     Where the machine does not carry the scene's rate, interrupts the rendering, or delays it so
-    that gains are reduced, the experiment is run at a lower one, of :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
+    that gains are reduced, the experiment is run at a lower one, of
+    :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
