@@ -45,7 +45,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample
 
 # Dampings as shares of the one that is unstable without stiffness.
-SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+Z_WIDTH_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 # Relative speed of the device after the touch, m/s: commands stay within the device's limits, slew
 # included, also at the stiffest walls; rounding is four orders of magnitude below it.
 TOUCH_SPEED = 2e-5
@@ -197,7 +197,7 @@ def z_width(
     point: str = "",
     delay: int = 1,
     hand: str = "nobody",
-    shares: Sequence[float] = SHARES,
+    shares: Sequence[float] = Z_WIDTH_SHARES,
 ) -> list[ZPoint]:
     """Return the stiffest stable joint constraint at each damping.
 

@@ -39,7 +39,7 @@ SLOW_SLACK = 0.002, 0.02
 _STEPS, _ROUNDING = 2.0, 1e-6
 # How many times its radius a workspace is wide at most, from wherever the first sample was.
 _ACROSS = 3.0
-_STARTED = MOTION.start("started")
+_MOTION_STARTED = MOTION.start("started")
 
 
 class MotionCheck:
@@ -79,7 +79,7 @@ class MotionCheck:
 
     def restart(self) -> None:
         """Let the next sample be the first one."""
-        self.numbers[_STARTED] = 0.0
+        self.numbers[_MOTION_STARTED] = 0.0
         self.fault = ""
 
     def look(self, sample: Array, stamp_ns: int) -> None:

@@ -19,7 +19,7 @@ MESH_SIZE_LIMIT = 32_000_000
 
 def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield every rule of shapes and contacts that ``scene`` breaks."""
-    yield from _names(scene)
+    yield from _names_of_contacts(scene)
     yield from _shapes(scene)
     shapes = {shape.name: shape for shape in scene.shapes}
     for index, contact in enumerate(scene.contacts):
@@ -44,7 +44,7 @@ def _with_path(shape: object, folder: Path) -> object:
     return {**shape, "geometry": {**geometry, "file": str(folder / file)}}
 
 
-def _names(scene: SceneDocument) -> Iterator[SceneProblem]:
+def _names_of_contacts(scene: SceneDocument) -> Iterator[SceneProblem]:
     groups = (
         ("shapes[{}].name", [shape.name for shape in scene.shapes]),
         ("contacts[{}].name", [contact.name for contact in scene.contacts]),

@@ -22,7 +22,7 @@ from hapticmech_ros.mechanism.kernels.step_kernels import Work, reach
 from hapticmech_ros.mechanism.kernels.step_layout import RANK, STEP
 from hapticmech_ros.mechanism.tableaus import COUPLED, DIAGONAL, REACHED
 
-STAGES: int = len(REACHED)
+IMPLICIT_STAGES: int = len(REACHED)
 
 
 class Springs(NamedTuple):
@@ -51,7 +51,7 @@ class Springs(NamedTuple):
 
 def springs_size(nv: int) -> int:
     """Return the length of an array of springs."""
-    return 4 * nv * nv + (2 * STAGES + 3) * nv + 1
+    return 4 * nv * nv + (2 * IMPLICIT_STAGES + 3) * nv + 1
 
 
 @inner
@@ -59,8 +59,8 @@ def springs_of(work: Array, nv: int) -> Springs:
     """Return the parts of an array of springs, as views."""
     at = 4 * nv * nv
     squares = shaped(work[:at], (4, nv, nv))
-    rows = shaped(work[at : at + 2 * STAGES * nv], (2, STAGES, nv))
-    at += 2 * STAGES * nv
+    rows = shaped(work[at : at + 2 * IMPLICIT_STAGES * nv], (2, IMPLICIT_STAGES, nv))
+    at += 2 * IMPLICIT_STAGES * nv
     return Springs(
         squares[0],
         squares[1],

@@ -18,11 +18,11 @@ from hapticmech_ros.view import (
     Picture,
     Placement,
     Placer,
-    Shape,
     Snapshot,
     UserSnapshot,
     moving_frames,
 )
+from hapticmech_ros.view.shapes import Shape
 from hapticmech_ros.view.wrench_shapes import Hulls, Scales, touch_shapes
 from hapticmech_ros.wire.topics import STATE
 
