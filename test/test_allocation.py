@@ -34,7 +34,7 @@ from hapticmech_ros.wire.layouts import (
     OPERATIONAL_MODEL_FIELDS,
     POINT_MODEL_PART,
 )
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.readings import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 from sampling import sampled
 

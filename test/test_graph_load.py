@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros import cpu_list
-from hapticmech_ros.graph import SHARING_NICE, Graph
-from hapticmech_ros.graph_load import GraphLoad, LoadWatch
+from hapticmech_ros.graph import SHARING_NICE, Graph, GraphLoad, LoadWatch
 from hapticmech_ros.readiness import Report
 from real_time import grants_nice
 

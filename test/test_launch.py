@@ -16,7 +16,7 @@ import typer.main
 import yaml
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.cli.console import seconds_of
 from hapticmech_ros.nodes.parameters import LiveParameters, NodeParameters, ViewerParameters
 from oracles.users import two_points
 

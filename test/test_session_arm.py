@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control.force_gain import lead_gains
+from hapticmech_ros.control.loop_stability import lead_gains
 from hapticmech_ros.scene import document_of, scene_from_document
 
 PLANE = [0, 1, 5]

@@ -9,7 +9,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.device.device_layout import DEVICE_STATE
+from hapticmech_ros.device.kernels import DEVICE_STATE
 from hapticmech_ros.scene.mechanism import Origin
 from sampling import sampled
 

@@ -12,8 +12,7 @@ from hapticmech_ros.analysis.impedance import amplitudes, faded_in, multisine
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.control import control_for
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.contact_wrench import ContactWrenches
-from hapticmech_ros.operational.coupling import by_others, coupling, transmission
+from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coupling, transmission
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.closed_form import kkt
 from oracles.users import MASS, REACH, inverse_inertia, two_points

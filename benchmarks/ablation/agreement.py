@@ -18,7 +18,7 @@ from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_be
 from hapticmech_ros.control.measurements import flat_operational_model
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.constraint_space import Evaluation
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session

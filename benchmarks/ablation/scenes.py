@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 
 LINK = 0.15

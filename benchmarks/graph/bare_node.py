@@ -27,10 +27,14 @@ from hapticmech_ros.nodes.loop import (
     run_until,
     wake_up_in_time,
 )
-from hapticmech_ros.nodes.messages import set_stamp, stamp_ns
-from hapticmech_ros.nodes.node_time import NodeTime, PeriodClock
-from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED, STREAM_PUBLISHER
-from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.nodes.messages import (
+    COMMAND_SUBSCRIBER,
+    LATCHED,
+    STREAM_PUBLISHER,
+    set_stamp,
+    stamp_ns,
+)
+from hapticmech_ros.nodes.node_time import DurationHistogram, NodeTime, PeriodClock
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import (
     ANALYSER,

@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from hapticmech_ros.nodes.loop import watch, write_progress
-from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
+from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER, stamp_ns
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 

@@ -24,7 +24,7 @@ from benchmarks.live.browser import Page, wait_until
 from benchmarks.live.served import drag, sight
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.graph import private_environment, stop_process
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
 
 PORT = 8790
 # The mouse jumps so far, px, and is still for so long, s, until the hand has come there.

@@ -26,9 +26,9 @@ from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
-from hapticmech_ros.nodes.pauses import OwnPauses
 from hapticmech_ros.nodes.sources import INSIDE, Listener, WithInfo
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
+from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode

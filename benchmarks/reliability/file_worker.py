@@ -28,11 +28,11 @@ from benchmarks.reliability.mutants import mutated
 from hapticmech_ros.bag.check import check
 from hapticmech_ros.bag.info import inspect_bag
 from hapticmech_ros.bag.repair import repair_in_child
-from hapticmech_ros.contact.mesh_hulls import read_mesh
+from hapticmech_ros.contact.hull import read_mesh
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.scene.script import read_script
+from hapticmech_ros.scene.hand import read_script
 
 # Bytes above what this process has once it has loaded everything.
 MEMORY_LIMIT = 1_500_000_000

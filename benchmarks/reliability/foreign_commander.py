@@ -21,8 +21,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
-from hapticmech_ros.nodes.messages import WORLD
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, WORLD
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_device
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE, Topic

@@ -14,8 +14,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.node import Node
 
 from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
-from hapticmech_ros.nodes.messages import WORLD
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, WORLD
 from hapticmech_ros.wire import topics
 
 PERIOD_S = 0.001

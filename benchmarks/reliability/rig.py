@@ -22,7 +22,7 @@ from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.nodes.lane_connections import lane_folder
+from hapticmech_ros.nodes.lane import lane_folder
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 
 FOLDER = Path(__file__).parent

@@ -29,7 +29,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL, Ring
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
-from hapticmech_ros.nodes.qos import RECORDER_SUBSCRIBER
+from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.realtime import Realtime, Request
 from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.times import NANOSECONDS

@@ -39,7 +39,7 @@ from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import wait_for_messages
-from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 PART, SCENE, POINT = "messages", "five_bar", "handle"

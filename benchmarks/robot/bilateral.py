@@ -17,12 +17,10 @@ from benchmarks.robot.trial import PERIOD, STEPS
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.quaternions import turned
-from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.interfaces import Interface, servo_torque
-from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, Interface, servo_torque
+from hapticmech_ros.robot.law import Gains, OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
-from hapticmech_ros.robot.target import Gains
 
 SCENE = "two_link"
 # A hand that goes 30 mm through where the wall is 10 mm away, and stays; N/m, N s/m.

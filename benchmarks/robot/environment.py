@@ -27,8 +27,8 @@ from hapticmech_ros.experiment.figure_style import (
     legend_outside,
     new_figure,
 )
+from hapticmech_ros.robot.law import Gains
 from hapticmech_ros.robot.linear_environment import Impedance
-from hapticmech_ros.robot.target import Gains
 from hapticmech_ros.scene import scene_from_document
 
 ENVIRONMENTS: dict[str, Impedance] = {

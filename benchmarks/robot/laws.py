@@ -17,9 +17,16 @@ from benchmarks.robot.tasks import Task
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.robot.law import Limited, OperationalLaw, RobotState, limited_torque
-from hapticmech_ros.robot.target import Gains, Target
-from hapticmech_ros.robot.tuning import inertia_ratio, loop_rates
+from hapticmech_ros.robot.law import (
+    Gains,
+    Limited,
+    OperationalLaw,
+    RobotState,
+    Target,
+    inertia_ratio,
+    limited_torque,
+    loop_rates,
+)
 
 OURS, IMPEDANCE, DAMPED = "ours", "impedance", "damped inverse"
 

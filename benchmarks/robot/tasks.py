@@ -14,8 +14,7 @@ import pinocchio as pin
 from hapticmech_ros import load_scene
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.law import OperationalLaw, Target
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Metric
 

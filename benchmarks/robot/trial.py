@@ -29,9 +29,8 @@ from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.follower import DisturbanceObserver, Observed, balanced
-from hapticmech_ros.robot.law import RobotState
+from hapticmech_ros.robot.law import ForceTask, RobotState, Target
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall
-from hapticmech_ros.robot.target import ForceTask, Target
 
 # s of control, in so many steps of MuJoCo; m of the ball at the tool.
 PERIOD, STEPS, RADIUS = 1e-3, 4, 0.01

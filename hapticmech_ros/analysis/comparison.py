@@ -15,9 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from hapticmech_ros.analysis.experience import Experience, experience
+from hapticmech_ros.analysis.experience import (
+    Experience,
+    Yield,
+    directions,
+    experience,
+    penetration,
+)
 from hapticmech_ros.analysis.impedance import measured_ratios
-from hapticmech_ros.analysis.penetration import Yield, directions, penetration
 from hapticmech_ros.analysis.rendering_methods import (
     FREE,
     FULL,

@@ -55,10 +55,9 @@ from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.interfaces import CORRECTION, RATE, Interface, servo_torque
-from hapticmech_ros.robot.law import OperationalLaw
+from hapticmech_ros.robot.law import Gains, OperationalLaw
 from hapticmech_ros.robot.linear_environment import Impedance, LinearEnvironment
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
-from hapticmech_ros.robot.target import Gains
 from hapticmech_ros.scene import Scene
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)

@@ -1,6 +1,20 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stability limits of scenes: Z-width, M-width, penetration, and results of the experiment."""
+"""Stability limits of scenes: Z-width, M-width, penetration, and results of the experiment.
+
+Z-width: the stiffest stable joint constraint over its damping.
+
+Position channels are off, so that the wall alone is tested: along the constrained directions n_i
+the device is coupled to a mechanism that does not move. The signal is the velocity of the device
+relative to the operational point, n_iᵀ ė / √m_ℓ, in m/s.
+
+M-width: the lightest and the heaviest mechanism that a device renders stably.
+
+The mechanism's inertias are scaled, and with them the felt inertia X⁻¹. The hand is a mass rigidly
+fixed to the device, or the scene's own hand, which stays where it took hold. Stability is judged by
+the command to the device: if the loop is unstable, the actuators' limits lead to a limit cycle,
+which is less visible in the hand's force.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +28,44 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hapticmech_ros.analysis.experience import Experience, experience
-from hapticmech_ros.analysis.m_width import MPoint, m_width
-from hapticmech_ros.analysis.penetration import Yield, directions, penetration
-from hapticmech_ros.analysis.scene_variants import at_rate, of_first_user, with_loop
-from hapticmech_ros.analysis.stability_rules import lightest_mass
+from hapticmech_ros.analysis.experience import (
+    Experience,
+    Yield,
+    directions,
+    experience,
+    penetration,
+)
+from hapticmech_ros.analysis.impedance import TORQUE_UNIT
+from hapticmech_ros.analysis.linear_loop import (
+    FINE,
+    NOBODY,
+    Held,
+    delayed_stiffness,
+    diverges,
+    frontier,
+    held_by,
+    law_of,
+    lightest_mass,
+    passive_stiffness,
+    tick_matrix,
+)
+from hapticmech_ros.analysis.scene_variants import (
+    at_once,
+    at_rate,
+    held_by_nobody,
+    held_still,
+    of_first_user,
+    scaled,
+    with_constraint,
+    with_loop,
+    without_channel,
+)
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
-from hapticmech_ros.analysis.touch import Setup
-from hapticmech_ros.analysis.z_width import ZPoint, z_width
+from hapticmech_ros.analysis.touch import MassHeldDevice, Observe, Setup, touched
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.control import ControlArchitecture
+from hapticmech_ros.control.architecture import device_inertia
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.experiment.figure_style import (
     BLACK,
@@ -38,7 +81,344 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
 )
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.workers import Lost, Workers, in_order
+
+# N, of the push of one period, or of G times the push if that is larger, so that no limit is
+# reached; a decaying command stays near it.
+TOUCH_N = 0.5
+LOST_N = 8.0 * TOUCH_N
+# Length of the response, s: with a mass fixed to the device, which reacts within samples; with the
+# scene's hand, which oscillates; and of the scene's hand with a heavy mechanism.
+WATCHED_S, SWINGING_S, SLOW_S = 0.6, 2.0, 6.0
+# Range of the search, felt over device inertia.
+LIGHTEST, HEAVIEST = 1e-3, 300.0
+HEAVY = (10.0, 100.0, HEAVIEST)
+
+
+@dataclass(frozen=True, slots=True)
+class MPoint:
+    """The lightest and the heaviest felt inertia of a scene, over the device's.
+
+    Inertias are 1 / λ_max(Λ_d X): along the direction that is felt lightest.
+
+    Attributes:
+        scene: its name.
+        delay: periods from measuring to acting.
+        local: whether the device closes the force channel.
+        hand: ``mass`` or ``scene``.
+        share: mass of the hand over that of the device; 0 for the scene's hand.
+        own: felt inertia of the unscaled mechanism.
+        measured: lightest stable inertia, from sessions.
+        predicted: lightest stable inertia by eigenvalues of the linear model; None for a nonlinear
+            hand.
+        rule: m_a / (m_d + 2 m_a) for a hand with mass; None for the scene's hand.
+        heaviest: heaviest stable inertia of 10, 100 and 300 times the device's; 0 if none is.
+    """
+
+    scene: str
+    delay: int
+    local: bool
+    hand: str
+    share: float
+    own: float
+    measured: float | None
+    predicted: float | None
+    rule: float | None
+    heaviest: float
+
+
+def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None = 1.0) -> MPoint:
+    """Return the lightest and the heaviest stable felt inertia.
+
+    Args:
+        scene: with any device; its ``controller.force_channel.local`` is kept.
+        point: operational point; the first one if empty.
+        delay: periods from measuring to acting.
+        share: mass of a hand fixed to the device over the device's; None for the scene's hand.
+
+    Raises:
+        InvalidInputError: a negative share, a delay below 0, or a scene's hand that does not hold
+            at a place: the device then never comes to rest.
+    """
+    if share is None and "waypoints" not in type(scene.hand).model_fields:
+        raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
+    case = _Case(scene, point, delay, share)
+    # The search is over 1 / inertia, of which large values are unstable.
+    guess = 1.0 if share in (None, 0.0) else 1.0 / lightest_mass(1.0, share or 0.0)
+    bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
+    watched = WATCHED_S if share is not None else SWINGING_S
+    measured = frontier(lambda lightness: case.stable(lightness, watched), guess, *bounds)
+    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.linear else None
+    seconds = SLOW_S if share is None else WATCHED_S
+    heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
+    return MPoint(
+        scene=scene.name,
+        delay=delay,
+        local=scene.controller.force_channel.local,
+        hand="scene" if share is None else "mass",
+        share=share or 0.0,
+        own=case.own,
+        measured=None if measured is None else case.felt(measured),
+        predicted=None if predicted is None else case.felt(predicted),
+        rule=None if share is None else lightest_mass(1.0, share),
+        heaviest=max(heavy, default=0.0),
+    )
+
+
+class _Case:
+    def __init__(self, scene: Scene, point: str, delay: int, share: float | None) -> None:
+        self._scene = at_once(held_still(scene) if share is None else held_by_nobody(scene))
+        self._point, self._delay, self._share = point, delay, share
+        self._analysis = Session(self._scene, point).tick().analysis
+        inertia = self._inertia = device_inertia(scene.device)
+        x = self._analysis.inverse_inertia
+        self.own = 1.0 / float(np.linalg.eigvals(inertia @ x).real.max())
+        zero = np.zeros((6, 6))
+        fixed = None if share is None else Held(zero, zero, share * inertia)
+        self._held = held_by(self._scene) if fixed is None else fixed
+        found = self._analysis
+        free = found.spectrum.wrenches[:, found.weights < 1.0].sum(axis=1)
+        self._push = np.zeros(6)
+        self._push[found.rows] = free
+        self._push *= TOUCH_N / _size(self._push)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the hand has a linear impedance."""
+        return self._held is not None
+
+    def stable(self, lightness: float, seconds: float) -> bool:
+        """Return whether a session with a mechanism this light comes to rest after a touch."""
+        scene, share = self._scaled(lightness), self._share
+        device = None if share is None else lambda one: MassHeldDevice(one, share)
+        setup = Setup(scene, self._point, self._delay, device=device)
+        ticks = round(seconds / scene.simulation.period)
+        push = min(1.0, 1.0 / lightness) * self._push
+        return touched(setup, push, _command, ticks, LOST_N).stable
+
+    def predicted(self, lightness: float) -> bool:
+        """Return whether the linear model of the loop is stable."""
+        if self._held is None:
+            return False
+        sample = Session(self._scaled(lightness), self._point, self._delay).tick()
+        found, law = sample.analysis, law_of(ControlArchitecture(self._scene), sample.model)
+        x, rows = found.inverse_inertia, found.rows
+        return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self._held))
+
+    def felt(self, lightness: float) -> float:
+        """Return the least felt inertia of a mechanism this light, by X_τ, over the device's."""
+        model = Session(self._scaled(lightness), self._point, self._delay).tick().model
+        return 1.0 / float(np.linalg.eigvals(self._inertia @ model.inverse_inertia).real.max())
+
+    def _scaled(self, lightness: float) -> Scene:
+        return scaled(self._scene, 1.0 / (lightness * self.own))
+
+
+def _command(sample: Sample) -> Array:
+    wrench = sample.output.device.copy()
+    wrench[3:] /= TORQUE_UNIT
+    return wrench
+
+
+def _size(wrench: Array) -> float:
+    return float(max(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / TORQUE_UNIT))
+
+
+# Dampings as shares of the one that is unstable without stiffness.
+Z_WIDTH_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+# Relative speed of the device after the touch, m/s: commands stay within the device's limits, slew
+# included, also at the stiffest walls; rounding is four orders of magnitude below it.
+TOUCH_SPEED = 2e-5
+# m/s; a decaying oscillation stays near the speed of the touch.
+LOST_SPEED = 20.0 * TOUCH_SPEED
+# Length of the response: cycles of the wall's oscillation, multiples of the loop's delay, and its
+# bounds in ticks.
+CYCLES, DELAYS = 10.0, 60
+SHORTEST, LONGEST = 300, 8000
+# Range of the search, N/m.
+SOFTEST, STIFFEST = 1e-2, 1e8
+
+
+@dataclass(frozen=True, slots=True)
+class ZPoint:
+    """The stiffest stable joint constraint at one damping.
+
+    Attributes:
+        scene: its name.
+        rate_hz: of the loop.
+        delay: periods from measuring to acting.
+        hand: ``nobody``, or ``still`` for the scene's hand at the pose of grasp.
+        loop: where the wall is closed: ``device`` or ``controller``.
+        damping: b of the joint constraint, N s/m.
+        mass: of the device along the direction that is unstable first, kg per unit of P_c.
+        measured: k, N/m, from sessions; None if even the softest wall is unstable.
+        predicted: k, N/m, at which the linear model of the loop has an eigenvalue on the unit
+            circle; None as above, or for a nonlinear hand.
+        rule: k, N/m, (b + B) / (T / 2 + t_d).
+        passive: k, N/m, up to which the wall is passive by Colgate and Schenkel.
+    """
+
+    scene: str
+    rate_hz: float
+    delay: int
+    hand: str
+    loop: str
+    damping: float
+    mass: float
+    measured: float | None
+    predicted: float | None
+    rule: float
+    passive: float
+
+
+class Wall:
+    """The joint constraints of a scene at its start.
+
+    Args:
+        scene: with a joint constraint at its start.
+        point: operational point; the first one if empty.
+
+    Attributes:
+        scene: without ramp and position channels.
+        mass: of the device along the direction with the largest gain, 1 / λ_max(Λ_d⁻¹ P_c), kg.
+        physical: damping of the device along it, N s/m per unit of P_c.
+        local: whether the device closes the wall.
+
+    Raises:
+        InvalidInputError: a scene without a constraint at its start.
+    """
+
+    def __init__(self, scene: Scene, point: str = "") -> None:
+        self.scene, self._point = without_channel(at_once(scene)), point
+        self.local = scene.controller.joint_constraint.local
+        found = directions(self.scene, point)
+        self._analysis, self._normals = found.analysis, found.held
+        if not self._normals.size:
+            raise InvalidInputError(
+                "scene", scene.name, "must have a joint constraint at its start"
+            )
+        mobility = np.linalg.inv(device_inertia(scene.device))
+        gain = self._normals.T @ mobility @ self._normals
+        sizes, ways = np.linalg.eigh(gain)
+        self.mass = 1.0 / float(sizes[-1])
+        shape = mobility @ self._normals @ ways[:, -1]
+        loss = np.array([scene.device.damping] * 3 + [scene.device.angular_damping] * 3)
+        self.physical = float(shape @ (loss * shape)) * self.mass**2
+        wrench = self._normals @ np.linalg.solve(gain, np.ones(len(sizes)))
+        self._push = wrench * TOUCH_SPEED / np.sqrt(len(sizes))
+
+    def observe(self) -> Observe:
+        """Return the signal of a sample: n_iᵀ ė / √m_ℓ, m/s."""
+        normals = self._normals.T
+
+        def watch(sample: Sample) -> Array:
+            return np.asarray(normals @ (sample.device.twist - sample.point.twist))
+
+        return watch
+
+    def stable(self, stiffness: float, damping: float, delay: int, hand: str) -> bool:
+        """Return whether a session with these gains comes to rest after a touch.
+
+        Args:
+            stiffness: of the joint constraint, N/m.
+            damping: of it, N s/m.
+            delay: periods.
+            hand: ``nobody`` or ``still``.
+        """
+        scene = self._with(stiffness, damping, hand)
+        period = scene.simulation.period
+        cycle = 2.0 * np.pi / np.sqrt(stiffness / self.mass) / period
+        ticks = int(np.clip(CYCLES * cycle, max(SHORTEST, DELAYS * (delay + 1)), LONGEST))
+        push = self._push / period
+        setup = Setup(scene, self._point, delay)
+        return touched(setup, push, self.observe(), ticks, LOST_SPEED).stable
+
+    def predicted(self, damping: float, delay: int, hand: str) -> float | None:
+        """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""
+        held = NOBODY if hand == "nobody" else held_by(self.scene)
+        if held is None:
+            return None
+        model = operational_model_of(self._analysis)
+
+        def stable(stiffness: float) -> bool:
+            scene = self._with(stiffness, damping, hand)
+            law = law_of(ControlArchitecture(scene), model)
+            rows, x = self._analysis.rows, model.inverse_inertia
+            return not diverges(tick_matrix(scene, law, x, rows, delay, held))
+
+        period = self.scene.simulation.period
+        guess = damping / (period * (0.5 + self.late(delay)))
+        return frontier(stable, guess, SOFTEST, STIFFEST, FINE)
+
+    def late(self, delay: int) -> int:
+        """Return the delay of the wall, periods, in a loop with a delay of ``delay`` periods."""
+        return 0 if self.local else delay
+
+    def most_damping(self, delay: int) -> float:
+        """Return B, N s/m, at which a damper alone is unstable: T B / m = 2 sin(π / (4 d + 2)).
+
+        d is the delay of the wall, :meth:`late`.
+
+        Raises:
+            InvalidInputError: a delay below 0.
+        """
+        if delay < 0:
+            raise InvalidInputError("delay", delay, "must be 0 or more periods")
+        largest = 2.0 * np.sin(np.pi / (4 * self.late(delay) + 2))
+        return float(self.mass * largest / self.scene.simulation.period)
+
+    def _with(self, stiffness: float, damping: float, hand: str) -> Scene:
+        scene = with_constraint(self.scene, stiffness, damping)
+        return held_by_nobody(scene) if hand == "nobody" else held_still(scene)
+
+
+def z_width(
+    scene: Scene,
+    point: str = "",
+    delay: int = 1,
+    hand: str = "nobody",
+    shares: Sequence[float] = Z_WIDTH_SHARES,
+) -> list[ZPoint]:
+    """Return the stiffest stable joint constraint at each damping.
+
+    Args:
+        scene: with a joint constraint at its start, with any device and hand.
+        point: operational point; the first one if empty.
+        delay: periods from measuring to acting.
+        hand: ``nobody``, or ``still`` for the scene's.
+        shares: dampings as shares of the one that is unstable without stiffness.
+
+    Raises:
+        InvalidInputError: no constraint, a delay below 0, another hand, or a share outside (0, 1).
+    """
+    if hand not in ("nobody", "still"):
+        raise InvalidInputError("hand", hand, "must be nobody or still")
+    for share in shares:
+        if not 0.0 < share < 1.0:
+            raise InvalidInputError("share of damping", share, "must be between 0 and 1")
+    wall, period = Wall(scene, point), scene.simulation.period
+    found = []
+    for share in shares:
+        damping = share * wall.most_damping(delay)
+        rule = delayed_stiffness(wall.physical, damping, period, wall.late(delay) * period)
+        predicted = wall.predicted(damping, delay, hand)
+        measured = frontier(
+            lambda stiffness, b=damping: wall.stable(stiffness, b, delay, hand),  # type: ignore[misc]
+            rule,
+            SOFTEST,
+            STIFFEST,
+        )
+        passive = passive_stiffness(wall.physical, damping, period)
+        loop = "device" if wall.local else "controller"
+        found.append(
+            ZPoint(
+                *(scene.name, 1.0 / period, delay, hand, loop, damping, wall.mass),
+                *(measured, predicted, rule, passive),
+            )
+        )
+    return found
+
 
 Z_CAPTION = (
     "Stiffest stable joint constraint over damping, without a hand, closed by the "

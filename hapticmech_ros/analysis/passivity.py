@@ -28,9 +28,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.controller import Connection
+from hapticmech_ros.scene.controller import Connection, damping_for
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.gain_rule import damping_for
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
 from hapticmech_ros.session import Run, Session, SharedSession
 from hapticmech_ros.workers import Lost, Workers, in_order

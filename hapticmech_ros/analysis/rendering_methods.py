@@ -22,19 +22,17 @@ from functools import partial
 
 import numpy as np
 
-from hapticmech_ros.analysis.linear_loop import Law, diverges, law_of, tick_matrix
-from hapticmech_ros.analysis.penetration import directions
+from hapticmech_ros.analysis.experience import directions
+from hapticmech_ros.analysis.linear_loop import FINE, Law, diverges, frontier, law_of, tick_matrix
 from hapticmech_ros.analysis.scene_variants import (
     at_once,
     held_by_nobody,
     with_constraint,
 )
-from hapticmech_ros.analysis.stability_rules import FINE, frontier
 from hapticmech_ros.analysis.touch import Setup, touched
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.architecture import device_inertia
-from hapticmech_ros.control.law import LawControl, LawInput
+from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError

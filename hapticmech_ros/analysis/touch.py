@@ -37,8 +37,7 @@ from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.hand import ScriptedHand
-from hapticmech_ros.scene.script import COLUMNS
+from hapticmech_ros.scene.hand import COLUMNS, ScriptedHand
 from hapticmech_ros.session import Sample, Session
 
 Observe = Callable[[Sample], Array]

@@ -8,7 +8,7 @@ points, and b all points that the others hold, desired is
 
     v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
 
-Y is that of the simulator's own step, linearised (``analysis/linear_point.py``), of which the
+Y is that of the simulator's own step, linearised (``analysis/felt_model.py``), of which the
 continuous system is taken: the push and the arms act all the time.
 """
 
@@ -24,6 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import block_diag, logm
 
+from hapticmech_ros.analysis.felt_model import linear_point
 from hapticmech_ros.analysis.impedance import (
     PUSH_N_PER_HZ,
     amplitudes,
@@ -31,7 +32,6 @@ from hapticmech_ros.analysis.impedance import (
     free_directions,
     multisine,
 )
-from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.arrays import Array

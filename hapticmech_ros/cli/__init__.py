@@ -19,9 +19,9 @@ from hapticmech_ros.cli import (
     feel,
     graph,
     live,
-    parameter_study,
     replay,
     scene,
+    study,
 )
 from hapticmech_ros.cli.console import console, errors
 from hapticmech_ros.discovery import choose_discovery
@@ -57,7 +57,7 @@ app.command()(live.live)
 app.command()(graph.policy)
 app.command()(analyse.analyse)
 app.command()(analyse.sweep)
-app.command()(parameter_study.study)
+app.command()(study.study)
 app.add_typer(feel.app, name="feel")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.cli.console import seconds_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.installation import refuse_middleware
 
@@ -133,8 +133,7 @@ def calibrate(
     """Find how a device's base stands in the world, and how far it reaches; writes parameters."""
     from hapticmech_ros.cli.console import console
     from hapticmech_ros.errors import InvalidInputError
-    from hapticmech_ros.haply.calibration import mounting_of, reach_of
-    from hapticmech_ros.haply.reader import CursorReader
+    from hapticmech_ros.haply.reader import CursorReader, mounting_of, reach_of
 
     del model
     if out.exists():

@@ -51,7 +51,7 @@ def replay(
     from hapticmech_ros.bag.compare import compare
     from hapticmech_ros.cli.bag_tables import show_comparison
     from hapticmech_ros.lockstep import LockstepRun
-    from hapticmech_ros.replay import replay as run_replay
+    from hapticmech_ros.lockstep import replay as run_replay
     from hapticmech_ros.wire.topics import topic_of
 
     stop = stop_by_signals()

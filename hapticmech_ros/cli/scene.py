@@ -117,7 +117,7 @@ def steps(
 
     from hapticmech_ros.cli.scene_tables import show_steps
     from hapticmech_ros.loading import load_scene
-    from hapticmech_ros.loading.copying import copy_scene
+    from hapticmech_ros.loading.loader import copy_scene
     from hapticmech_ros.plan.step_accuracy import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
@@ -196,7 +196,7 @@ def assemble(
     from hapticmech_ros.cli.console import progress
     from hapticmech_ros.cli.scene_tables import show_assemblies
     from hapticmech_ros.loading import load_scene
-    from hapticmech_ros.loading.copying import copy_scene
+    from hapticmech_ros.loading.loader import copy_scene
     from hapticmech_ros.offline.assembly_search import initial_state, search_assemblies
 
     loaded = load_scene(scene, changes=changes or ())
@@ -234,7 +234,7 @@ def copy(
     ] = False,
 ) -> None:
     """Write a copy of SCENE with other values, for nodes and for editing."""
-    from hapticmech_ros.loading.copying import copy_scene
+    from hapticmech_ros.loading.loader import copy_scene
 
     copy_scene(scene, out, changes or (), expanded)
     console.print(f"{out}", highlight=False, markup=False, soft_wrap=True)

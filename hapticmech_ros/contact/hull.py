@@ -1,16 +1,185 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Convex polytopes: vertices and flat faces, of boxes and of hulls of points."""
+"""Convex polytopes: vertices and flat faces, of boxes and of hulls of points.
+
+Convex hulls of meshes in files, which a child process with limits reads.
+
+The files are not trusted, the library that reads them does not check them, and they may have
+millions of vertices: only the corners of a hull are returned.
+
+Corners of the convex hull of a mesh in a file: what the child process does that reads it.
+
+It loads little, as each start of a node with meshes waits for it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import product
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import coal
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from hapticmech_ros.arrays import Array
+from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.files import check_file
+from hapticmech_ros.scene.contacts import Mesh, Shape
+from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
+
+MOST_VERTICES = 2000
+
+
+def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the corners of a file's hull, or the rule that the file breaks; runs in the child."""
+    try:
+        loaded = coal.MeshLoader().load(item["file"], np.array(item["scale"]))
+        points = np.unique(np.array(loaded.vertices()), axis=0)
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).partition("message:")[2].split()) or str(error)
+        return {"rule": f"cannot be read as a mesh: {reason}"}
+    if not np.isfinite(points).all():
+        return {"rule": "cannot be read as a mesh: a vertex is not finite"}
+    try:
+        corners = ConvexHull(points).vertices
+    except (QhullError, ValueError, IndexError):
+        return {"rule": "the mesh must not be flat"}
+    if len(corners) > MOST_VERTICES:
+        rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(corners)}"
+        return {"rule": rule}
+    return {"corners": points[corners].tolist()}
+
+
+# Bytes of memory for any file and for each byte of it; bytes that are read in a second.
+MEMORY, MEMORY_PER_BYTE = 256_000_000, 32
+SECONDS, BYTES_PER_SECOND = 2, 4_000_000
+# Of a hull's corners as text.
+OUTPUT = 400_000
+# How many hulls are remembered: a scene is built more than once in a process.
+_REMEMBERED = 64
+
+
+class _Key(NamedTuple):
+    """What a hull is of: a file as it is now, and a scale."""
+
+    file: str
+    changed_ns: int
+    bytes: int
+    scale: tuple[float, float, float]
+
+
+_hulls: dict[_Key, Polytope] = {}
+
+
+def mesh_hulls(shapes: Sequence[Shape]) -> dict[int, Polytope]:
+    """Return the hulls of those shapes that are meshes, by their places in ``shapes``.
+
+    All files that this process has not read yet are read by one child.
+
+    Raises:
+        SceneError: a file cannot be read within the limits, or holds no body, or too many corners.
+    """
+    keys = {
+        index: _key(shape.geometry, _place(index))
+        for index, shape in enumerate(shapes)
+        if isinstance(shape.geometry, Mesh)
+    }
+    new = {key: index for index, key in keys.items() if key not in _hulls}
+    if new:
+        _read(list(new), [_place(index) for index in new.values()])
+    found = {index: _hulls[key] for index, key in keys.items()}
+    while len(_hulls) > max(_REMEMBERED, len(found)):
+        del _hulls[next(iter(_hulls))]
+    return found
+
+
+def read_mesh(file: str, scale: tuple[float, float, float], key: str) -> Polytope:
+    """Return the convex hull of a mesh in a file.
+
+    Args:
+        file: path.
+        scale: of its coordinates.
+        key: of the scene that names the file, for errors.
+
+    Raises:
+        SceneError: see :func:`mesh_hulls`.
+    """
+    one = _key(Mesh(kind="mesh", file=file, scale=scale), key)
+    if one not in _hulls:
+        _read([one], [key])
+    return _hulls[one]
+
+
+def drawn_hulls(meshes: Sequence[Mesh]) -> list[Polytope | None]:
+    """Return the hulls of meshes that are drawn alone; None of those that cannot be read.
+
+    Args:
+        meshes: in files that may be missing, or no meshes.
+    """
+    keys: list[_Key | None] = []
+    for index, mesh in enumerate(meshes):
+        try:
+            keys.append(_key(mesh, _place(index)))
+        except SceneError:
+            keys.append(None)
+    new = list(dict.fromkeys(key for key in keys if key is not None and key not in _hulls))
+    try:
+        if new:
+            _read(new, [key.file for key in new])
+    except SceneError:  # one by one, as the others can be read
+        for key in new:
+            with suppress(SceneError):
+                _read([key], [key.file])
+    return [None if key is None else _hulls.get(key) for key in keys]
+
+
+def _place(index: int) -> str:
+    return f"shapes[{index}].geometry.file"
+
+
+def _key(mesh: Mesh, place: str) -> _Key:
+    try:
+        size = check_file(mesh.file, MESH_SIZE_LIMIT)
+        return _Key(mesh.file, Path(mesh.file).stat().st_mtime_ns, size, mesh.scale)
+    except FileError as error:
+        raise _refused(place, mesh.file, error.rule) from None
+    except OSError as error:
+        raise _refused(place, mesh.file, str(error)) from None
+
+
+def _read(keys: Sequence[_Key], places: Sequence[str]) -> None:
+    """Read the hulls of files, and remember them."""
+    size = sum(key.bytes for key in keys)
+    largest = max(key.bytes for key in keys)
+    limits = Limits(
+        MEMORY + MEMORY_PER_BYTE * largest,
+        SECONDS + len(keys) // 10 + size // BYTES_PER_SECOND,
+        OUTPUT * len(keys),
+    )
+    items = [{"file": key.file, "scale": key.scale} for key in keys]
+    try:
+        answers = caged(corners_of, items, limits)
+    except CageError as error:
+        number = len(error.done)
+        rule = f"cannot be read as a mesh: it {error.rule}"
+        raise _refused(places[number], keys[number].file, rule) from None
+    for key, place, answer in zip(keys, places, answers, strict=True):
+        if "rule" in answer:
+            raise _refused(place, key.file, str(answer["rule"]))
+        points: Array = np.array(answer["corners"], dtype=float)
+        try:
+            _hulls[key] = hull(points)
+        except (QhullError, ValueError, IndexError):
+            raise _refused(place, key.file, "the mesh must not be flat") from None
+
+
+def _refused(key: str, file: str, rule: str) -> SceneError:
+    return SceneError("shapes", [SceneProblem(key, file, rule)])
+
 
 # Triangles whose normals differ by less are one face.
 FLAT = 1e-6

@@ -137,7 +137,7 @@ def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
     found: dict[int, Polytope] = {}
     if any(isinstance(shape.geometry, Mesh) for shape in shapes):
         # Here, so that scenes without meshes do not load what reads them.
-        from hapticmech_ros.contact.mesh_hulls import mesh_hulls
+        from hapticmech_ros.contact.hull import mesh_hulls
 
         found = mesh_hulls(shapes)
     for index, shape in enumerate(shapes):

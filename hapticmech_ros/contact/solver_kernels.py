@@ -54,9 +54,8 @@ from hapticmech_ros.contact.layout import (
     Contacts,
 )
 from hapticmech_ros.contact.touch_kernels import tangents
-from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, to_metric
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import dot, dot_rows
 
 

@@ -31,14 +31,31 @@ from hapticmech_ros.contact.layout import (
     UNSOLVED,
     Contacts,
 )
-from hapticmech_ros.contact.shape_kernels import near_pairs, needs_search, place_shapes, put_point
 from hapticmech_ros.contact.solver_kernels import contact_forces
-from hapticmech_ros.contact.touch_kernels import touching_points
+from hapticmech_ros.contact.touch_kernels import (
+    near_pairs,
+    needs_search,
+    place_shapes,
+    put_point,
+    touching_points,
+)
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import (
+    BEGINS_WITH,
+    IMPLICIT,
+    PUSHES,
+    STAGES,
+    STEP,
+    STEPS,
+    TERMS_KNOWN,
+    TOLERANCE,
+    TOUCHING,
+    Data,
+    Model,
+    unpack,
+)
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     NEEDS_CARE,
@@ -50,17 +67,6 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
-from hapticmech_ros.mechanism.kernels.step_layout import (
-    BEGINS_WITH,
-    IMPLICIT,
-    PUSHES,
-    STAGES,
-    STEP,
-    STEPS,
-    TERMS_KNOWN,
-    TOLERANCE,
-    TOUCHING,
-)
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 
 

@@ -44,8 +44,7 @@ from hapticmech_ros.contact.step_kernels import (
 from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
-from hapticmech_ros.mechanism.kernels.step_layout import (
+from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     IMPLICIT,
     PUSHES,
@@ -55,6 +54,7 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     STEPS_DONE,
     TERMS_KNOWN,
 )
+from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,

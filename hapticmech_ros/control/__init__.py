@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3, and the architecture that joins them."""
 
-from hapticmech_ros.control.architecture import ControlArchitecture
+from hapticmech_ros.control.architecture import (
+    ControlArchitecture,
+    ControlLaw,
+    LawInput,
+    control_for,
+)
 from hapticmech_ros.control.clutch import Clutch
-from hapticmech_ros.control.law import ControlLaw, LawInput, control_for
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,

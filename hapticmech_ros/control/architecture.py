@@ -21,17 +21,20 @@ With a connection that is late by τ there and back, C's bandwidth ω on the dev
 it stays as damped. The mechanism's side closes its loop without the connection, and keeps C.
 
 Gains go from one set to another without a bump.
+
+A control law of one's own as a function: from what is measured to the wrenches of both sides.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.clutch import Clutch, engage
+from hapticmech_ros.control.clutch import Clutch, engage, pose_error
 from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
 from hapticmech_ros.control.measurements import (
@@ -52,9 +55,13 @@ from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.controller import Controller, ForceChannelGains, PositionChannelGains
+from hapticmech_ros.scene.controller import (
+    DESIGN_PHASE_LAG,
+    Controller,
+    ForceChannelGains,
+    PositionChannelGains,
+)
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG
 from hapticmech_ros.scene.part import Part
 
 
@@ -170,8 +177,8 @@ class ControlArchitecture:
     pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
     :mod:`~hapticmech_ros.control.measurements`.
 
-    A control law of one's own is a function (:func:`~hapticmech_ros.control.law.control_for`), or,
-    for more, a subclass that overrides :meth:`answer`; ``super().answer`` is the scene's. Who has a
+    A control law of one's own is a function (:func:`control_for`), or, for more, a subclass that
+    overrides :meth:`answer`; ``super().answer`` is the scene's. Who has a
     control (:class:`~hapticmech_ros.session.session.Session`, the rendering controller) then calls
     it in Python for each sample that the controllers get, and does the rest as always: account,
     passivity, connection, and the loops that the device closes, which correct the answer by the
@@ -427,3 +434,114 @@ def _start_ramp(gains: Controller, momentum: float) -> float:
     ramp = gains.engagement_ramp
     longer = 2.0 * BRAKE * momentum / gains.engagement_force
     return ramp if longer <= ramp else min(longer, LONGEST_RAMP * ramp)
+
+
+@dataclass(frozen=True, slots=True)
+class LawInput:
+    """What a control law sees of a sample, world axes.
+
+    Attributes:
+        time: s.
+        device: pose, twist (6,) and F_h (6,) of the device.
+        point: pose, twist (6,) and F_c (6,) of the operational point, at the device's time.
+        model: X, P_c, Π (6, 6) and a_0 (6,) of the operational point.
+        error: (6,) e, from the operational point to the device's pose as the clutch maps it, m and
+            rad; zero out of the task space.
+        rate: (6,) ė, twist of the device less that of the point, m/s and rad/s; zero likewise.
+    """
+
+    time: float
+    device: DeviceMeasurement
+    point: PointMeasurement
+    model: OperationalModel
+    error: Array
+    rate: Array
+
+
+class ControlLaw(Protocol):
+    """A control law of one's own: a function of what is measured."""
+
+    def __call__(self, seen: LawInput, /) -> tuple[Array, Array]:
+        """Return the wrenches of a period.
+
+        Args:
+            seen: what is measured.
+
+        Returns:
+            (6,) on the hand by the device, and (6,) on the mechanism by the hand; N and N m, world
+            axes.
+        """
+        ...
+
+
+class LawControl(ControlArchitecture):
+    """Controllers whose wrenches are those of a law; see :func:`control_for`."""
+
+    def __init__(self, scene: Scene, law: ControlLaw) -> None:
+        super().__init__(scene)
+        self._law = law
+
+    def apply_gains(self, gains: Controller, delay: float | None = None) -> None:
+        """Take gains, none of which the device corrects by."""
+        super().apply_gains(gains.closed_in_device(False), delay)
+
+    def answer(
+        self,
+        time: float,
+        clutch: Clutch,
+        device: Array,
+        operational_model: Array,
+        ahead: float,
+        in_flight: InFlight | None = None,
+    ) -> Array:
+        """Return the wrenches for measurements, (6, 6): rows and units of :class:`ControlOutput`.
+
+        Args:
+            time: s.
+            clutch: that connects the two poses.
+            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
+            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            ahead: s, from the time of ``operational_model`` to that of ``device``.
+            in_flight: commands to the mechanism that have not acted yet.
+
+        Raises:
+            InvalidInputError: a wrench of the law that is none, or not finite.
+        """
+        own, point = device_of(device), point_ahead(operational_model, ahead, in_flight)
+        error = self.task * pose_error(point.pose, clutch.mapped(own.pose))
+        rate = self.task * (own.twist - point.twist)
+        seen = LawInput(time, own, point, model_of(operational_model), error, rate)
+        on_hand, on_mechanism = (clutch.ramp(time) * one for one in _checked(self._law(seen)))
+        wrenches = np.zeros((6, 6))
+        wrenches[0] = self.joined(time, clutch, limited(self.task * on_hand, *self.limits))
+        wrenches[1] = limited(self.task * on_mechanism, *self.limits)
+        wrenches[5] = error
+        return wrenches
+
+
+def control_for(scene: Scene, law: ControlLaw) -> ControlArchitecture:
+    """Return controllers with a law of one's own in place of the scene's three.
+
+    ``Session(scene, control=control_for(scene, law))``. Wrenches of the law are kept within the
+    device's limits and the task space, and grow over the ramp of each engagement. The device
+    corrects none of them. Passivity control, energies, the connection and the safety envelope are
+    the scene's.
+
+    Args:
+        scene: whose device, limits, ramps and task space are used.
+        law: called once for each sample that the controllers get.
+    """
+    return LawControl(scene, law)
+
+
+def _checked(wrenches: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return a law's wrenches.
+
+    Raises:
+        InvalidInputError: they are not two of (6,), or not finite.
+    """
+    found = np.asarray(wrenches, dtype=float)
+    if found.shape != (2, 6) or not np.isfinite(found).all():
+        rule = "must be two finite wrenches (6,): on the hand, and on the mechanism"
+        raise InvalidInputError("wrenches of the control law", found.tolist(), rule)
+    return found[0], found[1]

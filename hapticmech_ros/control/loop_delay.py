@@ -24,9 +24,14 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.controller import Connection, Controller
+from hapticmech_ros.scene.controller import (
+    DESIGN_PHASE_LAG,
+    Connection,
+    Controller,
+    damping_for,
+    lag_of,
+)
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, damping_for, lag_of
 
 # Quantile of the round trips in a window; longer ones are outliers of scheduling.
 QUANTILE = 0.95

@@ -10,10 +10,10 @@ that has their newest samples F_j corrects its command, as it does for its own h
     H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
 
 t' is the time of the sample answered, Y_ij F_j the wrench at the own point that accelerates it as
-F_j does (:mod:`~hapticmech_ros.operational.coupling`), and C3_j the other's gain to the mechanism.
+F_j does (:mod:`~hapticmech_ros.operational.analysis`), and C3_j the other's gain to the mechanism.
 A command is held over a period: F'_j and F''_j are by how much the mean of F_j over it differs from
 F_j(t), and W is the weight that makes no loop unstable
-(:mod:`~hapticmech_ros.control.hand_lead_kernels`).
+(:mod:`~hapticmech_ros.control.account_kernels`).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.account_kernels import command_response
-from hapticmech_ros.control.hand_lead_kernels import (
+from hapticmech_ros.control.account_kernels import (
     MEMORY_SIZE,
     MOST,
+    command_response,
     mean_change,
     remember_wrench,
 )
@@ -76,7 +76,7 @@ def coupling_gain(
         settings: (59,) of the controllers; see ``loop_layout``.
         operational_model: (139,) of the own point; see ``layout.OPERATIONAL_MODEL``.
         time: s, of the controllers.
-        transmitted: (6, 6) Y_ij, see :func:`~hapticmech_ros.operational.coupling.transmission`.
+        transmitted: (6, 6) Y_ij, see :func:`~hapticmech_ros.operational.analysis.transmission`.
         share: C3_j.
     """
     response = np.empty(36)

@@ -3,7 +3,7 @@
 """What the controller does with a sample: through the connection, answered, and back through it.
 
 Its connection to the device can be late, uneven and lossy, for tests: what is sent, and what
-arrives of it, is in :mod:`~hapticmech_ros.control.channel_kernels`.
+arrives of it, is in :mod:`~hapticmech_ros.control.kernels`.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from hapticmech_ros.control.account_kernels import (
     move_point_on,
 )
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.channel_kernels import (
+from hapticmech_ros.control.clutch import Clutch
+from hapticmech_ros.control.kernels import (
     LOST,
     NEWEST,
     SLOT_SIZE,
     SLOTS,
     STREAM,
     TAG,
+    forces_on_mechanism,
     mixed,
     receive_message,
     send_message,
 )
-from hapticmech_ros.control.clutch import Clutch
-from hapticmech_ros.control.kernels import forces_on_mechanism
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
     CONTROLLER_ACCOUNT,
@@ -58,7 +58,7 @@ class Channel:
         period: s, between messages.
 
     Attributes:
-        state: whole numbers; see :mod:`~hapticmech_ros.control.channel_kernels`.
+        state: whole numbers; see :mod:`~hapticmech_ros.control.kernels`.
         rows: (slots + 1, n) messages on the way, and the one that was received last.
         law: delay, s, jitter and loss, shares.
 

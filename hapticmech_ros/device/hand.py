@@ -23,8 +23,8 @@ from hapticmech_ros.scene.hand import (
     Hand,
     ScriptedHand,
     TargetHand,
+    read_script,
 )
-from hapticmech_ros.scene.script import read_script
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import kernels
-from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.hand import (
     ALWAYS,
     GraspSchedule,
@@ -23,6 +22,7 @@ from hapticmech_ros.device.hand import (
     hand_numbers,
 )
 from hapticmech_ros.device.hand_kernels import OPEN
+from hapticmech_ros.device.kernels import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
@@ -56,7 +56,7 @@ class ImpedanceDevice:
     Attributes:
         device: as given.
         period: s.
-        data: a :data:`~hapticmech_ros.device.device_layout.DEVICE_MODEL`, and the hand.
+        data: a :data:`~hapticmech_ros.device.kernels.DEVICE_MODEL`, and the hand.
         held: the device when the hand could take hold; None before.
     """
 

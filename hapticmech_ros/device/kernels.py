@@ -20,7 +20,7 @@ the new one (position Verlet), so that a wrench acts by its mean over the subste
 with v' = v + h/2 (Λ_d + Λ_a)⁻¹ (F_s + ... - b v) by the hand's wrench of the time before.
 
 What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
-laid out as :mod:`~hapticmech_ros.device.device_layout` says. Behind the device in ``data`` is its
+laid out as :mod:`~hapticmech_ros.device.kernels` says. Behind the device in ``data`` is its
 hand, as :mod:`~hapticmech_ros.device.hand_kernels` says.
 
 What resists a device's motion besides viscous damping: end stops, then Coulomb friction.
@@ -57,6 +57,8 @@ over a period T, with means of the period and the exact step of the low-pass,
 ICRA 2005, here for a body in Cartesian space). A constant wrench is found without bias, a sinusoid
 of frequency f Hz lags by arctan(f / bandwidth) and half a period. What the model does not know is
 taken for the hand: Coulomb friction beyond its compensated share, end stops, an error of the mass.
+
+What a simulated device is, and its state: arrays that its kernels work on.
 """
 
 from __future__ import annotations
@@ -65,7 +67,6 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
-from hapticmech_ros.device.device_layout import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.hand_kernels import (
     LIMB_MASS,
     OPEN,
@@ -74,6 +75,7 @@ from hapticmech_ros.device.hand_kernels import (
     grip_wrench,
     hand_wrench,
 )
+from hapticmech_ros.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.rotation_kernels import (
     exp3,
@@ -83,6 +85,55 @@ from hapticmech_ros.rotation_kernels import (
     quaternion_of,
 )
 from hapticmech_ros.saturation_kernels import limit
+
+ONE, THREE, SIX, PLACE = Field(1), Field(3), Field(6), Field(12)
+# Step and period, s; number of steps in a period; gain of the velocity filter; limits of the
+# actuators, N and N m; steps of the encoders, m and rad, 0 if ideal; of the actuators' error what
+# is left after a step, and its mean over one, per unit, 0 if there is none; Coulomb friction, N and
+# N m; end stops: limit, stiffness and damping; damping; change of the twist per wrench and step, 0
+# where the scene has no direction, and the same with the hand's own mass; that mass and inertia.
+# Then what acts: command, weight, the wrench by others than the hand; and where the hand could take
+# hold: position and rotation.
+# Of the driver: 1 where the scene has a direction; 1 where there are actuators; share of the
+# friction that is compensated, from which speeds on, m/s and rad/s; 1 if weight is; 1 if what it
+# reports of the hand is estimated, and 2 if it is nothing; share of the observer's error that a
+# period takes away; share of the actuators' error in a period's mean; and Λ_d.
+DEVICE_MODEL = Layout(
+    {
+        **dict.fromkeys(("step", "period", "substeps", "filter_gain"), ONE),
+        **dict.fromkeys(("force_limit", "torque_limit", "position_step", "angle_step"), ONE),
+        **dict.fromkeys(("lag", "lag_mean", "friction", "angular_friction"), ONE),
+        **dict.fromkeys(("stop", "angular_stop"), THREE),
+        **dict.fromkeys(("damping", "gain", "held_gain", "arm"), SIX),
+        **dict.fromkeys(("command", "weight", "push"), SIX),
+        "held": PLACE,
+        **dict.fromkeys(("task", "acts"), SIX),
+        **dict.fromkeys(("compensated", "dead_zone", "angular_dead_zone", "lifts"), ONE),
+        **dict.fromkeys(("senses_itself", "observer_share", "actuator_share"), ONE),
+        "inertia": SIX,
+    }
+)
+# What is published: what is measured, the wrench of the hand as it is reported, and the wrench
+# applied; and what is not: position, rotation and twist of the body; measured rotation; where the
+# device started, and where the hand took hold; the window in which it holds; position, rotation and
+# twist of its mass behind a grip, and what pulls that; and its wrench. Rotations go row by row.
+DEVICE_STATE = Layout(
+    {
+        **DEVICE_SAMPLE.fields,
+        "applied": Field(6, WRENCH),
+        "body": PLACE,
+        "body_twist": Field(6, TWIST),
+        "seen": Field(9),
+        "home": PLACE,
+        "anchor": PLACE,
+        "window": ONE,
+        "limb": PLACE,
+        "limb_twist": Field(6, TWIST),
+        "pull": Field(6, WRENCH),
+        "own": Field(6, WRENCH),
+    }
+)
+
 
 STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
 POSITION_STEP, ANGLE_STEP, LAG, LAG_MEAN = DEVICE_MODEL.starts(

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a device's samples can be one motion: see :mod:`~hapticmech_ros.device.motion_check`.
+"""Whether a device's samples can be one motion: see :mod:`~hapticmech_ros.device.safety`.
 
 Of translation and rotation alike, with samples Δt apart, Δp the way between their poses (a rotation
 vector of it), v their twists, and v̄ the mean of both:

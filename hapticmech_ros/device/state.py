@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.device.device_layout import DEVICE_STATE
+from hapticmech_ros.device.kernels import DEVICE_STATE
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.quaternions import quaternion_of
 
@@ -47,7 +47,7 @@ class DeviceState:
     It is one array, which kernels work on; its parts are views of it, or made when asked for.
 
     Args:
-        flat: (107,) a :data:`~hapticmech_ros.device.device_layout.DEVICE_STATE`, which it keeps.
+        flat: (107,) a :data:`~hapticmech_ros.device.kernels.DEVICE_STATE`, which it keeps.
     """
 
     __slots__ = ("flat",)

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's experiment (section 4): run or read it, summarise, compare, draw Fig. 5."""
 
-from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import SessionRecorder, run_session, run_shared_session
-from hapticmech_ros.experiment.health import GraphHealth, NodeHealth, health_from_bag
-from hapticmech_ros.experiment.record import ExperimentRecord
-from hapticmech_ros.experiment.shared_record import SharedRecord
+from hapticmech_ros.experiment.record import (
+    ExperimentRecord,
+    GraphHealth,
+    NodeHealth,
+    SharedRecord,
+    health_from_bag,
+)
+from hapticmech_ros.experiment.run import compare
 from hapticmech_ros.experiment.summary import summarise, summarise_shared
 
 # Drawing (figures, run) is imported where it is used: matplotlib is slow to import.

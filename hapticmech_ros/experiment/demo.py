@@ -14,20 +14,22 @@ from typing import Any
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.cpu_list import available_cores
 from hapticmech_ros.errors import BagError, HapticMechError
-from hapticmech_ros.experiment.agreement import compare
 from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_session, run_shared_session
-from hapticmech_ros.experiment.health import health_from_bag
-from hapticmech_ros.experiment.run import write_results, write_shared_results
+from hapticmech_ros.experiment.record import health_from_bag
+from hapticmech_ros.experiment.run import compare, write_results, write_shared_results
 from hapticmech_ros.graph import (
+    MOST_MISSED,
+    RATES,
     Graph,
+    GraphLoad,
+    LoadWatch,
     ending,
     private_environment,
     start_process,
     stop_process,
     told_by,
 )
-from hapticmech_ros.graph_load import MOST_MISSED, RATES, GraphLoad, LoadWatch
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.readiness import Report
 from hapticmech_ros.scene import Scene
@@ -59,7 +61,7 @@ def run_demo(
 
     Where the machine does not carry the scene's rate, interrupts the rendering, or delays it so
     that gains are reduced, the experiment is run at a lower one, of
-    :data:`~hapticmech_ros.graph_load.RATES`, unless a rate is given.
+    :data:`~hapticmech_ros.graph.RATES`, unless a rate is given.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files

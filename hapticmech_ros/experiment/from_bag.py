@@ -22,8 +22,13 @@ from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.reader import refuse_former_topics
 from hapticmech_ros.bag.recorded_states import states_from_bag
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.experiment.record import ExperimentRecord, first_push, slerp
-from hapticmech_ros.experiment.shared_record import SharedRecord, couplings
+from hapticmech_ros.experiment.record import (
+    ExperimentRecord,
+    SharedRecord,
+    couplings,
+    first_push,
+    slerp,
+)
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import build_tree
 from hapticmech_ros.quaternions import quaternion_of

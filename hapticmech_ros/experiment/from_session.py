@@ -11,8 +11,13 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
-from hapticmech_ros.experiment.record import ExperimentRecord, first_push
-from hapticmech_ros.experiment.shared_record import COUPLING_PERIOD_S, SharedRecord, couplings
+from hapticmech_ros.experiment.record import (
+    COUPLING_PERIOD_S,
+    ExperimentRecord,
+    SharedRecord,
+    couplings,
+    first_push,
+)
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session, SharedSession

@@ -7,18 +7,262 @@ array; a graph publishes some of them at lower rates than others. All axes are t
 wrenches are force (N), then torque (N m).
 
 Orientations are unit quaternions (x, y, z, w), which are interpolated over time.
+
+Health of a graph of nodes: their last diagnostics in a bag.
+
+One run of several users on one mechanism: a record of each, and what each does to the others.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.bag import BagReader
+from hapticmech_ros.bag.metadata import losses_of, read_metadata
+from hapticmech_ros.device.hand import grasp_schedule_of
+from hapticmech_ros.errors import BagError, InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.operational.analysis import coupling
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.layouts import ENERGY_NAMES
+from hapticmech_ros.wire.topics import DIAGNOSTICS
+
+# Time between two rows of what the users do to each other, s: that of topics at view rate.
+COUPLING_PERIOD_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedRecord:
+    """Records of n users of one run, with one time zero: the first push of any of them.
+
+    Attributes:
+        users: by operational point, in the order of the scene's ``hands``.
+        times: (k,) s, of the rest.
+        wrenches: (k, n, 6) F_j, by each user's hand through its controller, on the mechanism, at
+            its point, axes of the world, N and N m: what acts from that time on.
+        felt: (k, n, 6) F_c at each user's point, likewise: the others' part of what it feels.
+        coupling: (k, n, n, 6, 6) X_ij, 1/kg, 1/(kg m) and 1/(kg m²): a wrench F_j at point j
+            accelerates point i by X_ij F_j.
+
+    Raises:
+        InvalidInputError: no users, wrong shapes, or values that are not finite.
+    """
+
+    users: Mapping[str, ExperimentRecord]
+    times: Array
+    wrenches: Array
+    felt: Array
+    coupling: Array
+
+    def __post_init__(self) -> None:
+        n, k = len(self.users), np.shape(self.times)[0]
+        if n == 0 or k == 0:
+            raise InvalidInputError("users and times", (n, k), "must be at least one of each")
+        shapes = {"times": (k,), "wrenches": (k, n, 6), "felt": (k, n, 6)}
+        for name, shape in {**shapes, "coupling": (k, n, n, 6, 6)}.items():
+            array = np.array(getattr(self, name), dtype=float)
+            if array.shape != shape:
+                raise InvalidInputError(f"shape of {name}", array.shape, f"must be {shape}")
+            if not np.isfinite(array).all():
+                raise InvalidInputError(name, "NaN or infinity", "must be finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Operational points that the users hold."""
+        return tuple(self.users)
+
+    @property
+    def first(self) -> ExperimentRecord:
+        """Record of the first user."""
+        return next(iter(self.users.values()))
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self.first.scene
+
+    @property
+    def source(self) -> Source:
+        """``session`` or ``graph``."""
+        return self.first.source
+
+    def accelerations(self, point: str) -> Array:
+        """Return (k, n, 6) X_ij F_j of one point i, by each user j, m/s² and rad/s².
+
+        Raises:
+            InvalidInputError: nobody holds the point.
+        """
+        if point not in self.users:
+            rule = f"must be one of {list(self.points)}"
+            raise InvalidInputError("point", point, rule)
+        rows = self.coupling[:, self.points.index(point)]
+        return np.asarray(np.einsum("kjab,kjb->kja", rows, self.wrenches))
+
+
+def couplings(
+    mechanism: Mechanism, points: Sequence[str], q: Array, active: Sequence[Active]
+) -> Array:
+    """Return X_ij (k, n, n, 6, 6) at k states, 1/kg, 1/(kg m) and 1/(kg m²).
+
+    Args:
+        mechanism: whose.
+        points: names of n of its operational points.
+        q: (k, nq) configurations.
+        active: which closures are closed, at each.
+    """
+    index, rest = [mechanism.point_index(point) for point in points], np.zeros(mechanism.nv)
+    chosen = np.ix_(index, index)
+    return np.array(
+        [
+            coupling(mechanism.evaluate(at, rest, closed))[chosen]
+            for at, closed in zip(q, active, strict=True)
+        ]
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Grips:
+    """A span of time.
+
+    Attributes:
+        begin, end: s since the first hand's start.
+        holding: operational points whose hands hold.
+    """
+
+    begin: float
+    end: float
+    holding: tuple[str, ...]
+
+
+def grips_of(scene: Scene, end: float) -> list[Grips]:
+    """Return the spans from the first hand's start until a time, s after it.
+
+    Args:
+        scene: with several ``hands``.
+        end: s.
+    """
+    plans = {point: grasp_schedule_of(scene.held_at(point).hand) for point in scene.held_points}
+    first = min(plan.start for plan in plans.values())
+    switches = {
+        point: [plan.start - first + time for time in plan.switches]
+        for point, plan in plans.items()
+    }
+    starts = {plan.start - first for plan in plans.values()}
+    bounds = sorted({0.0, end, *starts, *(time for times in switches.values() for time in times)})
+    bounds = [time for time in bounds if time <= end]
+    found = []
+    for begin, until in pairwise(bounds):
+        holding = tuple(
+            point
+            for point, plan in plans.items()
+            if begin >= plan.start - first
+            and plan.holds_first == (sum(time <= begin for time in switches[point]) % 2 == 0)
+        )
+        found.append(Grips(begin, until, holding))
+    return found
+
+
+Figure = int | float | str
+
+LEVELS = {0: "ok", 1: "warning", 2: "error", 3: "stale"}
+
+
+@dataclass(frozen=True, slots=True)
+class NodeHealth:
+    """Last status of a node.
+
+    Attributes:
+        level: ``ok``, ``warning``, ``error`` or ``stale``.
+        message: of the node's diagnostics.
+        figures: values by name, as numbers where possible; units are in the names.
+    """
+
+    level: str
+    message: str
+    figures: Mapping[str, Figure]
+
+
+@dataclass(frozen=True, slots=True)
+class GraphHealth:
+    """How the run of a graph went.
+
+    Attributes:
+        nodes: last status of every node, by its name; empty if the bag has no diagnostics.
+        lost: messages that the recorder lost, of each topic that lost any (None: not known); None
+            where it has not counted.
+        interruptions: how often rendering was interrupted once the hands had started; None: nobody
+            has counted.
+        reduced_gains: whether a controller had to reduce its gains for a longer delay; None: not
+            known.
+    """
+
+    nodes: Mapping[str, NodeHealth]
+    lost: Mapping[str, int | None] | None = None
+    interruptions: int | None = None
+    reduced_gains: bool | None = None
+
+    def total(self, figure: str) -> float | None:
+        """Return the sum of a figure over the nodes that report it; None if none does."""
+        values = [node.figures[figure] for node in self.nodes.values() if figure in node.figures]
+        numbers = [value for value in values if not isinstance(value, str)]
+        return sum(numbers) if numbers else None
+
+    def one(self, figure: str) -> Figure | None:
+        """Return a figure of the first node that reports it; None if none does."""
+        for node in self.nodes.values():
+            if figure in node.figures:
+                return node.figures[figure]
+        return None
+
+
+def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
+    """Return the last status of every node in the bag at ``path``, and what its recorder lost.
+
+    Raises:
+        BagError: no bag, a damaged one, or ``/diagnostics`` of another type.
+    """
+    last: dict[str, NodeHealth] = {}
+    lost = losses_of(read_metadata(Path(path)))
+    with BagReader(path) as bag:
+        topic = bag.topics.get(DIAGNOSTICS.name)
+        if topic is None:
+            return GraphHealth({}, lost)
+        if topic.type != DIAGNOSTICS.type:
+            found = f"{DIAGNOSTICS.name} is {topic.type}, should be {DIAGNOSTICS.type}"
+            raise BagError(f"bag {path}: {found}")
+        for item in bag.messages(DIAGNOSTICS.name):
+            for status in item.message.status:
+                last[status.name] = _node(status)
+    return GraphHealth(dict(sorted(last.items())), lost)
+
+
+def _node(status: Any) -> NodeHealth:
+    level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+    figures = {pair.key: _figure(pair.value) for pair in status.values}
+    return NodeHealth(LEVELS.get(level, str(level)), status.message, figures)
+
+
+def _figure(text: str) -> Figure:
+    for kind in (int, float):
+        try:
+            value = kind(text)
+        except ValueError:
+            continue
+        # JSON has neither infinity nor NaN.
+        return value if abs(value) < float("inf") else text
+    return text
+
 
 Source = Literal["session", "graph"]
 

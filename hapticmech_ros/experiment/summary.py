@@ -18,9 +18,14 @@ from typing import Any
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.experiment.health import GraphHealth
-from hapticmech_ros.experiment.record import ExperimentRecord, angle_between
-from hapticmech_ros.experiment.shared_record import Grips, SharedRecord, grips_of
+from hapticmech_ros.experiment.record import (
+    ExperimentRecord,
+    GraphHealth,
+    Grips,
+    SharedRecord,
+    angle_between,
+    grips_of,
+)
 from hapticmech_ros.scene import Scene
 
 # Pauses longer than this (s) make a record incomplete: ten samples of the topics at view rate.

@@ -34,8 +34,7 @@ from hapticmech_ros.formats.urdf import read_urdf
 from hapticmech_ros.formats.xml_nodes import Source
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.scene.contacts import Shape
-from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.scene.model_part import ModelPart
+from hapticmech_ros.scene.mechanism import ModelPart, Origin
 from hapticmech_ros.scene.validation import problems_of, written_document
 
 # What reads a file, by its outermost element.

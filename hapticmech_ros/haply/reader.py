@@ -1,13 +1,18 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the cursor of an Inverse3 is, without commanding anything but no force."""
+"""Where the cursor of an Inverse3 is, without commanding anything but no force.
+
+How the base of a device stands in the world, from movements along two axes of the world.
+"""
 
 from __future__ import annotations
 
 import time
 from contextlib import ExitStack
+from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
@@ -20,6 +25,74 @@ from hapticmech_ros.haply.messages import (
     greeting,
     parsed,
 )
+
+# A movement is at least so long, m, and the two are within this of a right angle, rad.
+SHORTEST, SKEWEST = 0.05, np.deg2rad(15.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """How a device's base stands in the world.
+
+    Attributes:
+        rotation: (3, 3) axes of the base in the world.
+        skew: rad, by which the angle between the two movements differs from a right one.
+    """
+
+    rotation: Array
+    skew: float
+
+    @property
+    def angles(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw, rad, as the node's parameters take them."""
+        roll, pitch, yaw = pin.rpy.matrixToRpy(self.rotation)
+        return float(roll), float(pitch), float(yaw)
+
+
+def mounting_of(start: Array, along_x: Array, along_y: Array) -> Mounting:
+    """Return the rotation that fits two movements best, in the sense of least squares.
+
+    With unit vectors d₁, d₂ of the movements, R maximises x · R d₁ + y · R d₂ (Wahba's problem, by
+    the singular value decomposition: F. L. Markley, J. of the Astronautical Sciences 36, 1988).
+
+    Args:
+        start: (3,) of the cursor, axes of the base, m.
+        along_x: (3,) after a movement from there along x of the world.
+        along_y: (3,) after one along y, from the start as well.
+
+    Raises:
+        InvalidInputError: a movement that is too short, or two that are far from a right angle.
+    """
+    ways = [np.asarray(end) - start for end in (along_x, along_y)]
+    for name, way in zip("xy", ways, strict=True):
+        length = float(np.linalg.norm(way))
+        if not length >= SHORTEST:
+            rule = f"must be {SHORTEST:g} m or more"
+            raise InvalidInputError(f"movement along {name}", f"{length:.4f} m", rule)
+    directions = [way / np.linalg.norm(way) for way in ways]
+    skew = float(np.arccos(np.clip(directions[0] @ directions[1], -1.0, 1.0)) - 0.5 * np.pi)
+    if abs(skew) > SKEWEST:
+        rule = f"must be 90° within {np.rad2deg(SKEWEST):.0f}°"
+        raise InvalidInputError("angle of the movements", f"{np.rad2deg(skew) + 90.0:.0f}°", rule)
+    sum_of_pairs = np.zeros((3, 3))
+    for axis, direction in enumerate(directions):
+        sum_of_pairs[axis] += direction
+    left, _, right = np.linalg.svd(sum_of_pairs)
+    sign = np.diag((1.0, 1.0, float(np.linalg.det(left) * np.linalg.det(right))))
+    return Mounting(left @ sign @ right, skew)
+
+
+def reach_of(path: Array) -> tuple[Array, float]:
+    """Return the middle (3,) of where a cursor was, m, and the largest ball there, its radius, m.
+
+    The ball is that of the box of the path, whose sides are parallel to the base's axes.
+
+    Args:
+        path: (n, 3) of the cursor, m.
+    """
+    low, high = path.min(axis=0), path.max(axis=0)
+    return 0.5 * (low + high), float(0.5 * (high - low).min())
+
 
 # s until the service has answered; and between two looks.
 PATIENCE, _ROUND = 5.0, 0.002

@@ -139,7 +139,7 @@ class Open:
 
     Attributes:
         scene: name of a shipped one, or a path.
-        changes: ``key=value`` each; see :func:`~hapticmech_ros.scene.changes.with_changes`.
+        changes: ``key=value`` each; see :func:`~hapticmech_ros.scene.validation.with_changes`.
     """
 
     scene: str

@@ -22,14 +22,18 @@ import numpy as np
 import viser
 
 from hapticmech_ros.live.commands import Backend, Drag, Failed, LiveState, Open, Opened
-from hapticmech_ros.live.drawing import Drawing, Drawn
 from hapticmech_ros.live.grip import Mice
-from hapticmech_ros.live.history import History
-from hapticmech_ros.live.live_picture import LivePicture, first_view
-from hapticmech_ros.live.numbers import browser, words, you_html
-from hapticmech_ros.live.page_controls import Controls, SceneNodes
+from hapticmech_ros.live.live_picture import Drawing, Drawn, LivePicture, first_view
+from hapticmech_ros.live.page_controls import (
+    Controls,
+    History,
+    SceneNodes,
+    browser,
+    words,
+    you_html,
+)
 from hapticmech_ros.view.drawn import draw_shapes
-from hapticmech_ros.view.mechanism_shapes import MASS
+from hapticmech_ros.view.shapes import MASS
 
 # Pictures, numbers and plots a second, at most.
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0

@@ -1,11 +1,18 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controls of the page, and its numbers and plots. To be called in viser's event loop."""
+"""The controls of the page, and its numbers and plots. To be called in viser's event loop.
+
+The last seconds of what is plotted.
+
+What the page has as HTML: the numbers at its top, and quicker timers.
+"""
 
 from __future__ import annotations
 
+import html
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain, repeat
 from typing import Any
@@ -31,13 +38,18 @@ from hapticmech_ros.live.commands import (
     Step,
     SwitchClosure,
     Tune,
+    UserState,
 )
-from hapticmech_ros.live.drawing import Drawn, NodeKey
 from hapticmech_ros.live.grip import SOFTEST, STIFFEST
-from hapticmech_ros.live.history import History
-from hapticmech_ros.live.instances import InstanceArrays, unit_body
-from hapticmech_ros.live.live_picture import LAYERS, LivePicture
-from hapticmech_ros.live.numbers import QUICK_TIMERS, browser, numbers_html
+from hapticmech_ros.live.live_picture import (
+    LAYERS,
+    Drawn,
+    InstanceArrays,
+    LiveFrame,
+    LivePicture,
+    NodeKey,
+    unit_body,
+)
 from hapticmech_ros.live.settings import (
     HANDS,
     LONGEST_DELAY_MS,
@@ -47,6 +59,205 @@ from hapticmech_ros.live.settings import (
 )
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.view.palette import Colour
+
+# A factor below this is told as one that is not real time.
+_SLOW = 0.98
+# viser's page sends moves of the mouse, and of sliders, every 50 ms at most, and has no setting for
+# that: its timers of so long are made shorter.
+QUICK_TIMERS = """<img hidden src="data:," onerror="if (!window.unhurried) {
+  window.unhurried = setTimeout;
+  window.setTimeout = (f, ms, ...more) => unhurried(f, ms === 50 ? 5 : ms, ...more); }">"""
+
+
+def browser(client: int) -> str:
+    """Return what a client is called on the page."""
+    return f"browser {client + 1}"
+
+
+def words(body: Draggable, several: bool) -> str:
+    """Return what a body is called on the page; of several users hands have their points' names."""
+    if body.kind == "link":
+        return body.name
+    return f"hand {body.name}" if several else "hand"
+
+
+def you_html(client: int, said: str) -> str:
+    """Return what a browser alone is told: which one it is, and why it drags nothing.
+
+    Args:
+        client: its number.
+        said: why what it grabbed is not dragged; empty for nothing.
+    """
+    problem = f'; <b id="live-refused">{html.escape(said)}</b>' if said else ""
+    style = "margin:0.5em 1.2em;font-size:0.85em"
+    return f'<div style="{style}">this is <b id="live-you">{browser(client)}</b>{problem}</div>'
+
+
+def numbers_html(
+    state: LiveState,
+    frame: LiveFrame,
+    scene: str,
+    hues: Mapping[str, Colour],
+    holders: Mapping[Draggable, int],
+    said: str,
+) -> str:
+    """Return the numbers of a state; each value is in an element whose id begins with ``live-``.
+
+    Of several users each has a column, headed by its hue, and ids that end with its point's name.
+
+    Args:
+        state: of the session.
+        frame: its picture.
+        scene: its name.
+        hues: of the users, by the operational point held, where there are several.
+        holders: which client drags a body.
+        said: what was refused; empty for nothing.
+    """
+    columns = len(state.users)
+    rows = [_row("scene", [("scene", scene)], columns)]
+    if hues:
+        cells = "".join(_cell(_swatch(hues[user.point]), user.point) for user in state.users)
+        rows.append(f"<tr><td>held at</td>{cells}</tr>")
+    of_users = [_of_user(user, frame, state.paused) for user in state.users]
+    for label, name in _OF_USERS if of_users else ():
+        ids = [f"{name}-{user.point}" if hues else name for user in state.users]
+        rows.append(_row(label, list(zip(ids, [one[name] for one in of_users], strict=True))))
+    dragged = [drag.body for drag in state.drags]
+    slow = "" if state.paused or state.factor >= _SLOW else " (slower than real time)"
+    rate = "paused" if state.paused else f"{state.factor:.2f} × real time{slow}"
+    common = {
+        ("rate", "rate"): state.told or rate,
+        ("time, s", "time"): f"{state.time:.2f}",
+        ("dragged", "dragged"): ", ".join(words(one, bool(hues)) for one in dragged) or "nothing",
+        ("by", "holders"): ", ".join(browser(holders[one]) for one in dragged if one in holders),
+        ("changed", "changed"): ", ".join(state.changed),
+        ("recording", "recording"): state.recording,
+        ("ended" if state.error else "refused", "problem"): state.error or said,
+    }
+    rows += [_row(label, [(name, text)], columns) for (label, name), text in common.items() if text]
+    return f'<table style="margin:0.5em 1em;font-size:0.85em">{"".join(rows)}</table>'
+
+
+# Rows of the users: what is told, and the id of its element.
+_OF_USERS = (
+    ("joint constraints felt", "count"),
+    ("mass felt, kg", "mass"),
+    ("s", "s"),
+    ("force of the hand, N", "force"),
+    ("held by", "holding"),
+)
+
+
+def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[str, str]:
+    """Return what is told of a user, by the id of its element."""
+    masses, s = frame.masses[user.point], frame.analyses[user.point].spectrum.s
+    waits = "; nothing moves while paused" if paused else ""
+    immovable = f"cannot be dragged: {user.immovable}"
+    return {
+        "count": str(user.count),
+        "mass": ", ".join(f"{mass:.3g}" if np.isfinite(mass) else "rigid" for mass in masses),
+        "s": ", ".join(f"{value:.3f}" for value in s),
+        "force": f"{np.linalg.norm(user.hand_wrench[:3]):.2f}",
+        "holding": immovable if user.immovable else user.holding + waits,
+    }
+
+
+def _row(label: str, values: Sequence[tuple[str, str]], columns: int = 1) -> str:
+    """Return a row with values by the ids of their elements; one alone spans so many columns."""
+    cells = "".join(
+        _cell(f'<b id="live-{name}">{html.escape(value)}</b>', columns=columns)
+        for name, value in values
+    )
+    return f"<tr><td>{label}</td>{cells}</tr>"
+
+
+def _cell(content: str, text: str = "", columns: int = 1) -> str:
+    span = f' colspan="{columns}"' if columns > 1 else ""
+    return f'<td{span} style="padding-left:1em">{content}{html.escape(text)}</td>'
+
+
+def _swatch(hue: Colour) -> str:
+    """Return a square of a user's hue."""
+    return f'<span style="color:{css(hue)}">■</span> '
+
+
+def css(colour: Colour) -> str:
+    """Return a colour as CSS has it, opaque."""
+    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
+
+
+# How long plots look back, s, and how often a value is kept.
+SECONDS, PERIOD_S = 10.0, 0.05
+
+
+class History:
+    """Rate, and every user's count, spectrum and forces, over the session's time."""
+
+    def __init__(self) -> None:
+        self._users: tuple[str, ...] = ()
+        self._directions = 0
+        self._rows: deque[Array] = deque()
+
+    def begin(self, users: Sequence[str], directions: int) -> None:
+        """Forget all; from now on it is of these users, whose spectra have so many directions."""
+        self._users, self._directions = tuple(users), directions
+        self._rows.clear()
+
+    def add(self, state: LiveState) -> None:
+        """Add a state, unless the last one is too near; one of an earlier time begins anew."""
+        if self._rows and state.time < self._rows[-1][0]:
+            self._rows.clear()
+        if self._rows and state.time - self._rows[-1][0] < PERIOD_S:
+            return
+        while self._rows and state.time - self._rows[0][0] > SECONDS:
+            self._rows.popleft()
+        row = [state.time, state.factor]
+        for user in state.users:
+            forces = (user.hand_wrench[:3], user.on_hand[:3])
+            row += [user.count, *(float(np.linalg.norm(force)) for force in forces)]
+            row += user.observation[: self._directions].tolist()
+        self._rows.append(np.array(row))
+
+    def count(self, user: int = 0) -> tuple[Array, ...]:
+        """Return times (n,), s, and the number of joint constraints (n,) that a user feels."""
+        return self._columns(self._first(user))
+
+    def spectrum(self, user: int = 0) -> tuple[Array, ...]:
+        """Return times (n,), s, and a user's s_i (n,), as many as there are directions."""
+        first = self._first(user) + 3
+        return self._columns(*range(first, first + self._directions))
+
+    def forces(self, user: int = 0) -> tuple[Array, ...]:
+        """Return times (n,), s, and norms (n,) of a user's F_h and of the device's force, N."""
+        first = self._first(user) + 1
+        return self._columns(first, first + 1)
+
+    def rate(self) -> tuple[Array, ...]:
+        """Return times (n,), s, and the real-time factor (n,)."""
+        return self._columns(1)
+
+    def plots(self) -> Iterator[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]]]:
+        """Yield every plot: title, names of lines, and what gives times (n,), values (n,)."""
+        spectrum = tuple(f"s{i + 1}" for i in range(self._directions))
+        several = len(self._users) > 1
+        for index, user in enumerate(self._users):
+            of = f" ({user})" if several else ""
+            yield f"joint constraints{of}", ("count",), partial(self.count, index)
+            yield f"s{of}", spectrum, partial(self.spectrum, index)
+            names = ("by the hand", "by the device")
+            yield f"forces, N{of}", names, partial(self.forces, index)
+        yield "real-time factor", ("factor",), self.rate
+
+    def _first(self, user: int) -> int:
+        """Return the column in which a user's values begin."""
+        return 2 + user * (3 + self._directions)
+
+    def _columns(self, *columns: int) -> tuple[Array, ...]:
+        width = self._first(len(self._users))
+        rows = np.array(self._rows) if self._rows else np.zeros((1, width))
+        return tuple(np.ascontiguousarray(rows[:, column]) for column in (0, *columns))
+
 
 _LINE_WIDTH = 2.0
 

@@ -1,6 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a file, or a name of a shipped scene, to a validated frozen :class:`Scene`."""
+"""From a file, or a name of a shipped scene, to a validated frozen :class:`Scene`.
+
+A copy of a scene's file with other values, for nodes and for editing.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,68 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+import yaml
+
 from hapticmech_ros.errors import SceneError, SceneProblem
 from hapticmech_ros.files import is_file, shared
-from hapticmech_ros.scene.changes import with_changes
-from hapticmech_ros.scene.contact_rules import with_mesh_paths
+from hapticmech_ros.scene.hand import with_script_path
 from hapticmech_ros.scene.linkage import with_linkage
+from hapticmech_ros.scene.rules import with_mesh_paths
 from hapticmech_ros.scene.scene import Scene, scene_from_document
-from hapticmech_ros.scene.script import with_script_path
-from hapticmech_ros.scene.validation import written_document
+from hapticmech_ros.scene.validation import with_changes, written_document
+
+
+def copy_scene(
+    scene: str | os.PathLike[str],
+    out: Path,
+    changes: Sequence[str] = (),
+    expanded: bool = False,
+) -> None:
+    """Write a scene's file anew, with some keys set and its own files by their whole paths.
+
+    Args:
+        scene: path, or name of a shipped scene.
+        out: file to make.
+        changes: see :func:`~hapticmech_ros.scene.validation.with_changes`.
+        expanded: whether a ``linkage`` or ``model`` is written as the links and loops that it
+            stands for.
+
+    Raises:
+        SceneError: as :func:`~hapticmech_ros.loading.loader.load_scene`; or the file exists, or
+            cannot be written.
+    """
+    load_scene(scene, changes=changes)
+    path = find_scene(scene)
+    document = with_changes(written_document(path), changes, str(path))
+    resolve = with_links if expanded else with_own_paths
+    document = _plain(resolve(document, path))
+    if isinstance(document, Mapping) and "model" in document:
+        model = document["model"]
+        part = {"file": model} if isinstance(model, str) else dict(model)
+        part["file"] = str((path.resolve().parent / part["file"]).resolve())
+        document = {**document, "model": part}
+    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None)
+    try:
+        with out.open("x", encoding="utf-8") as stream:
+            stream.write(f"# A copy of {scene}\n{text}")
+    except FileExistsError:
+        rule = "exists: choose another place"
+        raise SceneError(str(out), [SceneProblem("file", str(out), rule)]) from None
+    except OSError as error:
+        rule = f"cannot be written: {error.strerror}"
+        raise SceneError(str(out), [SceneProblem("file", str(out), rule)]) from None
+
+
+def _plain(value: object) -> object:
+    """Return a document with lists and numbers as YAML has them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value
 
 
 def load_scene(
@@ -34,7 +91,7 @@ def load_scene(
         control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
         network_delay: s, one way, instead of its ``connection.expected``; 0 leaves it.
         changes: ``key=value`` each, instead of what the file says; see
-            :func:`~hapticmech_ros.scene.changes.with_changes`.
+            :func:`~hapticmech_ros.scene.validation.with_changes`.
 
     Raises:
         SceneError: not found, not readable, not YAML, or breaking rules; the message names file,

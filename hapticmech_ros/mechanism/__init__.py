@@ -4,7 +4,7 @@
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
 :mod:`mechanism`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
-configuration is one array (:mod:`kernels.data`), and kernels compute on both. The names below
+configuration is one array (:class:`kernels.model.Data`), and kernels compute on both. The names below
 are loaded when first used: reading a scene needs no kernels.
 """
 
@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
+    from hapticmech_ros.mechanism.constraint_space import Evaluation, PointKinematics
     from hapticmech_ros.mechanism.mechanism import Mechanism
 
 _HOMES = {"Evaluation": "evaluation", "Mechanism": "mechanism", "PointKinematics": "evaluation"}

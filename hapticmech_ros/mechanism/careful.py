@@ -22,17 +22,19 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
-from hapticmech_ros.mechanism.energy_balance import Balance
-from hapticmech_ros.mechanism.loops import Loops, loops_of, near_singular
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
 from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
+from hapticmech_ros.mechanism.refinement import Balance
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.singular import (
     REACH,
     Branch,
+    Loops,
     branch_along,
     free_change,
+    loops_of,
+    near_singular,
     nearest_branch,
 )
 from hapticmech_ros.mechanism.tolerances import SINGULAR

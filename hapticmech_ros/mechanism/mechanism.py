@@ -27,9 +27,8 @@ from hapticmech_ros.mechanism.closures import (
     bind_closure,
     bind_coupling,
 )
-from hapticmech_ros.mechanism.constraint_space import Closing, factored
+from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation, PointKinematics, factored
 from hapticmech_ros.mechanism.elements import Elements, bind_spring, chosen_integrator
-from hapticmech_ros.mechanism.evaluation import Evaluation, PointKinematics
 from hapticmech_ros.mechanism.fitting import Fit, fitted
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet

@@ -14,8 +14,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing
-from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.schemes import SCHEMES

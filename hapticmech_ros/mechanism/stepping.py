@@ -19,20 +19,10 @@ from hapticmech_ros.errors import InaccurateStepError
 from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
-from hapticmech_ros.mechanism.energy_balance import Balance, judged
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
-from hapticmech_ros.mechanism.kernels.implicit_kernels import springs_size
-from hapticmech_ros.mechanism.kernels.run_kernels import (
-    EVERYTHING,
-    NEEDS_CARE,
-    UNCHECKED,
-    advance,
-)
-from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import PARTS, Work, history_size, work_size
-from hapticmech_ros.mechanism.kernels.step_layout import (
+from hapticmech_ros.mechanism.kernels.model import (
     APART,
     BAUMGARTE_RATE,
     CONTACT_WORK,
@@ -58,6 +48,20 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     TOUCHING,
     WORK_IN,
 )
+from hapticmech_ros.mechanism.kernels.run_kernels import (
+    EVERYTHING,
+    NEEDS_CARE,
+    UNCHECKED,
+    advance,
+)
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
+from hapticmech_ros.mechanism.kernels.step_kernels import (
+    PARTS,
+    Work,
+    history_size,
+    springs_size,
+    work_size,
+)
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -68,7 +72,7 @@ from hapticmech_ros.mechanism.motion import (
     check_external,
     end_of,
 )
-from hapticmech_ros.mechanism.refinement import Ways, refined, step_error
+from hapticmech_ros.mechanism.refinement import Balance, Ways, judged, refined, step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,

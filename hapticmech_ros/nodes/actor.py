@@ -3,7 +3,7 @@
 """What the nodes do, apart from their life: an actor is made on configure and dropped on cleanup.
 
 An actor is a thin shell around core objects of one scene. Its host (a
-:class:`~hapticmech_ros.nodes.host.Host`) lends it topics, time and parameters.
+:class:`~hapticmech_ros.nodes.actor.Host`) lends it topics, time and parameters.
 
 When a callback or a tick of its goes wrong it fails closed, says so and goes on. A failure never
 ends the process, and nobody is left under a force. The actor is put back to where all was well, at
@@ -11,6 +11,8 @@ rest, and begins anew, so that the graph comes back by itself. What the package 
 such as a state that is no longer finite, may come as often as its cause does; anything else is a
 defect of the program, and an actor that keeps on meeting one is deactivated. What moves something
 goes back to its last valid state.
+
+What an actor may ask of the node that hosts it.
 """
 
 from __future__ import annotations
@@ -30,22 +32,121 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.loop_delay import jitter_allowance
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError, shown
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.lane import Waits
-from hapticmech_ros.nodes.messages import check_in_world, checked_time, deserialized
-from hapticmech_ros.nodes.node_time import Backlog, PeriodClock
+from hapticmech_ros.nodes.messages import (
+    CONTROL_SUBSCRIBER,
+    LOCKSTEP,
+    STREAM_PUBLISHER,
+    check_in_world,
+    checked_time,
+    deserialized,
+)
+from hapticmech_ros.nodes.node_time import Backlog, DurationHistogram, PeriodClock
 from hapticmech_ros.nodes.parameters import NodeParameters
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, LOCKSTEP, STREAM_PUBLISHER
-from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Origin, Sources, WithInfo
-from hapticmech_ros.nodes.statistics import DurationHistogram
-from hapticmech_ros.scene.limit_rules import check_limits
+from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Listener, Origin, Sources, WithInfo
+from hapticmech_ros.nodes.timeouts import OwnPauses
+from hapticmech_ros.scene.rules import check_limits
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.stamped import seconds_of
 from hapticmech_ros.wire.topics import Topic
 from hapticmech_ros.wire.wrench import decode_wrench
+
+E = TypeVar("E")
+
+
+class Host(Protocol):
+    """A ROS node that remembers what was made for its actor, and drops it on cleanup.
+
+    What it has as an rclpy node has rclpy's types, which are none.
+
+    Attributes:
+        active: whether the actor acts.
+        exchange: joins it with the other nodes of its process, and of its user's on this host.
+        pauses: of its process.
+    """
+
+    active: bool
+    exchange: Exchange
+    pauses: OwnPauses
+
+    @property
+    def create_publisher(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def create_subscription(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def create_service(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def create_client(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def destroy_subscription(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def resolve_topic_name(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def get_topic_names_and_types(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def count_publishers(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def get_publishers_info_by_topic(self) -> Any:
+        """As of an rclpy node."""
+
+    @property
+    def get_logger(self) -> Any:
+        """As of an rclpy node."""
+
+    def look_at_clock(self) -> None:
+        """Begin anew if the machine's clock was set."""
+
+    def now_ns(self) -> int:
+        """Return the node's time, ns."""
+
+    def keep(self, entity: E) -> E:
+        """Remember a publisher, subscription or service until cleanup, and return it."""
+
+    def drop(self, entity: object) -> None:
+        """Destroy what is kept."""
+
+    def lane_kind(self, message_type: Any) -> str:
+        """Return what messages of a type are called on the lane; nothing: they do not go there."""
+
+    def hand_over(
+        self, topic: str, message_type: Any, listener: Listener
+    ) -> Callable[[bytes], bool]:
+        """Give a listener a topic's messages on this host until cleanup.
+
+        Returns what tells of a message from the middleware whether it has been handed over.
+        """
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call back at a period of the machine's clock while the node is active."""
+
+    def begin(self) -> None:
+        """Activate if configured and inactive."""
+
+    def end(self) -> None:
+        """Deactivate if active."""
+
+    def refuse(self, topic: str, error: HapticMechError) -> None:
+        """Count a message that breaks a rule, and say so now and then."""
+
 
 # So many defects within this time, and the node deactivates itself.
 MOST_DEFECTS, DEFECTS_WITHIN_NS = 20, 10 * NANOSECONDS

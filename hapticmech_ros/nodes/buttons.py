@@ -12,8 +12,7 @@ from sensor_msgs.msg import Joy
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import LATCHED, STREAM_PUBLISHER, set_stamp
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DEVICE_BUTTONS
 

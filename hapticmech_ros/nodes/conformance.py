@@ -24,8 +24,7 @@ from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.messages import WORLD, set_stamp, stamp_ns
-from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, stamp_ns
 from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
 from hapticmech_ros.scene.device import Motion

@@ -4,65 +4,282 @@
 
 CRTK: publishes measured_cp, measured_cv, measured_cf, setpoint_cf, setpoint_cp, operating_state;
 obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
+
+What people and CRTK clients read of a device.
+
+CRTK's servo_cp, hold and free: a device that is commanded to a pose.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from std_msgs.msg import Bool, Float64MultiArray
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Empty, Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.passivity import DeviceSide
+from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
 from hapticmech_ros.device.safety import PositionServo, SafetyLimits, safety_limits
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
-from hapticmech_ros.nodes.actor import ClockedActor, LastValidState
+from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host, LastValidState
 from hapticmech_ros.nodes.buttons import ButtonOutput
-from hapticmech_ros.nodes.device_view import DeviceView
-from hapticmech_ros.nodes.host import Host
-from hapticmech_ros.nodes.inputs import Stamped, Standing
+from hapticmech_ros.nodes.inputs import NEVER, Stamped, Standing
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
+from hapticmech_ros.nodes.messages import (
+    STREAM_PUBLISHER,
+    check_in_world,
+    checked_stamp,
+    read_framed_pose,
+)
+from hapticmech_ros.nodes.node_time import DurationHistogram
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
-from hapticmech_ros.nodes.pose_commands import ONE_KIND, PoseCommands
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
-from hapticmech_ros.nodes.sources import STOPPED, CommandGuard
-from hapticmech_ros.nodes.statistics import DurationHistogram
+from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
-from hapticmech_ros.quaternions import turned
+from hapticmech_ros.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import (
+    DEVICE_ENERGY_FIELDS,
     DEVICE_FIELDS,
     DEVICE_MEASURED,
     GAIN_FIELDS,
+    DeviceEnergy,
     DeviceWriter,
     device_bounds,
     gain_bounds,
+    pack_device_energy,
 )
-from hapticmech_ros.wire.stamped import nearest_stamp
+from hapticmech_ros.wire.stamped import JointStateWriter, encode_pose, encode_twist, nearest_stamp
 from hapticmech_ros.wire.topics import (
     DEVICE_BODY_AXES,
     DEVICE_BODY_COMMAND,
     DEVICE_COMMAND,
+    DEVICE_ENERGY,
+    DEVICE_FORCE,
+    DEVICE_FREE,
     DEVICE_GAIN,
+    DEVICE_HOLD,
+    DEVICE_JOINTS,
     DEVICE_OPERATING_STATE,
+    DEVICE_POSE,
+    DEVICE_POSE_COMMAND,
+    DEVICE_POSE_SETPOINT,
+    DEVICE_SETPOINT,
     DEVICE_STATE,
     DEVICE_STATE_COMMAND,
+    DEVICE_TWIST,
     EMERGENCY_STOP,
+    HAND_FORCE,
     Topic,
 )
+from hapticmech_ros.wire.wrench import encode_wrench
+
+SERVO, HOLD = "servo_cp", "hold"
+ONE_KIND = "one kind of command at a time"
+
+
+class PoseCommands:
+    """The pose to which a device is commanded, if it is to one.
+
+    A ``servo_cp`` stands for the device's timeout of commands, a ``hold`` until another command.
+    Wrenches and poses exclude each other: whatever is obeyed keeps the other kind out, apart from
+    a ``hold``, which a wrench ends.
+
+    Args:
+        actor: the device's.
+        pose: returns where it is.
+        wrenches: returns whether ``servo_cf`` is obeyed at a time, ns.
+        refusal: returns why nothing may be obeyed at a time, ns; empty if it may.
+        ended: called when no pose is commanded any more, with the reason; empty if that was wanted.
+
+    Attributes:
+        sources: who commands poses.
+        timeout_ns: how long a ``servo_cp`` stands, ns.
+    """
+
+    def __init__(
+        self,
+        actor: Actor[Any],
+        pose: Callable[[], pin.SE3],
+        wrenches: Callable[[int], bool],
+        refusal: Callable[[int], str],
+        ended: Callable[[str], None],
+    ) -> None:
+        self._actor, self._pose, self._ended = actor, pose, ended
+        self._wrenches, self._refusal = wrenches, refusal
+        self.timeout_ns = 0
+        self.sources: Sources = actor.sources(DEVICE_POSE_COMMAND.name)
+        self._goal: pin.SE3 | None = None
+        self._kind = ""
+        self._received_ns = NEVER
+        self._setpoint = actor.view(DEVICE_POSE_SETPOINT, PoseStamped)
+        qos, name = actor.control_input, DEVICE_POSE_COMMAND.name
+        actor.input_stream(name, PoseStamped, qos, self._on_servo, self.sources)
+        actor.input(DEVICE_HOLD.name, Empty, STREAM_PUBLISHER, self._on_hold)
+        actor.input(DEVICE_FREE.name, Empty, STREAM_PUBLISHER, self._on_free)
+
+    @property
+    def kind(self) -> str:
+        """``servo_cp`` or ``hold``, whichever acts; empty if neither does."""
+        return self._kind
+
+    def goal(self, now_ns: int) -> pin.SE3 | None:
+        """Return the pose that is commanded at a time (ns), or None."""
+        if self._kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
+            self.end(f"{SERVO} is lost")
+        return self._goal
+
+    def end(self, reason: str = "") -> None:
+        """Command no pose any more."""
+        if self._goal is not None:
+            self.forget()
+            self._ended(reason)
+
+    def forget(self) -> None:
+        """Command no pose any more, without telling the device."""
+        self._goal, self._kind = None, ""
+
+    def give_way(self, now_ns: int) -> None:
+        """Let a ``servo_cf`` that has come be obeyed.
+
+        Raises:
+            InvalidInputError: ``servo_cp`` is obeyed.
+        """
+        if self.goal(now_ns) is None:
+            return
+        if self._kind == SERVO:
+            raise InvalidInputError("servo_cf", f"while {SERVO} is obeyed", ONE_KIND)
+        self.end()
+
+    def publish(self, stamp_ns: int) -> None:
+        """Publish where the device is commanded to, if it is."""
+        if self._goal is not None and self._setpoint.wanted:
+            place = self._goal.translation.tolist(), quaternion_of(self._goal.rotation).tolist()
+            self._setpoint.publish(encode_pose((*place[0], *place[1]), stamp_ns))
+
+    def _on_servo(self, message: PoseStamped, now_ns: int) -> None:
+        self._check_kind(SERVO, now_ns)
+        self._check_allowed(SERVO, now_ns)
+        check_in_world(message.header.frame_id)
+        checked_stamp(message.header, now_ns, self._actor.age_limit_ns, unstamped_is_now=True)
+        self._goal, self._kind = read_framed_pose(message, self._actor.limits), SERVO
+        self._received_ns = now_ns
+
+    def _on_hold(self, message: Empty, now_ns: int) -> None:
+        del message
+        self._check_kind(HOLD, now_ns)
+        self._check_allowed(HOLD, now_ns)
+        if self._kind != HOLD:
+            self._goal, self._kind = self._pose(), HOLD
+
+    def _on_free(self, message: Empty, now_ns: int) -> None:
+        del message
+        self._check_kind("free", now_ns)
+        self.end()
+
+    def _check_kind(self, word: str, now_ns: int) -> None:
+        if self._actor.lockstep:
+            rule = "cannot be told in lockstep, whose runs repeat"
+            raise InvalidInputError(word, "a command", rule)
+        if self._wrenches(now_ns):
+            raise InvalidInputError(word, "while servo_cf is obeyed", ONE_KIND)
+
+    def _check_allowed(self, word: str, now_ns: int) -> None:
+        reason = self._refusal(now_ns)
+        if reason:
+            raise InvalidInputError(word, "a command", f"cannot be obeyed: {reason}")
+
+
+# The six coordinates as joints: metres, and the rotation vector's components in radians.
+COORDINATES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+class DeviceView:
+    """A device's CRTK topics.
+
+    Args:
+        actor: the device's.
+    """
+
+    def __init__(self, actor: Actor[Any]) -> None:
+        self._joints = JointStateWriter(COORDINATES)
+        self._publish_hand = actor.view(HAND_FORCE, WrenchStamped)
+        self._publish_force = actor.view(DEVICE_FORCE, WrenchStamped)
+        self._publish_twist = actor.view(DEVICE_TWIST, TwistStamped)
+        self._publish_setpoint = actor.view(DEVICE_SETPOINT, WrenchStamped)
+        self._publish_joints = actor.view(DEVICE_JOINTS, JointState)
+        self._energy = FlatArray(DEVICE_ENERGY_FIELDS)
+        self._publish_energy = actor.view(DEVICE_ENERGY, Float64MultiArray)
+        self._publish_pose = actor.view(DEVICE_POSE, PoseStamped)
+
+    def publish_energy(self, account: PassivityController, sample: Array, time_ns: int) -> None:
+        """Publish a device's energies at a sample (19,), at a time (ns).
+
+        Args:
+            account: of passivity.
+            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            time_ns: ns.
+        """
+        if not self._publish_energy.wanted:
+            return
+        energy = DeviceEnergy(
+            time_ns,
+            account.hand(sample),
+            account.actuators,
+            account.mechanism or 0.0,
+            account.available,
+            account.dissipated,
+        )
+        self._publish_energy.publish(self._energy.encode(pack_device_energy(energy)))
+
+    def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
+        """Publish a state with the wrench (6,) of all that push, at a time (ns).
+
+        Args:
+            state: of the device.
+            hand_wrench: (6,) F_h, N and N m, world axes at the point held.
+            time_ns: ns.
+        """
+        pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
+        if self._publish_hand.wanted:
+            self._publish_hand.publish(encode_wrench(hand_wrench, time_ns))
+        if self._publish_force.wanted:
+            self._publish_force.publish(encode_wrench(applied, time_ns))
+        if self._publish_twist.wanted:
+            self._publish_twist.publish(encode_twist(twist.tolist(), time_ns))
+        if self._publish_setpoint.wanted:
+            self._publish_setpoint.publish(encode_wrench(applied, time_ns))
+        if self._publish_joints.wanted:
+            self._publish_joints.publish(self._coordinates(pose, twist, applied, time_ns))
+        # Last of the sample: who speaks CRTK only answers the pose.
+        if self._publish_pose.wanted:
+            place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
+            self._publish_pose.publish(encode_pose(place, time_ns))
+
+    def _coordinates(self, pose: pin.SE3, twist: Array, applied: Array, time_ns: int) -> bytes:
+        """Return the six coordinates, their rates, and torques that do the same work with them."""
+        turned = pin.log3(pose.rotation)
+        spin = pose.rotation @ pin.Jexp3(turned)
+        rates = pin.Jlog3(pose.rotation) @ pose.rotation.T @ twist[3:]
+        return self._joints.encode(
+            [*pose.translation.tolist(), *turned.tolist()],
+            [*twist[:3].tolist(), *rates.tolist()],
+            [*applied[:3].tolist(), *(spin.T @ applied[3:]).tolist()],
+            time_ns,
+        )
 
 
 def command_timeout_of(parameters: DriverParameters, device: Device, period_s: float) -> float:

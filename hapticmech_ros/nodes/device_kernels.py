@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import SAMPLE_SIZE
+from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
 from hapticmech_ros.control.device_side_kernels import (
     account_for_actuators,
     allow,
     correct,
     take_energy,
 )
-from hapticmech_ros.control.hand_lead_kernels import remember
 from hapticmech_ros.device.kernels import (
     APPLIED,
     BODY,

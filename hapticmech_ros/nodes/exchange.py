@@ -18,8 +18,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, Protocol
 
-from hapticmech_ros.nodes.lane import Arrived, Lane
-from hapticmech_ros.nodes.lane_connections import MOST_BYTES, LaneError
+from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
 from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
 from hapticmech_ros.times import NANOSECONDS

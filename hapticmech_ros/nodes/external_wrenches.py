@@ -23,8 +23,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
-from hapticmech_ros.nodes.messages import WORLD, checked_stamp, read_wrench
-from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER
+from hapticmech_ros.nodes.messages import COMMAND_SUBSCRIBER, WORLD, checked_stamp, read_wrench
 from hapticmech_ros.quaternions import turned
 from hapticmech_ros.times import NANOSECONDS
 

@@ -18,15 +18,14 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
-from hapticmech_ros.device.device_layout import DEVICE_STATE
+from hapticmech_ros.device.kernels import DEVICE_STATE
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.errors import HapticMechError, OutputError
 from hapticmech_ros.nodes import device_kernels as own
-from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters

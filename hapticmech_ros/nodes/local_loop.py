@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.account_kernels import MEMORY_SIZE, remember_wrench
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected

@@ -41,10 +41,22 @@ from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages, write_progress
-from hapticmech_ros.nodes.messages import message_class, set_stamp, write_wrench
-from hapticmech_ros.nodes.qos import LATCHED, LOCKSTEP, RECORDER_SUBSCRIBER, STREAM_PUBLISHER
-from hapticmech_ros.nodes.quiet_events import QuietEventsNode
+from hapticmech_ros.nodes.loop import (
+    LONGEST_WAIT_S,
+    QuietEventsNode,
+    StopRequest,
+    wait_for_messages,
+    write_progress,
+)
+from hapticmech_ros.nodes.messages import (
+    LATCHED,
+    LOCKSTEP,
+    RECORDER_SUBSCRIBER,
+    STREAM_PUBLISHER,
+    message_class,
+    set_stamp,
+    write_wrench,
+)
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray, array_stamp, decode, header_stamp

@@ -34,8 +34,9 @@ from rclpy.parameter import Parameter
 from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.node_time import Backlog, NodeTime, said_of_step
+from hapticmech_ros.nodes.loop import QuietEventsNode
+from hapticmech_ros.nodes.messages import STREAM_PUBLISHER, set_stamp, wait_until_acknowledged
+from hapticmech_ros.nodes.node_time import Backlog, NodeTime, processor_time, said_of_step
 from hapticmech_ros.nodes.parameters import (
     LOCK,
     NodeParameters,
@@ -47,12 +48,9 @@ from hapticmech_ros.nodes.parameters import (
     range_of,
     validated,
 )
-from hapticmech_ros.nodes.pauses import OwnPauses
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER, wait_until_acknowledged
-from hapticmech_ros.nodes.quiet_events import QuietEventsNode
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.sources import Listener
-from hapticmech_ros.nodes.statistics import processor_time
+from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.readiness import Report, say_report
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import nearest_stamp

@@ -19,15 +19,20 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.evaluation import PointKinematics
+from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.mechanism.grasp import flat_grasp, flat_grasps, grasp_posed
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.inputs import NEVER, ExpiringWrench, InOrder, Stamped
-from hapticmech_ros.nodes.messages import WORLD, read_framed_pose, write_pose
+from hapticmech_ros.nodes.messages import (
+    COMMAND_SUBSCRIBER,
+    LATCHED,
+    WORLD,
+    read_framed_pose,
+    write_pose,
+)
 from hapticmech_ros.nodes.parameters import MechanismParameters
-from hapticmech_ros.nodes.qos import COMMAND_SUBSCRIBER, LATCHED
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.wire.bounds import pose_bounds, twist_bounds

@@ -21,11 +21,10 @@ from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes import mechanism_kernels as own
-from hapticmech_ros.nodes.actor import ClockedActor, LastValidState
+from hapticmech_ros.nodes.actor import ClockedActor, Host, LastValidState
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.mechanism_ports import (
     ContactPort,
@@ -34,13 +33,12 @@ from hapticmech_ros.nodes.mechanism_ports import (
     closure_button,
     offer_closures,
 )
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
-from hapticmech_ros.nodes.qos import LATCHED
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
-from hapticmech_ros.operational.contact_wrench import ContactWrenches
-from hapticmech_ros.operational.coupling import by_others
+from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.session.data import PARTS, TIMES, TOTALS, session_data
 from hapticmech_ros.session.sample import LeftState, totals_of

@@ -14,15 +14,14 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
 from hapticmech_ros.nodes import analysis_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
-from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.nodes.plain_messages import PlainMessages, Received, Said, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
-from hapticmech_ros.operational.coupling import coupling, transmission
+from hapticmech_ros.operational.analysis import coupling, transmission
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation, PastRates
 from hapticmech_ros.operational.results import rank_of
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
@@ -35,7 +34,7 @@ from hapticmech_ros.wire.layouts import (
     CouplingWire,
     operational_model_bounds,
 )
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.readings import OperationalModelWriter
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,

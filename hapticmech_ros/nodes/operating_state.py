@@ -12,8 +12,13 @@ from typing import Any
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
-from hapticmech_ros.nodes.messages import deserialized, message_class, set_stamp
-from hapticmech_ros.nodes.qos import LATCHED, STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import (
+    LATCHED,
+    STREAM_PUBLISHER,
+    deserialized,
+    message_class,
+    set_stamp,
+)
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import TEXT, Topic
 

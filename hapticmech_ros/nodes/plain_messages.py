@@ -20,8 +20,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.lane import BEHIND_NS, Lane
-from hapticmech_ros.nodes.lane_connections import MESSAGE, Outgoing
+from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
 from hapticmech_ros.wire.bounds import SixBounds

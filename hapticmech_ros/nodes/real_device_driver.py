@@ -12,11 +12,11 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import SimulatedDevice
-from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.device.real_device import RealDevice
+from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.actor import Host
 from hapticmech_ros.nodes.device_driver import DeviceDriver
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.parameters import MountedParameters
 from hapticmech_ros.scene.holding_rules import pose_without_torques
 

@@ -26,10 +26,10 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.bags.bag_recorder import BagRecorderNode, RecordOptions
-from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+from hapticmech_ros.nodes.bags.recorded_topic import BagSpool
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest, write_progress
-from hapticmech_ros.nodes.qos import LATCHED, RECORDER_SUBSCRIBER
+from hapticmech_ros.nodes.messages import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS

@@ -19,11 +19,11 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.nodes.actor import Host
 from hapticmech_ros.nodes.buttons import joy_buttons
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import joints_read
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.parameters import RelayParameters
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.times import NANOSECONDS

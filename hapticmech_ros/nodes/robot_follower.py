@@ -17,10 +17,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.actor import ClockedActor, Host
 from hapticmech_ros.nodes.inputs import joints_read, numbers_in
 from hapticmech_ros.nodes.messages import (
+    CONTROL_SUBSCRIBER,
+    STREAM_PUBLISHER,
     WORLD,
     checked_stamp,
     read_pose,
@@ -28,16 +29,11 @@ from hapticmech_ros.nodes.messages import (
     read_wrench,
     set_stamp,
 )
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.robot_parameters import BY_RULE, FollowerParameters
 from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH, timeout_of
-from hapticmech_ros.robot.arm_scene import load_arm
-from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
-from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.target import Gains
-from hapticmech_ros.robot.tuning import Tuning, inertia_ratio, loop_rates
-from hapticmech_ros.robot.wrench_sensor import WrenchSensor
+from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order, load_arm
+from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, WrenchSensor
+from hapticmech_ros.robot.law import Gains, OperationalLaw, Tuning, inertia_ratio, loop_rates
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import twist_bounds
 from hapticmech_ros.wire.topics import EXTERNAL_WRENCH, POINT_POSE, POINT_TWIST

@@ -24,8 +24,8 @@ from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
-from hapticmech_ros.nodes.pauses import OwnPauses
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
+from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.readiness import SHOWN, say_ready
 
 if TYPE_CHECKING:

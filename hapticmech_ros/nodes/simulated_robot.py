@@ -13,11 +13,9 @@ from trajectory_msgs.msg import JointTrajectory
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
-from hapticmech_ros.nodes.actor import ClockedActor
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.actor import ClockedActor, Host
 from hapticmech_ros.nodes.inputs import Latest, numbers_in
-from hapticmech_ros.nodes.messages import set_stamp
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, set_stamp
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
 from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall

@@ -20,28 +20,27 @@ from hapticmech_ros.control.rendering_controller import (
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.device.motion_check import MotionCheck
 from hapticmech_ros.device.motion_kernels import MOTION
+from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.grasp import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
-from hapticmech_ros.nodes.actor import Actor
+from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.buttons import ButtonInput
-from hapticmech_ros.nodes.controller_outputs import (
+from hapticmech_ros.nodes.controller_ports import (
     NO_WRENCH,
     PERIOD_S,
     ControllerOutputs,
+    CrtkDevice,
+    DevicePath,
     EngagementLog,
 )
-from hapticmech_ros.nodes.device_inputs import CrtkDevice, DevicePath
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.host import Host
 from hapticmech_ros.nodes.inputs import NEVER, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.other_users import Transmissions
 from hapticmech_ros.nodes.parameters import ControllerParameters
-from hapticmech_ros.nodes.pauses import SenderPauses
 from hapticmech_ros.nodes.plain_messages import (
     PlainCommand,
     PlainMessages,
@@ -50,7 +49,7 @@ from hapticmech_ros.nodes.plain_messages import (
     frame_of,
 )
 from hapticmech_ros.nodes.sources import Origin, Sources
-from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
+from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.times import NANOSECONDS, nanoseconds

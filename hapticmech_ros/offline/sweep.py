@@ -16,7 +16,7 @@ import numpy.typing as npt
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene

@@ -9,6 +9,18 @@ The spatial inertia I_ℓ of the grasped link alone, at the operational point an
 neither on units nor on axes. A link that moves in a plane is held in it: the rows and columns of
 I_ℓ in the plane remain. A link that is held by a ball joint turns about it: ((I_ℓ⁻¹)_tt)⁻¹ remains,
 with t the rows of positions.
+
+F_c at the operational points of a mechanism, of what acts on it elsewhere.
+
+That is what its contacts do, and the other hands where there are several; see
+:mod:`.observe_kernels`.
+
+How what one hand does to a mechanism moves another one's operational point.
+
+F_j, by the hand at point j, accelerates point i by X_ij F_j: part of the F_c of point i, of which
+its device gives as much as it gives of a contact. The last F_j that the mechanism knows answers a
+sample taken a period ago; what has changed since is added in the device, see
+:mod:`~hapticmech_ros.control.other_hands`.
 """
 
 from __future__ import annotations
@@ -19,18 +31,116 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing, failure
-from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation, failure
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.operational.observation import Observation, observation_layout
-from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, observe_point
+from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, consistent_wrench, observe_point
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.rules import inertia_matrix
+
+
+def coupling(terms: Evaluation) -> Array:
+    """Return X (points, points, 6, 6), the inverse inertia of all operational points together.
+
+    X_ij = J_i L⁻ᵀ (1 - U Uᵀ) L⁻¹ J_jᵀ: a wrench F_j at point j accelerates point i by X_ij F_j,
+    with loops closed. X_ii is Λ_h⁻¹ of point i, and X_ji = X_ijᵀ.
+
+    Args:
+        terms: of the mechanism at a state.
+
+    Returns:
+        1/kg, 1/(kg m) and 1/(kg m²); force before torque, world axes at each point.
+    """
+    space, n = terms.space, len(terms.points)
+    columns = np.hstack([point.jacobian.T for point in terms.points])
+    free = space.without_closure_part(space.to_mass_metric(columns))
+    whole = free.T @ free
+    return np.ascontiguousarray(whole.reshape(n, 6, n, 6).transpose(0, 2, 1, 3))
+
+
+def by_others(terms: Evaluation, wrenches: Array) -> Array:
+    """Return joint forces (points, nv), N m or N: for each point, what acts at all the others.
+
+    Row i is the sum of J_jᵀ F_j over all j ≠ i. The point's acceleration by it is the sum of
+    X_ij F_j, with X_ij of :func:`coupling`.
+
+    Args:
+        terms: of the mechanism at a state.
+        wrenches: (points, 6) F_j, on the mechanism, N and N m, world axes at each point.
+    """
+    forces = np.array([p.jacobian.T @ f for p, f in zip(terms.points, wrenches, strict=True)])
+    return np.asarray(forces.sum(axis=0) - forces)
+
+
+def transmission(found: OperationalAnalysis, coupled: Array) -> Array:
+    """Return Y_ij (6, 6): a wrench F_j at point j is felt at point i as F_c = Y_ij F_j.
+
+    Y_ij = Σ_k (1 - w_k) n_k n_kᵀ X_ij / s_k², the sum over the directions of point i (T18), so that
+    X_ii Y_ij = X_ij along all that the joints do not constrain there.
+
+    Args:
+        found: analysis of point i.
+        coupled: (6, 6) X_ij, see :func:`coupling`; 1/kg, 1/(kg m) and 1/(kg m²), world axes.
+
+    Returns:
+        1, m and 1/m; force before torque, world axes at each point.
+    """
+    rows, felt = found.rows, found.weights < 1.0
+    wrenches = found.spectrum.wrenches[:, felt]
+    shares = (1.0 - found.weights[felt]) / found.spectrum.s[felt] ** 2
+    whole = np.zeros((6, 6))
+    whole[rows] = wrenches @ (shares[:, None] * (wrenches.T @ coupled[rows]))
+    return whole
+
+
+def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) -> Array:
+    """Return F_c (6,): by the environment on the mechanism, at the point, world axes, N and N m.
+
+    Args:
+        analyser: of the point.
+        terms: of the mechanism at a state.
+        joint_force: (nv,) Σ J_cᵀ λ, N m or N.
+    """
+    seen, closing, wrench = analyser.observe_terms(terms), terms.closing, np.zeros(6)
+    consistent_wrench(
+        *closing.active_set.constants,
+        closing.packed,
+        seen.numbers,
+        analyser.rows,
+        np.array(joint_force, dtype=float),
+        wrench,
+    )
+    return wrench
+
+
+class ContactWrenches:
+    """What acts elsewhere on a mechanism, as a wrench at each of its operational points.
+
+    Args:
+        mechanism: whose.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._analysers = [Analyser(mechanism, name) for name in mechanism.point_names]
+
+    def at(self, terms: Evaluation, joint_forces: Array) -> Array:
+        """Return F_c (points, 6), on the mechanism, N and N m, world axes at each point.
+
+        Args:
+            terms: of the mechanism at a state.
+            joint_forces: (points, nv), N m or N: what each point is to feel, such as the sum of
+                J_cᵀ λ of the contacts.
+        """
+        found = np.zeros((len(self._analysers), 6))
+        for index, (analyser, force) in enumerate(zip(self._analysers, joint_forces, strict=True)):
+            if force.any():
+                found[index] = contact_wrench(analyser, terms, force)
+        return found
 
 
 class TaskMetric:
@@ -123,7 +233,7 @@ class Analyser:
             active: which closures are closed.
             closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
             before: (1 + nv,) how long ago, s, and the rates that were, rad/s or m/s; see
-                :mod:`.delay_compensation_kernels`.
+                :mod:`.kernels`.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
@@ -154,7 +264,7 @@ class Analyser:
     def compensated(
         self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
     ) -> CompensatedResponse:
-        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.delay_compensation_kernels`.
+        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.kernels`.
 
         Args:
             terms: of Eq. 1 at a state.

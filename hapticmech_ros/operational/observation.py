@@ -16,7 +16,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.evaluation import PointKinematics
+from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.operational.observe_kernels import (
     BEGUN,
     COUNT,

@@ -19,20 +19,19 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
-from hapticmech_ros.mechanism.kernels.data import unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, from_metric, to_metric
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.operational.delay_compensation_kernels import compensate
 from hapticmech_ros.operational.kernels import (
     ANALYSIS_SIZE,
     FREE,
     SQUARES,
     analyse_motion,
+    compensate,
     metric_of,
 )
 from hapticmech_ros.rotation_kernels import quaternion_of

@@ -16,8 +16,7 @@ from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG, lag_of
+from hapticmech_ros.scene.controller import DESIGN_PHASE_LAG, Controller, lag_of
 from hapticmech_ros.simulation import Simulator
 
 # Factor on ω τ = 0.3 at which a delayed spring becomes unstable.

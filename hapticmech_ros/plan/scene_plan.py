@@ -15,9 +15,9 @@ from hapticmech_ros.device import ImpedanceDevice, device_for
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
-from hapticmech_ros.mechanism.kernels.data import PARTS, views_of
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
+from hapticmech_ros.mechanism.kernels.model import PARTS, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy

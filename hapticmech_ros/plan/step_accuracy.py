@@ -19,7 +19,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import IntegratorName
 from hapticmech_ros.session import Run, Session, SharedSession
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.simulation.state import EnergyAccount
+from hapticmech_ros.simulation.simulator import EnergyAccount
 
 # Steps that are compared are shorter by this.
 FINER = 10

@@ -6,7 +6,6 @@ The robot is a scene of its own. :mod:`.law` computes joint torques, :mod:`.inte
 controllers of robots accept instead, and :mod:`.follower` what is done when inputs are lost.
 """
 
-from hapticmech_ros.robot.law import Command, OperationalLaw
-from hapticmech_ros.robot.target import ForceTask, Gains, Target
+from hapticmech_ros.robot.law import Command, ForceTask, Gains, OperationalLaw, Target
 
 __all__ = ["Command", "ForceTask", "Gains", "OperationalLaw", "Target"]

@@ -13,11 +13,11 @@ much, from where both were when they came together. Otherwise it fails closed:
 and comes together with the target anew when all is back.
 
 A robot that swings about its target carries more than its rates bear. From
-then on it has slower ones (:mod:`.tuning`), and the observer begins with what it observed on
+then on it has slower ones (:mod:`.law`), and the observer begins with what it observed on
 average. After `SLOWEST` such steps the robot brakes and does not follow any more.
 
 The observer of R6 makes a loop that bears no more than some multiple of the inertia it knows
-(:mod:`.tuning`); beyond that it swings, and swings grow. What tells a swing from a target that
+(:mod:`.law`); beyond that it swings, and swings grow. What tells a swing from a target that
 moves, a contact or a blocked robot is that the speed relative to the target turns round, again and
 again. A reversal is a relative twist with a part of at least `speed` against the largest one since
 the last reversal, which was as large. `REVERSALS` within `WINDOW` / ω are a swing: three periods of
@@ -33,6 +33,8 @@ at a rate κ, and needs no accelerations:
 ICRA 2003). h - r in place of h in R3 then balances friction and payload as well. Contacts that are
 measured are no disturbance; those that are not are balanced like one, so that a robot without a
 wrench sensor pushes harder and harder against what it touches: it needs a rate of 0.
+
+The arm in the file of a robot: its weight, and a gripper whose fingers stand still.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from collections import deque
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -49,14 +52,61 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import Clutch, engage
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.lapack import dtrsv
+from hapticmech_ros.mechanism.inertia import dtrsv
 from hapticmech_ros.quaternions import turned
-from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState
-from hapticmech_ros.robot.law import OperationalLaw, RobotState
-from hapticmech_ros.robot.target import Target
-from hapticmech_ros.robot.tuning import Tuning, TuningRamp
-from hapticmech_ros.robot.wrench_sensor import WrenchSensor
+from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState, WrenchSensor
+from hapticmech_ros.robot.law import OperationalLaw, RobotState, Target, Tuning, TuningRamp
+from hapticmech_ros.scene import Scene
+
+# m/s². URDF does not say where down is; by convention z is up.
+EARTH = np.array([0.0, 0.0, -9.81])
+NO_GRAVITY = np.empty(0)
+
+
+def load_arm(file: str, gravity: Array = NO_GRAVITY) -> Scene:
+    """Return the arm of a robot's file.
+
+    Args:
+        file: scene, URDF, MJCF or SDF, or the name of a shipped scene.
+        gravity: (3,) m/s², world axes; empty: as in the file, and of a URDF file downwards along z.
+            Zero for a robot whose own controller carries its weight.
+
+    Raises:
+        SceneError: as :func:`~hapticmech_ros.loading.load_scene`.
+        InvalidInputError: gravity is not three numbers.
+    """
+    scene = arm_of(load_scene(file))
+    if gravity.size == 0:
+        if Path(file).suffix.lower() != ".urdf":
+            return scene
+        gravity = EARTH
+    if gravity.shape != (3,) or not np.isfinite(gravity).all():
+        raise InvalidInputError("gravity", gravity, "must be three numbers")
+    return scene.model_copy(update={"gravity": tuple(gravity.tolist())})
+
+
+def arm_of(scene: Scene) -> Scene:
+    """Return a scene without couplings, whose joints are locked where they start.
+
+    Their motors have a controller of their own, and what little they move changes the arm's
+    inertia by less than a payload does.
+
+    Args:
+        scene: of a robot.
+    """
+    if not scene.couplings:
+        return scene
+    coupled = {name for one in scene.couplings for name in (one.joint, one.leader)}
+    locked = {"locked": True}
+    links = tuple(
+        link.model_copy(update={"joint": link.joint.model_copy(update=locked)})
+        if link.joint.name in coupled
+        else link
+        for link in scene.links
+    )
+    return scene.model_copy(update={"links": links, "couplings": ()})
 
 
 class Observed(NamedTuple):

@@ -11,20 +11,217 @@ follows it:
 with all terms at (q_c, v_c). What is felt at the operational point is the law's dynamics whatever
 the joints' controllers are, if they follow. The virtual robot is on a leash: no joint of it is
 farther from the real one than that.
+
+What a wrench sensor at a robot's tool measures beside the contact: its offset, and the tool.
+
+    measured = F_c + offset + (m Rᵀ g, c × m Rᵀ g)
+
+in the sensor's axes R, with the mass m of what is beyond the sensor and its centre of mass c. What
+the tool's acceleration adds is not modelled.
+
+Time-domain passivity of what a robot's contact does to the mechanism that leads it.
+
+    W = Σ T F · (v + v') / 2      energy that the contact has given to the mechanism, net of what
+                                  it took; v and v' at the ends of the period in which F acts
+
+An environment that is passive, felt without delay, never makes W positive: what it gives is what
+the mechanism gave it. Delays and joints' servos do. As the account of the mechanism's own port
+(:mod:`~hapticmech_ros.control.account_kernels`), W is held to an allowance: a wrench that would
+give more in the coming period is changed by the least damper -λ M v that gives no more, with M of
+1 kg and a lever of 0.1 m. At rest there is no power, and nothing is changed.
+
+A wrench acts from the next sample of the mechanism on. What it gives is known two samples later,
+with what it has itself added to v; until then T F · v of the last sample stands for it.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.lapack import dtrsv
-from hapticmech_ros.robot.law import Command, OperationalLaw
+from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.mechanism.inertia import dtrsv
+from hapticmech_ros.robot.law import Command, OperationalLaw, Target
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
-from hapticmech_ros.robot.target import Target
+from hapticmech_ros.saturation import limited
+
+_METRIC = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackSettings:
+    """What of a contact acts on the mechanism.
+
+    Attributes:
+        period: T, s, for which a wrench is given.
+        share: of the contact, 0 to 1.
+        force: the largest, N.
+        torque: the largest, N m.
+        passive: whether W is held to the allowance.
+        allowance: J that the contact may give beyond what it took.
+
+    Raises:
+        InvalidInputError: one is negative or not finite, a share above 1, or no period.
+    """
+
+    period: float
+    share: float = 1.0
+    force: float = 20.0
+    torque: float = 2.0
+    passive: bool = True
+    allowance: float = 5e-4
+
+    def __post_init__(self) -> None:
+        for name in ("period", "share", "force", "torque", "allowance"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InvalidInputError(name, value, "must be a number of 0 or more")
+        if self.share > 1.0:
+            raise InvalidInputError("share", self.share, "must be at most 1")
+        if self.period == 0.0:
+            raise InvalidInputError("period", self.period, "must be positive")
+
+
+class FeedbackPort:
+    """Turns contacts of a robot into wrenches on the mechanism that give it no energy of their own.
+
+    Args:
+        settings: of it.
+
+    Attributes:
+        settings: as above; may be replaced at any time.
+        given: W, J.
+        dissipated: J that the damper has taken.
+        changed: periods in which a wrench was changed.
+    """
+
+    def __init__(self, settings: FeedbackSettings) -> None:
+        self.settings = settings
+        self.given = self.dissipated = 0.0
+        self.changed = 0
+        self._acted, self._acting, self._twist = np.zeros(6), np.zeros(6), np.zeros(6)
+
+    def begin(self) -> None:
+        """Begin a new account."""
+        self.given = 0.0
+        self._acted, self._acting, self._twist = np.zeros(6), np.zeros(6), np.zeros(6)
+
+    def wrench(self, contact: Array, twist: Array) -> Array:
+        """Return the wrench (6,) on the mechanism from its next sample on, N and N m, world axes.
+
+        Args:
+            contact: (6,) by the environment on the robot, N and N m, world axes at its point.
+            twist: (6,) of the mechanism's operational point now, m/s and rad/s, world axes.
+        """
+        settings = self.settings
+        self.given += 0.5 * settings.period * float(self._acted @ (self._twist + twist))
+        found = limited(settings.share * contact, settings.force, settings.torque)
+        if settings.passive:
+            found = self._held(found, twist)
+        self._acted, self._acting, self._twist = self._acting, found, np.array(twist)
+        return found
+
+    def _held(self, wrench: Array, twist: Array) -> Array:
+        """Return a wrench that keeps W within the allowance, if the twist stays."""
+        period = self.settings.period
+        power = float(wrench @ twist)
+        # What acts by now is not counted yet.
+        under_way = max(float(self._acting @ twist), 0.0)
+        most = (self.settings.allowance - self.given) / period - under_way
+        if power <= max(most, 0.0):
+            return wrench
+        momentum = _METRIC * twist
+        excess = power - max(most, 0.0)
+        self.changed += 1
+        self.dissipated += period * excess
+        return np.asarray(wrench - excess / float(momentum @ twist) * momentum)
+
+
+EARTH = np.array([0.0, 0.0, -9.81])
+# Samples that a tare averages over, at most and at least; rates of joints at rest, rad/s or m/s.
+MOST, LEAST, REST = 100, 10, 0.02
+
+
+class WrenchSensor:
+    """Corrects a sensor's samples, and finds its offset while nothing touches the tool.
+
+    Args:
+        mass: of the tool beyond the sensor, kg.
+        centre: (3,) its centre of mass, m, from the operational point in its axes.
+        offset: (6,) measured without load and tool, N and N m, in its axes.
+        gravity: (3,) m/s², world axes.
+
+    Attributes:
+        offset: as above; :meth:`tare` replaces it.
+
+    Raises:
+        InvalidInputError: a mass that is negative, or numbers that are not finite or too few.
+    """
+
+    def __init__(
+        self,
+        mass: float = 0.0,
+        centre: Array = np.zeros(3),  # noqa: B008
+        offset: Array = np.zeros(6),  # noqa: B008
+        gravity: Array = EARTH,
+    ) -> None:
+        if not (np.isfinite(mass) and mass >= 0.0):
+            raise InvalidInputError("tool_mass", mass, "must be a number of 0 or more")
+        for name, values, size in (("tool_centre", centre, 3), ("sensor_offset", offset, 6)):
+            if np.shape(values) != (size,) or not np.isfinite(values).all():
+                raise InvalidInputError(name, values, f"must be {size} finite numbers")
+        self._mass, self._centre = mass, np.array(centre, dtype=float)
+        self._gravity = np.array(gravity, dtype=float)
+        self.offset = np.array(offset, dtype=float)
+        self._recent: deque[Array] = deque(maxlen=MOST)
+
+    def weight(self, rotation: Array) -> Array:
+        """Return what the tool's weight adds (6,), N and N m, in the sensor's axes.
+
+        Args:
+            rotation: (3, 3) R, from the sensor's axes to the world's.
+        """
+        force = self._mass * (rotation.T @ self._gravity)
+        return np.concatenate((force, np.cross(self._centre, force)))
+
+    def contact(self, measured: Array, rotation: Array) -> Array:
+        """Return F_c (6,), N and N m, in the sensor's axes.
+
+        Args:
+            measured: (6,) by the sensor, N and N m, in its axes.
+            rotation: (3, 3) R.
+        """
+        return np.asarray(measured - self.offset - self.weight(rotation))
+
+    def record(self, measured: Array) -> None:
+        """Take a sample for the next tare.
+
+        Args:
+            measured: (6,) by the sensor, N and N m, in its axes.
+        """
+        self._recent.append(np.array(measured, dtype=float))
+
+    def tare(self, rotation: Array, rates: Array) -> None:
+        """Take the mean of the last samples as those of a tool that touches nothing.
+
+        Args:
+            rotation: (3, 3) R.
+            rates: (nv,) of the joints, rad/s or m/s.
+
+        Raises:
+            HapticMechError: too few samples, or a robot that moves.
+        """
+        if len(self._recent) < LEAST:
+            raise HapticMechError(f"{len(self._recent)} samples of the sensor; {LEAST} are needed")
+        fastest = float(np.abs(rates).max())
+        if fastest > REST:
+            raise HapticMechError(f"the robot moves: {fastest:.3g}, must be at most {REST:g} rad/s")
+        self.offset = np.mean(self._recent, axis=0) - self.weight(rotation)
+
 
 # 1/s: rate with which velocities pull the real robot to the virtual one.
 CORRECTION = 20.0

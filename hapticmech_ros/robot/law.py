@@ -71,25 +71,295 @@ The smooth saturations σ keep it within a rate of the joints, and σ_a within w
 u̇_i, joints coast: they are neither driven nor braked. Derivation: docs/robots.md.
 
 Torques are kept within the motors' limits: what is given up, in which order, is reported.
+
+Gains of a robot that follows, with the rate of its observer, and how they pass to others.
+
+They pass in a straight line. A robot that has swung about its target (:mod:`.follower`) has
+slower ones: each time the law has 1/√2 of its rates, and the observer 1/16 of its own at the first
+time; from the second on its estimate stays as it is.
+
+Rates of the law and of its observer from a loop's delay and from the payload it may not know.
+
+Along a direction in which the robot has ρ times the inertia that the law knows, its loop with
+the observer of R6 is, but for a delay θ,
+
+    L(s) = ((2 ω + κ) s² + (ω² + 2 ω κ) s + ω² κ) / (ρ s³)
+
+High up it is (2 ω + κ) / (ρ s). A loop of that kind with a delay θ is as fast as it can be with
+good margins at half of 1 / θ (S. Skogestad: Simple analytic rules for model reduction and PID
+controller tuning, J. Process Control 13, 2003), which a payload, ρ > 1, only makes slower:
+
+    2 ω + κ = 1 / (2 θ)                                                                      (R8)
+
+Without an observer this is his rule for 1 / s² with a delay. With one the loop has three
+integrators and bears no more inertia than Routh's condition allows, ρ < (2 + x)(1 + 2 x) / x with
+x = κ / ω. With a gain margin of 3/2 at the largest ratio R that is to be borne, of which the delay
+takes a part, and x = 1 at most, where ω² κ is largest,
+
+    (2 + x)(1 + 2 x) / x = 3 R / 2                                                           (R9)
+
+For a payload m at a place with the Jacobian J_p, R = 1 + m λ_max(J_p D⁻¹ J_pᵀ).
+
+What a robot is to do at its operational point: a motion, and along one direction a force.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from copy import copy
+from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
-from hapticmech_ros.mechanism.lapack import dtrsm, dtrsv
+from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.results import RANK_TOLERANCE
-from hapticmech_ros.robot.target import ForceTask, Gains, Target
+
+# Beyond this a rate, 1/s, is no gain that a loop in discrete time can have.
+_LARGEST = 1e4
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Gains of the law, checked when they are made.
+
+    An error of position e obeys ë + 2 ζ ω ė + ω² e = 0 where the law decouples; so does the posture
+    in the null space.
+
+    Attributes:
+        linear_rate: ω of the point's position, 1/s.
+        angular_rate: ω of its orientation, 1/s.
+        damping_ratio: ζ of both, and of the posture.
+        posture_rate: ω with which joints return to their posture in the null space, 1/s.
+        posture_acceleration: most that the posture asks for, of each joint, rad/s² or m/s².
+        joint_rate: with which joints are led at most along a direction in which they have an error,
+            or which is rigid, rad/s or m/s.
+        rest_rate: rate at which motion of the null space decays, 1/s.
+        force_rate: rate at which the integral of a force's error grows, 1/s.
+        contact_rate: rate at which motion along a controlled force decays, 1/s.
+        contact_share: c of R4, 0 to 1: share of the measured contact wrench beside a controlled
+            force that is balanced; with 1 friction disturbs neither the force nor the motion.
+
+    Raises:
+        InvalidInputError: one is negative, not finite or above 1e4, or a share above 1.
+    """
+
+    linear_rate: float = 30.0
+    angular_rate: float = 30.0
+    damping_ratio: float = 1.0
+    posture_rate: float = 5.0
+    posture_acceleration: float = 5.0
+    joint_rate: float = 3.0
+    rest_rate: float = 30.0
+    force_rate: float = 5.0
+    contact_rate: float = 60.0
+    contact_share: float = 1.0
+
+    def __post_init__(self) -> None:
+        for gain in fields(self):
+            value = getattr(self, gain.name)
+            if not (math.isfinite(value) and 0.0 <= value <= _LARGEST):
+                rule = f"must be a number between 0 and {_LARGEST:g}"
+                raise InvalidInputError(gain.name, value, rule)
+        if self.joint_rate == 0.0:
+            raise InvalidInputError("joint_rate", 0.0, "must be above 0")
+        if self.contact_share > 1.0:
+            raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")
+
+
+# How far from 1 the length of a direction may be: what is left of one written with six digits.
+_UNIT = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class ForceTask:
+    """A force that is controlled along one direction, in place of the motion along it.
+
+    Attributes:
+        direction: (3,) unit vector n, world axes, along which the robot is to push.
+        force: f_d that the robot is to exert along n, N.
+
+    Raises:
+        InvalidInputError: a direction that is no unit vector, or a force that is not finite.
+    """
+
+    direction: Array
+    force: float
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.direction))
+        if np.shape(self.direction) != (3,) or not abs(length - 1.0) <= _UNIT:
+            raise InvalidInputError("direction", self.direction, "must be a unit vector (3,)")
+        if not np.isfinite(self.force):
+            raise InvalidInputError("force", self.force, "must be finite")
+
+    def without(self, six: Array) -> Array:
+        """Return a vector (6,), linear before angular, without its part along n.
+
+        Args:
+            six: (6,) in world axes.
+        """
+        left = np.array(six, dtype=float)
+        left[:3] -= float(self.direction @ left[:3]) * self.direction
+        return left
+
+
+def _nothing() -> Array:
+    return np.zeros(6)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the operational point is to be, and how it is to move.
+
+    Attributes:
+        pose: x_d, in the world of the robot's scene.
+        twist: (6,) ẋ_d, m/s and rad/s, world axes, at the point.
+        acceleration: (6,) ẍ_d, m/s² and rad/s², likewise.
+        force: what is controlled instead of motion along one direction; None: nothing.
+    """
+
+    pose: pin.SE3
+    twist: Array = field(default_factory=_nothing)
+    acceleration: Array = field(default_factory=_nothing)
+    force: ForceTask | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """Gains and the observer's rate.
+
+    Attributes:
+        gains: of the law.
+        observer_rate: κ, of the observer of disturbances, 1/s; 0: none.
+    """
+
+    gains: Gains
+    observer_rate: float = 0.0
+
+    def towards(self, other: Tuning, share: float) -> Tuning:
+        """Return what is so far from this one to another.
+
+        Args:
+            other: where it goes.
+            share: 0 to 1.
+        """
+
+        def between(before: float, after: float) -> float:
+            return before + share * (after - before)
+
+        values = {
+            field.name: between(getattr(self.gains, field.name), getattr(other.gains, field.name))
+            for field in fields(Gains)
+        }
+        return Tuning(Gains(**values), between(self.observer_rate, other.observer_rate))
+
+    def slowed(self, swings: int) -> Tuning:
+        """Return what a robot that has swung has.
+
+        Args:
+            swings: how often.
+        """
+        if swings == 0:
+            return self
+        slower = 0.5 ** (0.5 * swings)
+        gains = replace(
+            self.gains,
+            linear_rate=slower * self.gains.linear_rate,
+            angular_rate=slower * self.gains.angular_rate,
+        )
+        return Tuning(gains, self.observer_rate / 16.0 if swings == 1 else 0.0)
+
+
+class TuningRamp(NamedTuple):
+    """From one tuning to another.
+
+    Attributes:
+        start: s.
+        duration: s.
+        old, new: before and after.
+    """
+
+    start: float
+    duration: float
+    old: Tuning
+    new: Tuning
+
+    def at(self, time: float) -> Tuning:
+        """Return the tuning of a time, s."""
+        if self.duration <= 0.0 or time >= self.start + self.duration:
+            return self.new
+        share = max((time - self.start) / self.duration, 0.0)
+        return self.old.towards(self.new, share)
+
+
+# Of the loop at the largest payload.
+GAIN_MARGIN = 1.5
+
+
+class LoopRates(NamedTuple):
+    """Rates of a loop.
+
+    Attributes:
+        law: ω, 1/s.
+        observer: κ, 1/s; 0 without an observer.
+    """
+
+    law: float
+    observer: float
+
+
+def loop_rates(delay: float, inertia_ratio: float = 1.0, observed: bool = True) -> LoopRates:
+    """Return ω and κ (R8, R9).
+
+    Args:
+        delay: θ, s, from a sample of the joints to the middle of the period in which its torques
+            act: one and a half periods where they act a period later.
+        inertia_ratio: R, 1 or more.
+        observed: whether there is an observer; without one every payload is borne.
+
+    Raises:
+        InvalidInputError: a delay that is not positive, or a ratio below 1.
+    """
+    if not (math.isfinite(delay) and delay > 0.0):
+        raise InvalidInputError("delay", delay, "must be a positive number of seconds")
+    if not (math.isfinite(inertia_ratio) and inertia_ratio >= 1.0):
+        raise InvalidInputError("inertia_ratio", inertia_ratio, "must be a number of 1 or more")
+    gain = 0.5 / delay
+    if not observed:
+        return LoopRates(0.5 * gain, 0.0)
+    # 2 x + 2 / x = c has real roots from 4 on, where both are 1.
+    c = max(GAIN_MARGIN * inertia_ratio - 5.0, 4.0)
+    share = 0.25 * (c - math.sqrt(c**2 - 16.0))
+    rate = gain / (2.0 + share)
+    return LoopRates(rate, share * rate)
+
+
+def inertia_ratio(state: RobotState, payload: float, place: Array) -> float:
+    """Return R, the most by which a payload multiplies the inertia of any motion at a state.
+
+    Args:
+        state: of the robot.
+        payload: m, kg.
+        place: (3,) where it is, m, from the operational point in its axes.
+
+    Raises:
+        InvalidInputError: a payload that is negative or not finite.
+    """
+    if not (math.isfinite(payload) and payload >= 0.0):
+        raise InvalidInputError("payload", payload, "must be a number of 0 or more")
+    jacobian, turn = state.point.jacobian, state.point.pose.rotation
+    there = jacobian[:3] - pin.skew(turn @ place) @ jacobian[3:]
+    moved = dtrsm(1.0, state.factor, there.T, lower=1)
+    return 1.0 + payload * float(np.linalg.eigvalsh(moved.T @ moved)[-1])
 
 
 class ShapedInertia(NamedTuple):

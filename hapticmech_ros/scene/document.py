@@ -14,9 +14,8 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from hapticmech_ros.scene.contacts import ContactPair, Shape
-from hapticmech_ros.scene.controller import Connection, Controller, Experiment, Perception
+from hapticmech_ros.scene.controller import Connection, Controller, Experiment, Perception, by_rule
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.scene.gain_rule import by_rule
 from hapticmech_ros.scene.hand import Hand
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.scene.mechanism import (
@@ -136,7 +135,7 @@ class SceneDocument(Part):
 
     @model_validator(mode="after")
     def _gains_by_rule(self) -> SceneDocument:
-        """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.gain_rule`."""
+        """Fill in gains that were not given; see :mod:`~hapticmech_ros.scene.controller`."""
         period = self.simulation.period
         hands = tuple(
             entry.model_copy(update={"controller": _filled(self, entry)}) for entry in self.hands

@@ -13,9 +13,8 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError, SceneProblem
 from hapticmech_ros.scene.device import SERVO_ANGLE, most_servo_stiffness
 from hapticmech_ros.scene.document import SceneDocument
-from hapticmech_ros.scene.hand import AnyHand, ArmHand, ConstantWrenchHand, TargetHand
+from hapticmech_ros.scene.hand import AnyHand, ArmHand, ConstantWrenchHand, TargetHand, read_script
 from hapticmech_ros.scene.part import Vector3
-from hapticmech_ros.scene.script import read_script
 
 
 def broken_holding_rules(scene: SceneDocument) -> Iterator[SceneProblem]:

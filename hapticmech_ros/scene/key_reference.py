@@ -15,11 +15,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from hapticmech_ros.scene.angles import PATTERN, allow_text
 from hapticmech_ros.scene.linkage import Linkage
-from hapticmech_ros.scene.model_part import ModelPart
+from hapticmech_ros.scene.mechanism import ModelPart
 from hapticmech_ros.scene.part import LARGEST, Part
 from hapticmech_ros.scene.scene import Scene
+from hapticmech_ros.scene.validation import PATTERN, allow_text
 
 _LINE = re.compile(r"(\w+): (.*)")
 _ROLE = re.compile(r":\w+:`~?([^`]*)`")

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from hapticmech_ros.errors import InvalidInputError, nearest
-from hapticmech_ros.scene.changes import with_changes
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.scene.part import Part
-from hapticmech_ros.scene.validation import validated
+from hapticmech_ros.scene.validation import validated, with_changes
 
 
 class Scene(SceneDocument):
@@ -39,7 +38,7 @@ class Scene(SceneDocument):
         in are kept.
 
         Args:
-            changes: ``key=value`` each, see :func:`~hapticmech_ros.scene.changes.with_changes`.
+            changes: ``key=value`` each, see :func:`~hapticmech_ros.scene.validation.with_changes`.
             keys: of the scene's outermost level: numbers, texts, sequences, mappings, or parts.
 
         Raises:

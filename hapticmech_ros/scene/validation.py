@@ -1,22 +1,217 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Documents of scenes: read from files, and validated."""
+"""Documents of scenes: read from files, and validated.
+
+A scene's keys set from outside its file: ``controller.joint_constraint.stiffness=500``.
+
+Angles as text: ``90 deg``, ``-pi/2``, ``2*pi/3``, where a scene's key is an angle in rad.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem
-from hapticmech_ros.scene.angles import with_angles
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
-from hapticmech_ros.yaml_text import document_in
+from hapticmech_ros.yaml_text import document_in, read_yaml
+
+_NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?"
+_DEGREES = rf"([-+]?{_NUMBER}) *deg"
+_PI = rf"([-+]?)(?:({_NUMBER})\*)?pi(?:/({_NUMBER}))?"
+# What may be written for an angle, beside a number.
+PATTERN = rf"^ *(?:{_DEGREES}|{_PI}) *$"
+_TEXT = re.compile(PATTERN)
+# Keys that are angles, by part; of joints only those that turn.
+ANGLES = {
+    ("Origin", "rpy"),
+    ("Waypoint", "rotation"),
+    ("Workspace", "angle"),
+    ("JointLimits", "lower"),
+    ("JointLimits", "upper"),
+    ("Joint", "rest"),
+    ("Coupling", "offset"),
+    ("InitialState", "q"),
+}
+
+
+def angle_of(text: str) -> float | None:
+    """Return the angle (rad) that a text is; None if it is none."""
+    found = _TEXT.match(text)
+    if found is None:
+        return None
+    degrees, sign, times, parts = found.groups()
+    if degrees is not None:
+        return math.radians(float(degrees))
+    divisor = float(parts or 1.0)
+    if divisor == 0.0:
+        return None
+    return math.copysign(float(times or 1.0) * math.pi / divisor, -1.0 if sign == "-" else 1.0)
+
+
+def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene's document with numbers, rad, in place of angles as text.
+
+    What is text elsewhere, or no angle, stays for validation to refuse.
+
+    Args:
+        document: with its links.
+    """
+    joints = [link["joint"] for link in _mappings(document.get("links")) if _has(link, "joint")]
+    turning = {joint.get("name") for joint in joints if joint.get("type") == "revolute"}
+    found = {key: _walk(value) for key, value in document.items()}
+    for link in _mappings(found.get("links")):
+        if _has(link, "joint") and link["joint"].get("name") in turning:
+            _replace(link["joint"], "rest")
+            if _has(link["joint"], "limits"):
+                _replace(link["joint"]["limits"], "lower", "upper")
+    for coupling in _mappings(found.get("couplings")):
+        if coupling.get("joint") in turning:
+            _replace(coupling, "offset")
+    if _has(found, "initial_state") and _has(found["initial_state"], "q"):
+        start = found["initial_state"]["q"]
+        _replace(start, *(name for name in start if name in turning))
+    for holder in (found, *_mappings(found.get("hands"))):
+        if _has(holder, "device") and _has(holder["device"], "workspace"):
+            _replace(holder["device"]["workspace"], "angle")
+    return found
+
+
+def allow_text(schema: dict[str, Any]) -> None:
+    """Let a JSON Schema of scenes take angles as text where they may be written."""
+    for part, key in ANGLES:
+        properties = schema["$defs"][part]["properties"]
+        properties[key] = _or_text(properties[key])
+
+
+def _or_text(value: dict[str, Any]) -> dict[str, Any]:
+    if "prefixItems" in value:
+        return {**value, "prefixItems": [_or_text(one) for one in value["prefixItems"]]}
+    if "patternProperties" in value:
+        inner = {name: _or_text(one) for name, one in value["patternProperties"].items()}
+        return {**value, "patternProperties": inner}
+    about = ("default", "description", "title")
+    rest = {name: one for name, one in value.items() if name in about}
+    kind = {name: one for name, one in value.items() if name not in about}
+    choices = kind.get("anyOf") or kind.get("oneOf") or [kind]
+    return {**rest, "anyOf": [*choices, {"type": "string", "pattern": PATTERN}]}
+
+
+def _walk(value: object) -> Any:
+    """Return a copy, with the angles of ``rpy`` and ``rotation`` as numbers."""
+    if isinstance(value, Mapping):
+        copy = {key: _walk(inner) for key, inner in value.items()}
+        for key in ("rpy", "rotation"):
+            if isinstance(copy.get(key), list):
+                copy[key] = [_number(one) for one in copy[key]]
+        return copy
+    if isinstance(value, list | tuple):
+        return [_walk(one) for one in value]
+    return value
+
+
+def _replace(mapping: dict[str, Any], *keys: str) -> None:
+    for key in keys:
+        if key in mapping:
+            mapping[key] = _number(mapping[key])
+
+
+def _number(value: object) -> object:
+    angle = angle_of(value) if isinstance(value, str) else None
+    return value if angle is None else angle
+
+
+def _has(mapping: Mapping[str, Any], key: str) -> bool:
+    """Return whether there is a mapping below a key."""
+    return isinstance(mapping.get(key), Mapping)
+
+
+def _mappings(value: object) -> list[Any]:
+    """Return the mappings in a list; none of what is no list."""
+    items = value if isinstance(value, list | tuple) else ()
+    return [one for one in items if isinstance(one, Mapping)]
+
+
+_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+
+
+def with_changes(document: object, changes: Sequence[str], source: str) -> object:
+    """Return a scene's document with some keys set; the document stays as it is.
+
+    Args:
+        document: as written; what is no mapping is returned, for validation to refuse.
+        changes: ``key=value`` each. A key is a path of names; an item of a list is found by its
+            ``name``, or its place in brackets. A value is YAML.
+        source: of the scene, for errors.
+
+    Raises:
+        SceneError: no ``=``, a path that leads nowhere, or a value that is not YAML.
+    """
+    for change in changes:
+        if isinstance(document, Mapping) and change.strip():
+            key, sign, written = change.partition("=")
+            key = key.strip()
+            if not sign or not key:
+                raise _refused(source, "set", change, "must be key=value")
+            try:
+                value = read_yaml(written, f"the value of {key}")
+            except FileError as error:
+                raise _refused(source, key, written, str(error)) from None
+            document = _set(document, list(_steps(key, source)), value, key, source)
+    return document
+
+
+def _steps(key: str, source: str) -> Iterator[str | int]:
+    at = 0
+    for found in _STEP.finditer(key):
+        between = key[at : found.start()]
+        if between != ("" if found[2] is not None or at == 0 else "."):
+            break
+        yield found[1] if found[2] is None else int(found[2])
+        at = found.end()
+    if at != len(key):
+        rule = "must be names with dots between them, and places of lists in brackets"
+        raise _refused(source, "set", key, rule)
+
+
+def _set(value: Any, steps: list[str | int], new: object, key: str, source: str) -> Any:
+    """Return a copy with the value at the end of a path replaced."""
+    if not steps:
+        return new
+    step, *rest = steps
+    if isinstance(value, list | tuple):
+        place = _place(value, step, key, source)
+        return [*value[:place], _set(value[place], rest, new, key, source), *value[place + 1 :]]
+    if isinstance(step, int) or not (value is None or isinstance(value, Mapping)):
+        raise _refused(source, key, step, "leads nowhere: there is neither a mapping nor a list")
+    inside = {} if value is None else value
+    return {**inside, step: _set(inside.get(step), rest, new, key, source)}
+
+
+def _place(items: Sequence[Any], step: str | int, key: str, source: str) -> int:
+    names = [item.get("name") if isinstance(item, Mapping) else None for item in items]
+    if isinstance(step, int):
+        if step < len(items):
+            return step
+        raise _refused(source, key, step, f"must be a place from 0 to {len(items) - 1}")
+    if step in names:
+        return names.index(step)
+    known = [name for name in names if name is not None]
+    rule = f"must be one of {known}, or a place in brackets{nearest(step, known)}"
+    raise _refused(source, key, step, rule)
+
+
+def _refused(source: str, key: str, value: object, rule: str) -> SceneError:
+    return SceneError(source, [SceneProblem(key, value, rule)])
+
 
 Kind = TypeVar("Kind", bound=SceneDocument)
 UNKNOWN_KEY = "unknown key"

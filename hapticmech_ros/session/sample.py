@@ -19,7 +19,7 @@ from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.data import TOTALS, SessionData
 from hapticmech_ros.session.run import CONTROL, column_names
-from hapticmech_ros.simulation.state import EnergyAccount, MechanismState
+from hapticmech_ros.simulation.simulator import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching

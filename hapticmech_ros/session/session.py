@@ -20,8 +20,8 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
+from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.architecture import ControlArchitecture
-from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_layout import (
     ANSWER,
@@ -41,16 +41,15 @@ from hapticmech_ros.device import (
     SimulatedDevice,
     device_for,
 )
-from hapticmech_ros.device.device_layout import DEVICE_MODEL
-from hapticmech_ros.device.motion_check import MotionCheck
-from hapticmech_ros.device.safety import SafetyEnvelope
+from hapticmech_ros.device.kernels import DEVICE_MODEL
+from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.grasp import grasped
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.contact_wrench import contact_wrench
+from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.scene import Scene

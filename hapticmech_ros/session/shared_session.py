@@ -16,8 +16,7 @@ from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, received_d
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
-from hapticmech_ros.operational.contact_wrench import ContactWrenches
-from hapticmech_ros.operational.coupling import by_others, coupling, transmission
+from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coupling, transmission
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.run import Run
@@ -35,7 +34,7 @@ class SharedSession:
     In each tick every user's device is sampled, and its controllers answer, at the same state of
     the mechanism; then the mechanism moves on by what all of them do. What the others do is part of
     a user's F_c: the wrench at the own operational point that accelerates it as theirs do,
-    X_ii F_c = Σ X_ij F_j (see :mod:`~hapticmech_ros.operational.coupling`). It has no part along
+    X_ii F_c = Σ X_ij F_j (see :mod:`~hapticmech_ros.operational.analysis`). It has no part along
     directions that the joints constrain: there the joints stand between the hands.
 
     Args:

@@ -22,10 +22,9 @@ from hapticmech_ros.control.account_kernels import (
     conclude,
     give_answer,
 )
-from hapticmech_ros.control.channel_kernels import TAG, receive, send
-from hapticmech_ros.control.device_side_kernels import ACTUATORS
+from hapticmech_ros.control.device_side_kernels import ACTUATORS, act
+from hapticmech_ros.control.kernels import TAG, receive, send
 from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
-from hapticmech_ros.control.render_kernels import act
 from hapticmech_ros.device.kernels import (
     APPLIED,
     BODY,
@@ -40,12 +39,7 @@ from hapticmech_ros.device.kernels import (
 )
 from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.data import unpack
-from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.run_kernels import advance
-from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.step_layout import (
+from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     CONTACT_WORK,
     ENERGY_LOST,
@@ -64,7 +58,12 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     SURPLUS,
     TERMS_KNOWN,
     WORK_IN,
+    Model,
+    unpack,
 )
+from hapticmech_ros.mechanism.kernels.run_kernels import advance
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
 from hapticmech_ros.session.data import TIMES, TOTALS, SessionData
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mechanism in time: its steps, with contacts and without, loops that latch, trajectories."""
 
-from hapticmech_ros.simulation.simulator import Simulator
-from hapticmech_ros.simulation.state import MechanismState, Trajectory
+from hapticmech_ros.simulation.simulator import MechanismState, Simulator, Trajectory
 
 __all__ = ["MechanismState", "Simulator", "Trajectory"]

@@ -13,7 +13,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import FileError, InvalidInputError
-from hapticmech_ros.scene.angles import angle_of
+from hapticmech_ros.scene.validation import angle_of
 from hapticmech_ros.yaml_text import read_yaml
 
 # Scenes of one study.

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.experiment.figure_style import BLUE, about, at_least, dress, new_figure
-from hapticmech_ros.study.measures import with_unit
+from hapticmech_ros.study.task import with_unit
 
 # Rows of panels at most: the numbers that come first, and vary.
 MOST_ROWS = 6

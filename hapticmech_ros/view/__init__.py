@@ -2,9 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What people look at: shapes, frames, joint positions and URDF text. Knows no ROS and no clock."""
 
-from hapticmech_ros.view.frames import NamedTransform, fixed_frames, moving_frames
 from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
-from hapticmech_ros.view.placement import Placement, Placer
+from hapticmech_ros.view.placement import (
+    NamedTransform,
+    Placement,
+    Placer,
+    fixed_frames,
+    moving_frames,
+)
 from hapticmech_ros.view.shapes import Shape, vanished
 from hapticmech_ros.view.urdf import JointStates, urdf_of
 

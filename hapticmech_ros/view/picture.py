@@ -17,22 +17,27 @@ from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Geometry, HalfSpace, Sphere
 from hapticmech_ros.view import palette
-from hapticmech_ros.view.mechanism_shapes import closure_shapes, joint_shapes, link_shapes
+from hapticmech_ros.view.palette import PLAIN, Look, looks
 from hapticmech_ros.view.placement import Placement
 from hapticmech_ros.view.shapes import (
+    Scales,
     Shape,
     axes,
     box,
     capsule,
+    closure_shapes,
     cylinder,
+    direction_shapes,
+    directions,
+    joint_shapes,
+    link_shapes,
     numbered,
     rotation_to,
     sphere,
     strip,
     text,
+    wrench_shapes,
 )
-from hapticmech_ros.view.user_look import PLAIN, Look, looks
-from hapticmech_ros.view.wrench_shapes import Scales, direction_shapes, directions, wrench_shapes
 
 # As shares of the mechanism's length: a half-space is drawn as a plate below its plane.
 PLATE_SIDE, PLATE_THICKNESS = 1.2, 0.06

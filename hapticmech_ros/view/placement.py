@@ -1,21 +1,213 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where everything that is drawn of a mechanism is, at a configuration."""
+"""Where everything that is drawn of a mechanism is, at a configuration.
+
+The mechanism as lines, for pictures: links between their joints, at a configuration.
+
+Named frames: what tf says of a mechanism and a device, apart from its messages.
+
+Every link is placed in ``world``; what is fixed in a link is placed there once and for all.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import se3
-from hapticmech_ros.view.skeleton import attachments
+from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.mechanism import Origin
+
+WORLD = "world"
+DEVICE = "device"
+# A frame whose name a link has already gets this behind it.
+SECOND = "_frame"
+
+
+@dataclass(frozen=True, slots=True)
+class NamedTransform:
+    """One frame in another: ``pose`` takes coordinates of ``child`` to ``parent``, m."""
+
+    parent: str
+    child: str
+    pose: pin.SE3
+
+
+def moving_frames(
+    scene: Scene,
+    placement: Placement,
+    devices: Mapping[str, pin.SE3] = MappingProxyType({}),
+    users: Sequence[str] = ("",),
+) -> list[NamedTransform]:
+    """Return all frames that move, in ``world``.
+
+    A frame per link under the link's name, ``<point>_world`` at every operational point with the
+    axes of the world; ``device`` and ``device_world`` likewise, of each device whose pose is known.
+
+    Args:
+        scene: whose links and points they are.
+        placement: where these are.
+        devices: pose of each device that is known, by what is before its name.
+        users: what is before the names of all devices.
+    """
+    names = frame_names(scene, users)
+    found = [
+        NamedTransform(WORLD, link.name, placement.links[link.name])
+        for link in scene.links
+        if link.joint.type != "fixed"
+    ]
+    found += [
+        _upright(names[at_world(point.name)], placement.points[point.name])
+        for point in scene.operational_points
+    ]
+    for user, device in devices.items():
+        found.append(NamedTransform(WORLD, names[f"{user}{DEVICE}"], device))
+        found.append(_upright(names[at_world(f"{user}{DEVICE}")], device))
+    return found
+
+
+def fixed_frames(scene: Scene) -> list[NamedTransform]:
+    """Return all frames that stay where they are in a link: fixed links, operational points."""
+    names = frame_names(scene)
+    found = [
+        NamedTransform(link.parent, link.name, se3(link.joint.origin))
+        for link in scene.links
+        if link.joint.type == "fixed"
+    ]
+    found += [
+        NamedTransform(point.link, names[point.name], se3(point.origin))
+        for point in scene.operational_points
+    ]
+    return found
+
+
+def at_world(name: str) -> str:
+    """Return what the frame at the origin of another, with the axes of the world, is called."""
+    return f"{name}_{WORLD}"
+
+
+def frame_names(scene: Scene, users: Sequence[str] = ("",)) -> dict[str, str]:
+    """Return the frames of points and devices -> their names, which no link nor other frame has.
+
+    Args:
+        scene: whose points they are.
+        users: what is before the names of devices, one for each: nothing, or ``left/``.
+    """
+    taken = {WORLD, *(link.name for link in scene.links)}
+    names: dict[str, str] = {}
+    points = [point.name for point in scene.operational_points]
+    devices = [f"{user}{DEVICE}" for user in users]
+    for wanted in (w for name in (*points, *devices) for w in (name, at_world(name))):
+        name = wanted
+        while name in taken:
+            name += SECOND
+        taken.add(name)
+        # A point called `device` has the name first; the device's own frame gives way.
+        names.setdefault(wanted, name)
+    return names
+
+
+def _upright(name: str, pose: pin.SE3) -> NamedTransform:
+    return NamedTransform(WORLD, name, pin.SE3(np.eye(3), pose.translation))
+
+
+# Frames nearer than this (m) to a link's own are at its joint: no line.
+_SAME_PLACE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Skeleton:
+    """Lines and joints of a mechanism at one configuration.
+
+    Attributes:
+        links: per line, link name and (2, 3) its ends in the world, m.
+        joints: (k, 3) where links are joined to each other, m.
+        ground: (g, 3) where they are joined to the world, m.
+        bars: (2, 3) ends of every rod that is closed at the start, and of every slide from where
+            it is at zero, m.
+    """
+
+    links: tuple[tuple[str, Array], ...]
+    joints: Array
+    ground: Array
+    bars: tuple[Array, ...] = ()
+
+
+def skeleton(scene: Scene, q: Array) -> Skeleton:
+    """Return the lines of ``scene`` at configuration q (nq,).
+
+    A link is drawn from its own joint to every frame that something else is attached to.
+
+    Args:
+        scene: whose.
+        q: (nq,) configuration.
+    """
+    tree = build_tree(scene)
+    data = tree.pinocchio.createData()
+    pin.forwardKinematics(tree.pinocchio, data, np.asarray(q, dtype=float))
+    lines: list[tuple[str, Array]] = []
+    joints: list[Array] = []
+    ground = [
+        _place(tree, data, "world", link.joint.origin)
+        for link in scene.links
+        if link.parent == "world" and link.joint.type not in ("free", "planar")
+    ]
+    for name, origin, is_joint in attachments(scene):
+        end = _place(tree, data, name, origin)
+        if name == "world":
+            ground.append(end)
+            continue
+        if is_joint:
+            joints.append(end)
+        start = _place(tree, data, name, Origin())
+        if np.linalg.norm(end - start) > _SAME_PLACE:
+            lines.append((name, np.array((start, end))))
+    pairs = [
+        ((rod.a.link, rod.a.origin), (rod.b.link, rod.b.origin))
+        for rod in scene.closures
+        if rod.kind == "rod" and rod.active
+    ]
+    pairs += [
+        ((link.parent, link.joint.origin), (link.name, Origin()))
+        for link in scene.links
+        if link.joint.type == "prismatic"
+    ]
+    bars = [np.array([_place(tree, data, *end) for end in pair]) for pair in pairs]
+    long = tuple(bar for bar in bars if np.linalg.norm(bar[1] - bar[0]) > _SAME_PLACE)
+    return Skeleton(tuple(lines), _rows(joints), _rows(ground), long)
+
+
+def attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:
+    """Return link, frame in it, and whether it is a joint, for everything attached to a link.
+
+    Joints of other links, closures (whether closed or not; their frames may be in ``world``) and
+    operational points.
+    """
+    found = [
+        (link.parent, link.joint.origin, True) for link in scene.links if link.parent != "world"
+    ]
+    for closure in scene.closures:
+        found += [(end.link, end.origin, True) for end in (closure.a, closure.b)]
+    found += [(point.link, point.origin, False) for point in scene.operational_points]
+    return found
+
+
+def _place(tree: TreeModel, data: pin.Data, link: str, origin: Origin) -> Array:
+    joint, placement = tree.link_joint[link]
+    return np.array((data.oMi[joint] * placement * se3(origin)).translation)
+
+
+def _rows(points: list[Array]) -> Array:
+    return np.array(points).reshape(-1, 3)
+
 
 # Frames nearer than this (m) to a link's own are at its joint: no limb.
-_SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,19 +4,322 @@
 
 Positions are in ``world``, m. A shape is known by its namespace and number, which stay the same
 from picture to picture.
+
+Links, joints and closures as shapes; sizes are shares of the mechanism's length ``unit``, m.
+
+The ellipsoid of the mass felt at an operational point has the masses of
+:func:`~hapticmech_ros.operational.results.felt_masses` as half axes; where X has no response, m is
+infinite and the half axis ends at the longest one that is drawn.
+
+Wrenches and directions as shapes: forces are arrows, torques are rings about their axis.
+
+Columns n_i of the spectrum are unique only where their μ are: any rotation among equal ones will
+do, and which one comes out changes from sample to sample. Drawn as they come they would flicker, so
+they are turned first: forces are gathered into as few columns as possible.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.view.palette import Colour
+from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.operational import OperationalAnalysis
+from hapticmech_ros.operational.results import felt_masses
+from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.contacts import Mesh
+from hapticmech_ros.scene.mechanism import Joint
+from hapticmech_ros.view import palette
+from hapticmech_ros.view.palette import PLAIN, Colour, Look
+from hapticmech_ros.view.placement import Placement
+from hapticmech_ros.wire.contact_points import ContactPoints
+
+
+class Direction(NamedTuple):
+    """A wrench as shares of the largest ones of unit length in the metric; axes of the world.
+
+    Attributes:
+        force: (3,) of length 0 to 1.
+        torque: (3,) of length 0 to 1.
+    """
+
+    force: Array
+    torque: Array
+
+
+def directions(
+    analysis: OperationalAnalysis, count: int
+) -> tuple[list[Direction], list[Direction]]:
+    """Return rigid directions, ``count`` of them, and free ones: all the others.
+
+    Raises:
+        InvalidInputError: count is negative, or more than there are directions.
+    """
+    wrenches = np.zeros((6, analysis.rows.size))
+    wrenches[analysis.rows] = analysis.spectrum.wrenches
+    size = wrenches.shape[1]
+    if not 0 <= count <= size:
+        raise InvalidInputError("count", count, f"must be 0 to {size}")
+    # I_ℓ is the sum of all n_i n_iᵀ, so the largest force and torque of a unit wrench are these.
+    metric = wrenches @ wrenches.T
+    largest_force = np.sqrt(np.linalg.eigvalsh(metric[:3, :3])[-1])
+    largest_torque = np.sqrt(np.linalg.eigvalsh(metric[3:, 3:])[-1])
+    parts = []
+    for columns in (wrenches[:, size - count :], wrenches[:, : size - count]):
+        turned = gathered(columns)
+        parts.append([Direction(n[:3] / largest_force, n[3:] / largest_torque) for n in turned.T])
+    return parts[0], parts[1]
+
+
+def gathered(columns: Array) -> Array:
+    """Return ``columns`` (6, k) turned among themselves, those of the largest force first.
+
+    The forces of the result are perpendicular to each other, and the span is the same.
+
+    Args:
+        columns: (6, k) wrenches, forces first, world axes, in any unit.
+    """
+    if columns.shape[1] < 2:
+        return columns
+    _, _, turn = np.linalg.svd(columns[:3])
+    return np.asarray(columns @ turn.T)
+
+
+# Sizes as shares of the mechanism's characteristic length.
+FORCE_SHAFT = 0.045
+RIGID_SHAFT = 0.03
+FREE_SHAFT = 0.012
+DIRECTION_LENGTH = 0.6
+RING_RADIUS = 0.4
+# What would be drawn shorter than this is not drawn.
+SMALLEST = 0.01
+TORQUE = "/torque"
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """How long a wrench is drawn.
+
+    Attributes:
+        unit: the mechanism's characteristic length, m, for widths.
+        force: length of an arrow, m per N.
+        torque: radius of a ring, m per N m.
+    """
+
+    unit: float
+    force: float
+    torque: float
+
+
+def wrench_shapes(
+    meaning: str, number: int, place: Array, wrench: Array, scales: Scales, look: Look = PLAIN
+) -> list[Shape]:
+    """Return an arrow and a ring for a wrench (6,) at ``place`` (3,), tail and centre there.
+
+    Of several wrenches in a namespace each has its number.
+
+    Args:
+        meaning: of the wrench, by which it is named and coloured.
+        number: of this wrench in the namespace.
+        place: (3,) m, world axes.
+        wrench: (6,) N and N m, world axes.
+        scales: characteristic length (m), m/N and m/(N m).
+        look: of the user whose it is.
+    """
+    namespace, colour = look.namespace(meaning), look.colour(meaning)
+    width = FORCE_SHAFT * scales.unit
+    force, radius = scales.force * wrench[:3], scales.torque * float(np.linalg.norm(wrench[3:]))
+    shapes: list[Shape] = []
+    if np.linalg.norm(force) > SMALLEST * scales.unit:
+        found = arrow(place, place + force, width, colour)
+        shapes += numbered(namespace, found, first=number)
+    if radius > SMALLEST * scales.unit:
+        found = ring(place, wrench[3:], radius, 0.4 * width, colour, sense=True)
+        shapes += numbered(namespace + TORQUE, found, first=2 * number)
+    return shapes
+
+
+def direction_shapes(
+    meaning: str, found: Sequence[Direction], place: Array, unit: float, look: Look = PLAIN
+) -> list[Shape]:
+    """Return a double-headed arrow and a ring for every direction at ``place`` (3,).
+
+    A direction has no sense, so a ring has no head. The longest arrow has ``DIRECTION_LENGTH`` to
+    either side, the largest ring ``RING_RADIUS``, as shares of ``unit`` (m).
+
+    Args:
+        meaning: ``rigid_directions`` or ``free_directions``.
+        found: the directions.
+        place: (3,) m, world axes.
+        unit: the mechanism's characteristic length, m.
+        look: of the user who feels them.
+    """
+    namespace, colour = look.namespace(meaning), look.colour(meaning)
+    shaft = (RIGID_SHAFT if meaning == "rigid_directions" else FREE_SHAFT) * unit
+    shapes: list[Shape] = []
+    for index, direction in enumerate(found):
+        half = DIRECTION_LENGTH * unit * direction.force
+        if np.linalg.norm(half) > SMALLEST * unit:
+            arrows = double_arrow(place, half, shaft, colour)
+            shapes += numbered(namespace, arrows, first=2 * index)
+        radius = RING_RADIUS * unit * float(np.linalg.norm(direction.torque))
+        if radius > SMALLEST * unit:
+            circle = ring(place, direction.torque, radius, 0.5 * shaft, colour, sense=False)
+            shapes += numbered(namespace + TORQUE, circle, first=index)
+    return shapes
+
+
+HULLS, FORCES = "hulls", "touch_force"
+
+
+class Hulls:
+    """Draws the convex hulls of a scene's meshes.
+
+    Args:
+        scene: that has them, or none.
+
+    Raises:
+        SceneError: a mesh that cannot be read.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._corners: list[tuple[int, Array]] = []
+        if any(isinstance(shape.geometry, Mesh) for shape in scene.shapes):
+            # Here, so that scenes without meshes do not load what reads them.
+            from hapticmech_ros.contact.hull import mesh_hulls
+
+            for index, hull in mesh_hulls(scene.shapes).items():
+                self._corners.append((index, hull.vertices[hull.triangles.ravel()]))
+
+    def draw(self, placement: Placement) -> list[Shape]:
+        """Return every hull where its link is; its number is that of the scene's shape."""
+        return [self._hull(i, corners, placement.solids[i]) for i, corners in self._corners]
+
+    def _hull(self, index: int, corners: Array, pose: pin.SE3) -> Shape:
+        points = corners @ pose.rotation.T + pose.translation
+        colour, size = palette.MEANING[HULLS], (1.0, 1.0, 1.0)
+        return Shape(HULLS, index, "triangles", pin.SE3.Identity(), size, colour, points)
+
+
+def touch_shapes(found: ContactPoints, scales: Scales) -> list[Shape]:
+    """Return the force on shape a at each point of contact, as an arrow from there."""
+    shapes: list[Shape] = []
+    for number, (place, force) in enumerate(zip(found.points, found.forces, strict=True)):
+        shapes += wrench_shapes(FORCES, number, place, np.append(force, np.zeros(3)), scales)
+    return shapes
+
+
+LINK_DIAMETER = 0.07
+JOINT_DIAMETER = 0.13
+JOINT_LENGTH = 0.18
+SLIDE_WIDTH = 0.03
+CLOSURE_DIAMETER = 0.15
+GAP_WIDTH = 0.015
+
+
+def link_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
+    """Return a capsule for every limb; a ball for a link that has none."""
+    thick = LINK_DIAMETER * unit
+    shapes: list[Shape] = []
+    for _, (start, end) in placement.limbs:
+        shapes += capsule(start, end, thick, palette.LINK)
+    drawn = {name for name, _ in placement.limbs}
+    shapes += [
+        sphere(placement.links[link.name].translation, thick, palette.LINK)
+        for link in scene.links
+        if link.name not in drawn
+    ]
+    return numbered("links", shapes)
+
+
+def joint_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
+    """Return a shape for every joint that holds its link, and a line along which it slides."""
+    shapes = [strip(line, SLIDE_WIDTH * unit, palette.JOINT) for line in placement.slides]
+    for link in scene.links:
+        pose, axis = placement.links[link.name], placement.axes[link.name]
+        shapes += joint_shape(link.joint, pose, axis, unit)
+    return numbered("joints", shapes)
+
+
+def joint_shape(joint: Joint, pose: pin.SE3, axis: Array, unit: float) -> list[Shape]:
+    """Return a cylinder about a hinge, a box along a slide, a ball in a socket.
+
+    Args:
+        joint: what it is.
+        pose: frame of the link it carries, in the world.
+        axis: (3,) unit vector, world axes.
+        unit: characteristic length, m.
+    """
+    thick, length = JOINT_DIAMETER * unit, JOINT_LENGTH * unit
+    if joint.type == "revolute":
+        return [cylinder(pose.translation, length * axis, thick, palette.JOINT)]
+    if joint.type == "prismatic":
+        along = pin.SE3(rotation_to(axis), pose.translation)
+        return [box(along, (0.6 * thick, 0.6 * thick, 2.0 * length), palette.JOINT)]
+    if joint.type == "spherical":
+        return [sphere(pose.translation, 1.2 * thick, palette.JOINT)]
+    return []
+
+
+def closure_shapes(placement: Placement, closed: Mapping[str, bool], unit: float) -> list[Shape]:
+    """Return a ball where a loop is closed, a rod with its ends; two and the gap where it is open.
+
+    Numbers do not depend on which are closed: 0 for the first closure, 3 for the second, ...
+    """
+    shapes = []
+    for index, (name, (a, b)) in enumerate(placement.closures.items()):
+        size = CLOSURE_DIAMETER * unit
+        ends = np.array((a.translation, b.translation))
+        namespace, colour = "open_closures", palette.OPEN
+        if closed[name]:
+            namespace, colour = "closures", palette.CLOSED
+        if closed[name] and name not in placement.rods:
+            found = [sphere(a.translation, size, colour)]
+        else:
+            found = [sphere(end, 0.7 * size, colour) for end in ends]
+            found.append(strip(ends, GAP_WIDTH * unit, colour))
+        shapes += numbered(namespace, found, first=3 * index)
+    return shapes
+
+
+MASS = "mass"
+# Of a planar scene the ellipsoid is a disc, this thick as a share of its longest half axis.
+_THIN = 0.02
+
+
+def mass_ellipsoid(
+    analysis: OperationalAnalysis,
+    place: Array,
+    metres_per_kg: float,
+    longest: float,
+    look: Look = PLAIN,
+) -> list[Shape]:
+    """Return the ellipsoid of the mass felt, a disc in a planar scene.
+
+    Args:
+        analysis: of the point.
+        place: (3,) of the point, m, world axes.
+        metres_per_kg: how long a half axis is drawn.
+        longest: half axis that is drawn, m.
+        look: of the user who feels it.
+    """
+    masses, directions = felt_masses(analysis)
+    halves = np.minimum(metres_per_kg * masses, longest)
+    axes = np.eye(3)
+    axes[:, : masses.size] = directions
+    sizes = np.full(3, _THIN * longest)
+    sizes[: masses.size] = halves
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] *= -1.0
+    x, y, z = (2.0 * sizes).tolist()
+    pose = pin.SE3(axes, np.asarray(place))
+    return [Shape(look.namespace(MASS), 0, "sphere", pose, (x, y, z), look.colour(MASS))]
+
 
 Kind = Literal["cylinder", "sphere", "box", "arrow", "strip", "text", "triangles"]
 Key = tuple[str, int]

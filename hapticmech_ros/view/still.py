@@ -21,10 +21,10 @@ from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.mechanism import Inertia, Inertial
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.drawn import SIDE_PIXELS, draw_shapes
+from hapticmech_ros.view.palette import hues
 from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import Placer
-from hapticmech_ros.view.user_look import hues
-from hapticmech_ros.view.wrench_shapes import Hulls
+from hapticmech_ros.view.shapes import Hulls
 
 # Behind the name of a scene that is drawn as it is written.
 OPEN = "open as written: its loops do not close"
@@ -106,7 +106,7 @@ def draw_configuration(
 
 def readable(shapes: Sequence[Shape]) -> tuple[list[Shape], list[SceneError]]:
     """Return the shapes that can be drawn, and why others cannot: meshes that cannot be read."""
-    from hapticmech_ros.contact.mesh_hulls import read_mesh
+    from hapticmech_ros.contact.hull import read_mesh
 
     kept, errors = [], []
     for shape in shapes:

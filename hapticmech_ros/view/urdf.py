@@ -27,9 +27,8 @@ from hapticmech_ros.mechanism.model import placement_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette
-from hapticmech_ros.view.mechanism_shapes import LINK_DIAMETER, joint_shape
 from hapticmech_ros.view.placement import Placer
-from hapticmech_ros.view.shapes import Shape, capsule, sphere
+from hapticmech_ros.view.shapes import LINK_DIAMETER, Shape, capsule, joint_shape, sphere
 
 HINGES = ("x", "y", "z")
 # Closer to a right angle than this (cosine) the first and third hinge are one: the third is put 0.

@@ -37,7 +37,7 @@ class Topic:
             with contacts, ``servo`` the same while a device is
             commanded to a pose, ``marker`` the scene viewer's; ``body`` is the control rate with
             ``device.servo_axes: body``.
-        qos: name of the profile in nodes/qos.py.
+        qos: name of the profile in nodes/messages.py.
         meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
     """
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis import rendering_methods
 from hapticmech_ros.analysis.comparison import compare, side_by_side
-from hapticmech_ros.analysis.penetration import directions
+from hapticmech_ros.analysis.experience import directions
 from hapticmech_ros.analysis.rendering_methods import (
     FREE,
     FULL,

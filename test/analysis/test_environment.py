@@ -20,8 +20,8 @@ from hapticmech_ros.analysis.environment import (
 from hapticmech_ros.analysis.impedance import alone
 from hapticmech_ros.analysis.touch import ROWS, Setup, fine_times
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.robot.law import Gains
 from hapticmech_ros.robot.linear_environment import CONTACT, Impedance, LinearEnvironment
-from hapticmech_ros.robot.target import Gains
 from sampling import sampled
 
 S = 2.0j * np.pi * np.array([0.5, 2.0, 8.0, 32.0])

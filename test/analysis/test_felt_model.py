@@ -7,18 +7,16 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis import felt_model as felt_module
-from hapticmech_ros.analysis.felt_model import felt_model, loop_model
+from hapticmech_ros.analysis.felt_model import felt_model, linear_point, loop_model
 from hapticmech_ros.analysis.impedance import (
     FREQUENCIES_HZ,
     alone,
     felt,
 )
-from hapticmech_ros.analysis.linear_point import linear_point
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.force_gain import lead_gains
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
-from hapticmech_ros.control.loop_stability import loop_margins
+from hapticmech_ros.control.loop_stability import lead_gains, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes

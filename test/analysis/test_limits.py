@@ -10,13 +10,10 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis.experience import experience
-from hapticmech_ros.analysis.limits import cases_of, m_width_figure
-from hapticmech_ros.analysis.m_width import MPoint, m_width
-from hapticmech_ros.analysis.penetration import penetration
+from hapticmech_ros.analysis.experience import experience, penetration
+from hapticmech_ros.analysis.limits import MPoint, Wall, cases_of, m_width, m_width_figure, z_width
 from hapticmech_ros.analysis.scene_variants import with_constraint, with_loop
 from hapticmech_ros.analysis.touch import Setup
-from hapticmech_ros.analysis.z_width import Wall, z_width
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from sampling import sampled
@@ -157,7 +154,7 @@ def test_what_cannot_be_measured_is_refused(call, message):
 def test_the_command_writes_tables_file_and_pictures(tmp_path, monkeypatch):
     # What it measures is another test's.
     for seconds in ("WATCHED_S", "SWINGING_S", "SLOW_S"):
-        monkeypatch.setattr(f"hapticmech_ros.analysis.m_width.{seconds}", 0.1)
+        monkeypatch.setattr(f"hapticmech_ros.analysis.limits.{seconds}", 0.1)
     words = ["feel", "limits", "two_link", "--delays", "1", "--rates", "1000"]
     found = CliRunner().invoke(app, [*words, "--processes", "1", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output

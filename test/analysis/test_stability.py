@@ -9,9 +9,9 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis import linear_loop
-from hapticmech_ros.analysis import stability_rules as rules
-from hapticmech_ros.analysis.linear_loop import NOBODY, Held, held_by, law_of, tick_matrix
-from hapticmech_ros.analysis.penetration import directions
+from hapticmech_ros.analysis import linear_loop as rules
+from hapticmech_ros.analysis.experience import directions
+from hapticmech_ros.analysis.linear_loop import NOBODY, Held, frontier, held_by, law_of, tick_matrix
 from hapticmech_ros.analysis.scene_variants import (
     at_once,
     at_rate,
@@ -23,12 +23,10 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
-from hapticmech_ros.analysis.stability_rules import frontier
 from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, Touched, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import pose_error
-from hapticmech_ros.control.force_gain import lead_gains
-from hapticmech_ros.control.loop_stability import ON_CIRCLE, loop_terms, spectral_radius
+from hapticmech_ros.control.loop_stability import ON_CIRCLE, lead_gains, loop_terms, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes

@@ -8,8 +8,8 @@ import os
 
 import pytest
 
-from hapticmech_ros.cli import graph_reports
-from hapticmech_ros.cli.graph_reports import line_of, nothing_rendered, show_ends
+from hapticmech_ros.cli import graph
+from hapticmech_ros.cli.graph import line_of, nothing_rendered, show_ends
 from hapticmech_ros.readiness import ADDRESS, Readiness, Report, say_ready, say_report
 
 DEVICE = Report(
@@ -112,12 +112,12 @@ def test_nothing_rendered_is_said_with_the_reason() -> None:
 
 
 def test_the_table_says_how_each_node_was(capsys: pytest.CaptureFixture[str]) -> None:
-    graph_reports.console.width, before = 100, graph_reports.console.width
+    graph.console.width, before = 100, graph.console.width
     try:
         ending = Report(DEVICE.node, False, "no commands", changed(DEVICE, failures="2").figures)
         show_ends(ALL, {**ALL, ending.node: ending})
     finally:
-        graph_reports.console.width = before
+        graph.console.width = before
     shown = capsys.readouterr().out
     assert "/haptic_device" in shown
     # What it did while the others were there.
@@ -128,11 +128,11 @@ def test_the_table_says_how_each_node_was(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_names_of_nodes_are_whole_in_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
-    graph_reports.console.width, before = 80, graph_reports.console.width
+    graph.console.width, before = 80, graph.console.width
     try:
         show_ends(ALL, ALL)
     finally:
-        graph_reports.console.width = before
+        graph.console.width = before
     shown = capsys.readouterr().out
     assert max(map(len, shown.splitlines())) <= 80
     for name in ALL:

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.cli.durations import seconds_of
+from hapticmech_ros.cli.console import seconds_of
 from hapticmech_ros.cli.graph import drivers_of, nodes_of, refuse_one_device_twice
 from hapticmech_ros.errors import InvalidInputError
 

@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.contact_wrench import contact_wrench
+from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.operational import contact_wrench as readable

@@ -7,9 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hapticmech_ros.contact.hull import box, hull
-from hapticmech_ros.contact.mesh_corners import MOST_VERTICES
-from hapticmech_ros.contact.mesh_hulls import read_mesh
+from hapticmech_ros.contact.hull import MOST_VERTICES, box, hull, read_mesh
 from hapticmech_ros.errors import SceneError
 
 

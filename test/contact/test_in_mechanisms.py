@@ -10,7 +10,7 @@ import pytest
 from contact.test_felt import against_a_wall
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.operational.contact_wrench import contact_wrench
+from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.contact_loop import ContactLoop

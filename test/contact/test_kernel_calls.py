@@ -12,8 +12,8 @@ from contact.test_felt import against_a_wall
 from contact.test_in_mechanisms import PUSH, ROUGH, pushed
 from hapticmech_ros.contact.layout import FIRST_WORKSPACE
 from hapticmech_ros.mechanism.kernels.layout import sparse
+from hapticmech_ros.mechanism.kernels.model import BEGINS_WITH, STEPS
 from hapticmech_ros.mechanism.kernels.run_kernels import INACCURATE
-from hapticmech_ros.mechanism.kernels.step_layout import BEGINS_WITH, STEPS
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.touching import FLOOR, SHAPES, UPRIGHT, body, on_floor, pair, run, scene, shape

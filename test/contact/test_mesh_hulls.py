@@ -11,8 +11,8 @@ import pytest
 
 from formats.meshes import TETRAHEDRON, TEXTS, stl
 from hapticmech_ros.cage import Limits
-from hapticmech_ros.contact import mesh_hulls as module
-from hapticmech_ros.contact.mesh_hulls import mesh_hulls, read_mesh
+from hapticmech_ros.contact import hull as module
+from hapticmech_ros.contact.hull import mesh_hulls, read_mesh
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene.contacts import Mesh, Shape
 

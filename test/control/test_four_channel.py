@@ -12,8 +12,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hapticmech_ros.control.architecture import FourChannel
-from hapticmech_ros.scene.controller import ForceChannelGains, PositionChannelGains
-from hapticmech_ros.scene.gain_rule import DESIGN_PHASE_LAG
+from hapticmech_ros.scene.controller import (
+    DESIGN_PHASE_LAG,
+    ForceChannelGains,
+    PositionChannelGains,
+)
 from oracles.control.four_channel import channel_wrenches
 from oracles.control.impedance import impedance_wrench
 

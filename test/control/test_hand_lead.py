@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.control.force_gain import force_gain, lead_gains
-from hapticmech_ros.control.hand_lead_kernels import (
+from hapticmech_ros.control.account_kernels import (
     MEMORY_SIZE,
     MOST,
     mean_change,
     remember_wrench,
 )
+from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.layout import DEVICE_SAMPLE
 

@@ -8,8 +8,8 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.hand_lead_kernels import MEMORY_SIZE
 from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.measurements import flat_device, operational_model_of
 from hapticmech_ros.control.passivity import corrected

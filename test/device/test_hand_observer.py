@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.device import ImpedanceDevice
-from hapticmech_ros.device.hand_observer import LONGEST_PERIOD_S, HandObserver, TwistEstimate
+from hapticmech_ros.device.real_device import LONGEST_PERIOD_S, HandObserver, TwistEstimate
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ConstantWrenchHand

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hapticmech_ros.device.motion_check import MotionCheck
+from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene.device import Device, Workspace
 from oracles.swing import POSITION, QUATERNION, TWIST, Swing

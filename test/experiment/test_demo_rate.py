@@ -14,8 +14,7 @@ import pytest
 
 from hapticmech_ros.experiment import demo
 from hapticmech_ros.experiment.demo import DemoError, GraphRun, record_graph, run_demo
-from hapticmech_ros.graph import start_process, stop_process, told_by
-from hapticmech_ros.graph_load import GraphLoad
+from hapticmech_ros.graph import GraphLoad, start_process, stop_process, told_by
 from hapticmech_ros.readiness import Report
 
 # Says that it is ready and waits, then gets no processor.

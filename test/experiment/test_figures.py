@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.experiment.figure_style import LEAST_RATIO, at_least, mark_changes, new_figure
-from hapticmech_ros.experiment.figure_trajectory import trajectory_figure
-from hapticmech_ros.experiment.figures import FIGURES, count_figure, wrench_figure, write_figures
+from hapticmech_ros.experiment.figures import (
+    FIGURES,
+    count_figure,
+    trajectory_figure,
+    wrench_figure,
+    write_figures,
+)
 from hapticmech_ros.experiment.from_session import run_session
 from hapticmech_ros.loading import load_scene
 

@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
-from hapticmech_ros.experiment.figure_users import coupling_figure, users_figure
+from hapticmech_ros.experiment.figures import coupling_figure, users_figure
 from hapticmech_ros.experiment.from_bag import shared_record_from_bag
 from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_shared_session
+from hapticmech_ros.experiment.record import Grips, SharedRecord, grips_of
 from hapticmech_ros.experiment.report import tables
 from hapticmech_ros.experiment.run import write_shared_results
-from hapticmech_ros.experiment.shared_record import Grips, SharedRecord, grips_of
 from hapticmech_ros.experiment.summary import summarise_shared
 
 DURATION = 0.7

@@ -5,10 +5,10 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.experiment.figure_trajectory import taut_circle
+from hapticmech_ros.experiment.figures import taut_circle
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.view.skeleton import skeleton
+from hapticmech_ros.view.placement import skeleton
 
 
 def test_links_of_the_five_bar_end_to_end(scene):

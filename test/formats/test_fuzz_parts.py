@@ -16,7 +16,7 @@ from formats.test_mjcf_include import FILES
 from formats.test_sdf_nested import NESTED
 from formats.test_shapes import GEOMETRIES, MJCF, SDF_GEOMETRIES, URDF, collision, sdf_collision
 from formats.test_urdf import inertial_of
-from hapticmech_ros.scene.contact_rules import MESH_SUFFIXES
+from hapticmech_ros.scene.rules import MESH_SUFFIXES
 from sampling import sampled
 
 MUTANTS = len(sampled(range(160), every=8))

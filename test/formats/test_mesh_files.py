@@ -14,7 +14,7 @@ from formats.test_sdf import written as sdf_written
 from formats.test_shapes import MJCF, collision, mjcf, scene, sdf_collision, urdf
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.scene.contact_rules import MESH_SIZE_LIMIT
+from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 
 MANIFEST = '<?xml version="1.0"?><package format="3"><name>{}</name></package>'
 VARIABLES = ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH", "SDF_PATH")

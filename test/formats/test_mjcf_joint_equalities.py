@@ -11,7 +11,7 @@ import pytest
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats.reading import read_model
-from hapticmech_ros.operational.coupling import coupling
+from hapticmech_ros.operational.analysis import coupling
 
 ARM = """<mujoco model="arm"><compiler angle="radian"/><worldbody>
 <body name="upper"><joint name="s" axis="0 0 1"/>

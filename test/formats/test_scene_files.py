@@ -15,7 +15,7 @@ from formats.imports import Read
 from formats.test_urdf import inertial_of
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 

@@ -13,7 +13,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 
 # Rounding of a few transforms.
 SAME = 1e-12

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.haply.calibration import mounting_of, reach_of
+from hapticmech_ros.haply.reader import mounting_of, reach_of
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.live.instances import (
+from hapticmech_ros.live.live_picture import (
     BODIES,
     Instances,
     instance_parts,

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.live.commands import Open
-from hapticmech_ros.live.history import History
 from hapticmech_ros.live.live_picture import (
     LAYERS,
     VISUALS,
@@ -21,7 +20,7 @@ from hapticmech_ros.live.live_picture import (
     visual_bodies,
 )
 from hapticmech_ros.live.live_session import LiveSession
-from hapticmech_ros.live.numbers import numbers_html
+from hapticmech_ros.live.page_controls import History, numbers_html
 from hapticmech_ros.live.settings import HANDS, changes_of, gain_sliders
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from oracles.touching import FLOOR, body, pair, scene, shape

@@ -12,10 +12,9 @@ from typer.testing import CliRunner
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Drag, Draggable, LiveState, Open, Opened
-from hapticmech_ros.live.drawing import Drawing
-from hapticmech_ros.live.live_picture import LivePicture
-from hapticmech_ros.live.numbers import numbers_html
+from hapticmech_ros.live.live_picture import Drawing, LivePicture
 from hapticmech_ros.live.page import LivePage
+from hapticmech_ros.live.page_controls import numbers_html
 from hapticmech_ros.live.still import StillScene
 from hapticmech_ros.mechanism.inertia import NO_MASS
 from oracles.generator import blank

@@ -12,11 +12,9 @@ import pytest
 from hapticmech_ros import Mechanism, Scene, SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.live.commands import Drag, Draggable, Failed, Hold, Open, Record, Reset, Tune
-from hapticmech_ros.live.drawing import Drawing
-from hapticmech_ros.live.history import History
-from hapticmech_ros.live.live_picture import LivePicture
+from hapticmech_ros.live.live_picture import Drawing, LivePicture
 from hapticmech_ros.live.live_session import LiveSession, holding
-from hapticmech_ros.live.numbers import numbers_html, you_html
+from hapticmech_ros.live.page_controls import History, numbers_html, you_html
 from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, OWN_HAND, changes_of
 from hapticmech_ros.scene.hand import STILL_HAND, ConstantWrenchHand
 from hapticmech_ros.wire.cdr import decode

@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.kernels.data import views_of
 from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance, element_slopes
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import Model, views_of
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from oracles.differences import columns, relative

@@ -12,8 +12,7 @@ from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_u
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.view.frames import moving_frames
-from hapticmech_ros.view.placement import Placer
+from hapticmech_ros.view.placement import Placer, moving_frames
 from hapticmech_ros.view.urdf import JointStates, urdf_of
 from hapticmech_ros.wire.state import coordinate_names
 from oracles.generator import RATE_SIZE, random_mechanism

@@ -10,8 +10,8 @@ from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.fitting import FIT_TOLERANCE
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.linkage import with_linkage

@@ -16,7 +16,7 @@ from hapticmech_ros.errors import (
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
-from hapticmech_ros.mechanism.kernels.step_layout import STEP
+from hapticmech_ros.mechanism.kernels.model import STEP
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.closures import ROWS
 from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.mechanism.redundancy import ROW_NAMES, independent, redundancy
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism

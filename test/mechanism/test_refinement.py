@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.energy_balance import Balance
-from hapticmech_ros.mechanism.refinement import Ways, equidistributed, refined
+from hapticmech_ros.mechanism.refinement import Balance, Ways, equidistributed, refined
 
 
 class Sudden:

@@ -13,8 +13,8 @@ from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.view.mechanism_shapes import closure_shapes
 from hapticmech_ros.view.placement import Placer
+from hapticmech_ros.view.shapes import closure_shapes
 from oracles.differences import columns, relative, second_derivative
 from oracles.generator import random_mechanism, random_origin
 from oracles.implementations import apart, pair_of

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.accuracy import cases
 from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
-from hapticmech_ros.mechanism.tableaus import COUPLED, DIAGONAL, REACHED, WEIGHTS
+from hapticmech_ros.mechanism.schemes import COUPLED, DIAGONAL, REACHED, WEIGHTS
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.closed_form import kkt

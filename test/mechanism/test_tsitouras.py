@@ -10,7 +10,7 @@ from math import prod
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.tableaus import TSITOURAS_REACHED, TSITOURAS_WEIGHTS
+from hapticmech_ros.mechanism.schemes import TSITOURAS_REACHED, TSITOURAS_WEIGHTS
 
 Tree = tuple  # of its root's subtrees, sorted
 

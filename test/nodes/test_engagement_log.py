@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, Log
-from hapticmech_ros.nodes.controller_outputs import EngagementLog
+from hapticmech_ros.nodes.controller_ports import EngagementLog
 
 
 class Said:

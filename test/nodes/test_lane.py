@@ -19,13 +19,12 @@ import pytest
 
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
-from hapticmech_ros.nodes import lane_connections
 from hapticmech_ros.nodes.exchange import CENSUS_NS, Exchange
-from hapticmech_ros.nodes.lane import Lane
-from hapticmech_ros.nodes.lane_connections import (
+from hapticmech_ros.nodes.lane import (
     HEADER,
     MOST_BEHIND,
     MOST_BYTES,
+    Lane,
     LaneError,
     lane_folder,
 )
@@ -125,13 +124,13 @@ def test_who_wants_every_message_gets_it_after_those_who_answer(
     answers.listen(TOPIC, received)
     meet(lanes)
     order = []
-    plain = lane_connections.Outgoing.send
+    plain = lane_module.Outgoing.send
 
-    def noted(outgoing: lane_connections.Outgoing, frame: bytes) -> bool:
+    def noted(outgoing: lane_module.Outgoing, frame: bytes) -> bool:
         order.append(outgoing.wants_all)
         return plain(outgoing, frame)
 
-    monkeypatch.setattr(lane_connections.Outgoing, "send", noted)
+    monkeypatch.setattr(lane_module.Outgoing, "send", noted)
     send(speaks, b"one")
     hand_on(records)
     hand_on(answers)
@@ -206,13 +205,13 @@ def test_a_writer_that_never_pauses_keeps_no_reader(
     reader.listen_to_all(TOPIC, received.every)
     reader.listen(TOPIC, plain)
     asked: list[int] = []
-    plainly = lane_connections.Incoming.bytes_waiting
+    plainly = lane_module.Incoming.bytes_waiting
 
-    def noted(incoming: lane_connections.Incoming) -> int:
+    def noted(incoming: lane_module.Incoming) -> int:
         asked.append(plainly(incoming))
         return asked[-1]
 
-    monkeypatch.setattr(lane_connections.Incoming, "bytes_waiting", noted)
+    monkeypatch.setattr(lane_module.Incoming, "bytes_waiting", noted)
     with process(folder, NEVER_PAUSES):
         end = time.monotonic() + 20.0
         while len(asked) < 20:
@@ -322,7 +321,7 @@ def test_who_stalls_is_not_counted_until_it_goes_on(
     received = Received()
     stalls.listen(TOPIC, received)
     meet(lanes)
-    monkeypatch.setattr(lane_connections, "STALLED_NS", 0)
+    monkeypatch.setattr(lane_module, "STALLED_NS", 0)
     for _ in range(MOST_SENT):
         if speaks.lost:
             break
@@ -509,7 +508,7 @@ def test_without_a_descriptor_left_a_newcomer_is_met_later(
         raise OSError(24, "Too many open files")
 
     with monkeypatch.context() as few:
-        few.setattr(lane_connections.socket, "socket", none_left)
+        few.setattr(lane_module.socket, "socket", none_left)
         lane.look()
     assert not lane._outgoing
     meet([lane, other])

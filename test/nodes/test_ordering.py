@@ -8,7 +8,7 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes import inputs
-from hapticmech_ros.nodes.device_inputs import DevicePath
+from hapticmech_ros.nodes.controller_ports import DevicePath
 from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest, SampleAge
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
 from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain

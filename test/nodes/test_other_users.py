@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo

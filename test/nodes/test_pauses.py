@@ -9,9 +9,15 @@ import time
 import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from hapticmech_ros.nodes.pauses import MINUTE_NS, SEVERAL, OwnPauses, Remedy, SenderPauses
 from hapticmech_ros.nodes.sources import INSIDE, MIDDLEWARE, Origin
-from hapticmech_ros.nodes.timeouts import Losses
+from hapticmech_ros.nodes.timeouts import (
+    MINUTE_NS,
+    SEVERAL,
+    Losses,
+    OwnPauses,
+    Remedy,
+    SenderPauses,
+)
 
 MS = 1_000_000
 TIMEOUT_NS = 12 * MS

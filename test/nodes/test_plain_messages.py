@@ -38,8 +38,7 @@ from hapticmech_ros.wire.layouts import (
     LocalFeedbackGain,
     pack_gain,
 )
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
-from hapticmech_ros.wire.readings import read_device
+from hapticmech_ros.wire.readings import OperationalModelWriter, read_device
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND
 from hapticmech_ros.wire.wrench import encode_wrench

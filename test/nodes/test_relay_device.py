@@ -16,7 +16,7 @@ from benchmarks.push import WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.relay_device import RelayDevice
 
 STATES, EFFORTS = "/fd/joint_states", "/fd/fd_controller/commands"

@@ -16,9 +16,8 @@ from types import SimpleNamespace
 import pytest
 
 from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, SETTLES_NS, UNDERWAY_NS
-from hapticmech_ros.nodes.lane import BEHIND_NS
-from hapticmech_ros.nodes.lane_connections import STALLED_NS
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
+from hapticmech_ros.nodes.lane import BEHIND_NS, STALLED_NS
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, Sources
 from sampling import sampled
 

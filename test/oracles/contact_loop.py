@@ -15,11 +15,10 @@ import pinocchio as pin
 
 from hapticmech_ros.contact.impact_kernels import MOST_PARTS
 from hapticmech_ros.contact.layout import HELD, IS_PART, Contacts
-from hapticmech_ros.contact.shape_kernels import near_pairs, place_shapes
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD, contact_effects
 from hapticmech_ros.contact.stepping import ContactStepper
-from hapticmech_ros.contact.touch_kernels import touching_points
+from hapticmech_ros.contact.touch_kernels import near_pairs, place_shapes, touching_points
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.model import DENSE
 from oracles.mechanism.stepping import ReadableSimulator

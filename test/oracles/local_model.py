@@ -22,7 +22,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.control import Clutch, ControlArchitecture, OperationalModel
-from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.loop_stability import force_gain
 from hapticmech_ros.layout import DEVICE_SAMPLE
 
 TWIST, FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")

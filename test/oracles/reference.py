@@ -16,9 +16,8 @@ from scipy.integrate import solve_ivp
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.projection import consistent_initial_state, project
 from hapticmech_ros.scene import Scene
 from oracles.mechanism.integrators import local_rate
 

@@ -9,7 +9,7 @@ import pytest
 from formats.robots import robot as file_of
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.robot.arm_scene import arm_of, load_arm
+from hapticmech_ros.robot.follower import arm_of, load_arm
 from hapticmech_ros.robot.law import OperationalLaw
 from oracles.driven_robots import ROBOTS
 

@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import DisturbanceObserver, balanced
-from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.law import Target
 from oracles.driven_robots import accelerated, law_of, pose_of, robot
 
 RATE = 20.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.robot.feedback_port import FeedbackPort, FeedbackSettings
+from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings
 
 PERIOD = 1e-3
 X = np.eye(6)[0]

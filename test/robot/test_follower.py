@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings
-from hapticmech_ros.robot.target import Gains
-from hapticmech_ros.robot.tuning import Tuning
+from hapticmech_ros.robot.law import Gains, Tuning
 from oracles.driven_robots import accelerated, law_of, pose_of
 
 Q = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])

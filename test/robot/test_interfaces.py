@@ -8,7 +8,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.interfaces import VirtualRobot
-from hapticmech_ros.robot.target import ForceTask, Gains, Target
+from hapticmech_ros.robot.law import ForceTask, Gains, Target
 from oracles.driven_robots import law_of, pose_of
 
 Q = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])

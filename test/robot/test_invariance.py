@@ -9,8 +9,7 @@ import pinocchio as pin
 import yaml
 
 from hapticmech_ros import Mechanism
-from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.target import ForceTask, Target
+from hapticmech_ros.robot.law import ForceTask, OperationalLaw, Target
 from hapticmech_ros.scene import scene_from_document
 from oracles.driven_robots import ROBOTS, pose_of
 from oracles.frames import rotated

@@ -8,8 +8,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.target import ForceTask, Gains, Target
+from hapticmech_ros.robot.law import ForceTask, Gains, OperationalLaw, Target
 from hapticmech_ros.scene import scene_from_document
 from oracles.driven_robots import ROBOTS, accelerated, law_of, pose_of, poses
 from oracles.planar_linkages import five_bar

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.robot.law import GAIN_MARGIN, inertia_ratio, loop_rates
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled
-from hapticmech_ros.robot.tuning import GAIN_MARGIN, inertia_ratio, loop_rates
 from oracles.driven_robots import law_of, poses, robot
 
 PERIOD = 1e-3

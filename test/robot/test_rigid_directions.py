@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.robot.law import COASTING, RigidDirections
-from hapticmech_ros.robot.target import Gains, Target
+from hapticmech_ros.robot.law import COASTING, Gains, RigidDirections, Target
 from oracles.driven_robots import accelerated, drift, law_of, pose_of
 
 # The UR5e's wrist is singular where joint 5 is at 0.

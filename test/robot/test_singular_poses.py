@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.robot.law import shaped_inertia
-from hapticmech_ros.robot.target import Gains, Target
+from hapticmech_ros.robot.law import Gains, Target, shaped_inertia
 from oracles.driven_robots import accelerated, law_of, pose_of
 from sampling import sampled
 

@@ -8,8 +8,8 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, SwingWatch
+from hapticmech_ros.robot.law import Gains
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled
-from hapticmech_ros.robot.target import Gains
 from oracles.driven_robots import law_of, pose_of, robot
 
 Q = np.array([0.0, -1.9, 1.9, -0.5, -1.0, 0.0])

@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.robot.law import limited_torque
-from hapticmech_ros.robot.target import Target
+from hapticmech_ros.robot.law import Target, limited_torque
 from oracles.driven_robots import law_of, pose_of, poses
 
 

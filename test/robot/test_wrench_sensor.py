@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.robot.wrench_sensor import EARTH, LEAST, WrenchSensor
+from hapticmech_ros.robot.interfaces import EARTH, LEAST, WrenchSensor
 
 MASS, CENTRE = 1.2, np.array([0.01, -0.02, 0.08])
 OFFSET = np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.3])

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64MultiArray, String
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes import managed
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.qos import wait_until_acknowledged
+from hapticmech_ros.nodes.messages import wait_until_acknowledged
 from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import RELIABLE, Peer
 

@@ -13,9 +13,9 @@ from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.metadata import offered_qos
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.errors import BagError
-from hapticmech_ros.nodes.bags import bag_spool
+from hapticmech_ros.nodes.bags import recorded_topic
 from hapticmech_ros.nodes.bags.bag_player import Prefetch
-from hapticmech_ros.nodes.bags.bag_spool import BagSpool
+from hapticmech_ros.nodes.bags.recorded_topic import BagSpool
 
 UINT8 = "std_msgs/msg/UInt8"
 DATA = b"\x00\x01\x00\x00\x07"
@@ -52,7 +52,7 @@ def test_a_disk_that_stalls_delays_nobody(tmp_path: Path) -> None:
 def test_a_queue_that_is_full_drops_and_counts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bag_spool, "LONGEST_QUEUE_BYTES", 100 * len(DATA))
+    monkeypatch.setattr(recorded_topic, "LONGEST_QUEUE_BYTES", 100 * len(DATA))
     writer = StalledWriter(tmp_path / "bag")
     spool = BagSpool(writer)
     spool.add_topic("/v", UINT8, [])

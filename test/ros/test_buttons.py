@@ -15,10 +15,10 @@ from std_msgs.msg import UInt8MultiArray
 
 from benchmarks.haply.emulated import emulated
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.buttons import ButtonOutput, joy_buttons
 from hapticmech_ros.nodes.mechanism_ports import closure_button
-from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.times import NANOSECONDS
 from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, six
 

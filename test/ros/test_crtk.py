@@ -22,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.topics import TOPICS
 from ros.crtk_messages import build
 from ros.harness import WAIT_S, Peer, figures, running, six

@@ -11,8 +11,7 @@ import pytest
 
 from benchmarks.small_machine.demo_run import APART, POSITION_MM, ROTATION_DEG, faults
 from hapticmech_ros.experiment.demo import run_demo
-from hapticmech_ros.graph import private_environment
-from hapticmech_ros.graph_load import RATES
+from hapticmech_ros.graph import RATES, private_environment
 from sampling import only_long
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]

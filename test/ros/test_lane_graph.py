@@ -16,8 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.nodes.lane import Lane
-from hapticmech_ros.nodes.lane_connections import lane_folder
+from hapticmech_ros.nodes.lane import Lane, lane_folder
 from ros.bag_processes import bag_command
 from ros.harness import RATE, Peer, figures, six
 

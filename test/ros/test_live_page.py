@@ -31,7 +31,7 @@ if chromium() is None:
 from benchmarks.live.served import drag, sight
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.graph import private_environment, stop_process
-from hapticmech_ros.nodes.qos import LATCHED
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.view import Placer
 from oracles.users import five_bar_of_two
 from ros.harness import WAIT_S, Peer

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from ros.harness import OTHERS, WAIT_S, Peer, running
 
 pytestmark = pytest.mark.ros

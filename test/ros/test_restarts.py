@@ -15,7 +15,7 @@ import pytest
 import sampling
 from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.nodes.lane_connections import lane_folder
+from hapticmech_ros.nodes.lane import lane_folder
 from ros.harness import RATE, Peer
 from sampling import only_long
 

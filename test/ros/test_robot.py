@@ -19,8 +19,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.robot.law import OperationalLaw
-from hapticmech_ros.robot.tuning import inertia_ratio, loop_rates
+from hapticmech_ros.robot.law import OperationalLaw, inertia_ratio, loop_rates
 from ros.harness import WAIT_S, Peer, figures, running, six
 
 pytestmark = pytest.mark.ros

@@ -17,7 +17,7 @@ from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.mechanism.grasp import flat_grasps
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser
-from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs
+from hapticmech_ros.nodes.viewer.scene_viewer import SceneOutputs
 from hapticmech_ros.view import Placer, moving_frames
 from hapticmech_ros.view.shapes import numbered, sphere
 from hapticmech_ros.wire.state import WireState

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.loading.copying import copy_scene
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.state import StateLayout

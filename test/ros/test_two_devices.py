@@ -23,10 +23,9 @@ from hapticmech_ros.experiment.from_bag import HAND, read_series, shared_record_
 from hapticmech_ros.experiment.from_session import run_shared_session
 from hapticmech_ros.files import shared
 from hapticmech_ros.graph import Graph, private_environment
-from hapticmech_ros.loading.copying import copy_scene
-from hapticmech_ros.lockstep import LockstepRun, run_lockstep
+from hapticmech_ros.loading.loader import copy_scene
+from hapticmech_ros.lockstep import LockstepRun, replay, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.replay import replay
 from hapticmech_ros.scene.limits import Limits
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode

@@ -13,8 +13,8 @@ import pytest
 from visualization_msgs.msg import Marker
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
-from hapticmech_ros.nodes.viewer.scene_outputs import (
+from hapticmech_ros.mechanism.projection import consistent_initial_state
+from hapticmech_ros.nodes.viewer.scene_viewer import (
     marker_array,
     marker_of,
     tf_message,

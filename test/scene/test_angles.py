@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros import SceneError, load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.angles import angle_of, with_angles
+from hapticmech_ros.scene.validation import angle_of, with_angles
 
 
 @pytest.mark.parametrize(

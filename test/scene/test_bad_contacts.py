@@ -7,7 +7,7 @@ import pytest
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.contact_rules import MESH_SIZE_LIMIT, with_mesh_paths
+from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT, with_mesh_paths
 from oracles.touching import on_floor
 
 # key path | value | words of the rule

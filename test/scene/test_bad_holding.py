@@ -9,7 +9,7 @@ import pytest
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.script import FILE_SIZE_LIMIT
+from hapticmech_ros.scene.hand import FILE_SIZE_LIMIT
 
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"
 ARM = {"kind": "arm", "waypoints": [{"time": 0.5, "xyz": [0.01, 0, 0]}]}

@@ -19,7 +19,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.cli.console import with_changes as changed_copies
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.scene import document_of
-from hapticmech_ros.scene.changes import with_changes
+from hapticmech_ros.scene.validation import with_changes
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LINK = {"name": "a", "joint": {"damping": 0.1}}

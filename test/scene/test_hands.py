@@ -7,7 +7,7 @@ import pytest
 from hapticmech_ros import InvalidInputError, load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.gain_rule import by_rule
+from hapticmech_ros.scene.controller import by_rule
 from oracles.users import two_points
 
 ARM = {"kind": "arm", "waypoints": [{"time": 0.0}]}

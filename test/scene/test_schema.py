@@ -16,11 +16,9 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.angles import angle_of
 from hapticmech_ros.scene.key_reference import examples, meanings, parts, scene_schema
-from hapticmech_ros.scene.mechanism import JointType
-from hapticmech_ros.scene.model_part import ModelPart
-from hapticmech_ros.scene.validation import written_document
+from hapticmech_ros.scene.mechanism import JointType, ModelPart
+from hapticmech_ros.scene.validation import angle_of, written_document
 from hapticmech_ros.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.plan.scene_check import check_scene

@@ -12,7 +12,7 @@ import pytest
 from hapticmech_ros import SharedSession, Simulator, load_scene
 from hapticmech_ros.analysis.scene_variants import of_first_user
 from hapticmech_ros.analysis.touch import scripted
-from hapticmech_ros.operational.coupling import coupling
+from hapticmech_ros.operational.analysis import coupling
 from hapticmech_ros.plan.step_accuracy import experiment_run
 from hapticmech_ros.scene.hand import ARM_IMPEDANCES
 from oracles.five_bar import FiveBar

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.study.journal import ROWS
+from hapticmech_ros.study.parameter_study import ROWS
 
 # A file for each scene that is measured, named after its mass.
 FOLDER = "HAPTICMECH_TEST_STUDY"

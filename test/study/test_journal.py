@@ -5,7 +5,14 @@
 import numpy as np
 import pytest
 
-from hapticmech_ros.study.journal import DEFINITION, FAILURES, ROWS, Journal, Rows, StudyError
+from hapticmech_ros.study.parameter_study import (
+    DEFINITION,
+    FAILURES,
+    ROWS,
+    Journal,
+    Rows,
+    StudyError,
+)
 
 WHAT = {"scene": "five_bar", "seed": 3}
 

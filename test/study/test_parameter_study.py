@@ -19,7 +19,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.study import Design, Variation, run_study
-from hapticmech_ros.study.journal import DEFINITION, FAILURES, ROWS, StudyError
+from hapticmech_ros.study.parameter_study import DEFINITION, FAILURES, ROWS, StudyError
 from study.counting import FOLDER
 
 MASSES = "device.mass=0.1,0.2,0.3,0.4,0.5,0.6"

@@ -9,10 +9,10 @@ import pytest
 
 from hapticmech_ros.contact.hull import hull
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.nodes.viewer.scene_outputs import marker_of
+from hapticmech_ros.nodes.viewer.scene_viewer import marker_of
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, palette
-from hapticmech_ros.view.wrench_shapes import Hulls, Scales, touch_shapes
+from hapticmech_ros.view.shapes import Hulls, Scales, touch_shapes
 from hapticmech_ros.wire.contact_points import ContactPoints
 from oracles.touching import FLOOR, SHAPES, body, pair, scene, shape
 

@@ -9,9 +9,9 @@ import pytest
 
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.view.wrench_shapes import directions, gathered
+from hapticmech_ros.view.shapes import directions, gathered
 from oracles.generator import random_mechanism
 
 

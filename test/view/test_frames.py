@@ -12,7 +12,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, fixed_frames, moving_frames
-from hapticmech_ros.view.frames import frame_names
+from hapticmech_ros.view.placement import frame_names
 from oracles.generator import random_mechanism
 from oracles.kinematics import link_poses, point_pose
 

@@ -12,7 +12,7 @@ import pytest
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.operational.results import felt_masses
-from hapticmech_ros.view.mechanism_shapes import mass_ellipsoid
+from hapticmech_ros.view.shapes import mass_ellipsoid
 
 
 def analysed(name):

@@ -14,7 +14,7 @@ import pytest
 
 from hapticmech_ros import Mechanism, Session, analyse, load_scene
 from hapticmech_ros.loading import shipped_scenes
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.view import Picture, Placer, Snapshot, UserSnapshot, palette, vanished
 from oracles.kinematics import link_poses

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.view import Picture, Placer, Snapshot
 

@@ -10,8 +10,8 @@ from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.wire.layouts import (
@@ -19,7 +19,7 @@ from hapticmech_ros.wire.layouts import (
     OperationalModelMessage,
     pack_operational_model,
 )
-from hapticmech_ros.wire.operational_model_wire import OperationalModelWriter
+from hapticmech_ros.wire.readings import OperationalModelWriter
 from hapticmech_ros.wire.state import WireState
 
 

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.kernels.data import data_size
-from hapticmech_ros.mechanism.kernels.model import Constants, Model, pack
+from hapticmech_ros.mechanism.kernels.model import Constants, Model, data_size, pack
 
 
 class ActiveSet:

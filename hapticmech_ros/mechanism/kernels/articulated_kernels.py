@@ -16,8 +16,7 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
-from hapticmech_ros.mechanism.kernels.data import Data
-from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import clear, dot6
 from hapticmech_ros.mechanism.kernels.tree_kernels import ARMATURE
 

@@ -8,9 +8,8 @@ import math
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
-from hapticmech_ros.mechanism.kernels.data import Data
-from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair, pair_power, pull_between
+from hapticmech_ros.mechanism.kernels.closure_kernels import add_pair, pair_power, pull_between
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 
 # Columns of ``Model.element_values``, and of ``Model.spring_values``.
 STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)

@@ -10,7 +10,6 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.element_kernels import (
     LOWER,
     PULL,
@@ -23,7 +22,7 @@ from hapticmech_ros.mechanism.kernels.element_kernels import (
     element_resistance,
 )
 from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
-from hapticmech_ros.mechanism.kernels.model import DENSE, Model
+from hapticmech_ros.mechanism.kernels.model import DENSE, POTENTIAL, RANK, STEP, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
@@ -31,7 +30,6 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.small_matrices import dot, remove
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.step_layout import POTENTIAL, RANK, STEP
 from hapticmech_ros.mechanism.kernels.tree_kernels import CARRIED, bias_force_of, carried_place
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 

@@ -4,7 +4,7 @@
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
 :mod:`~hapticmech_ros.mechanism.kernels.model`), and what is known of a configuration as one array
-``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.data`).
+``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.model`).
 
 W of all closures is factorised with D, dense, by SVD, or QR where that will do.
 """
@@ -21,11 +21,13 @@ from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED, factor_band
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
+    add_gear,
+    add_pair,
     end_of_rows,
+    gear_error,
     residual_of,
     wrenches_of,
 )
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.many_rows import (
     FEW_ROWS,
     SOME_ROWS,
@@ -41,21 +43,23 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     correction_of,
     lift,
 )
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
-from hapticmech_ros.mechanism.kernels.pair_kernels import add_gear, add_pair, gear_error
+from hapticmech_ros.mechanism.kernels.model import (
+    ERROR,
+    LEAST,
+    POTENTIAL,
+    RANK,
+    RESOLVED_RANK,
+    SPARSE,
+    Data,
+    Model,
+    unpack,
+)
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     EPSILON,
     cholesky,
     dot_rows,
     orthogonalise,
     solve_lower,
-)
-from hapticmech_ros.mechanism.kernels.step_layout import (
-    ERROR,
-    LEAST,
-    POTENTIAL,
-    RANK,
-    RESOLVED_RANK,
 )
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (

@@ -15,10 +15,9 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
-from hapticmech_ros.mechanism.kernels.data import views_of
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants, views_of
 
 # Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
 # over all pairs of rows several times; one of a dense QR, also that of a border.

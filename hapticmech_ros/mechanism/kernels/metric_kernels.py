@@ -23,15 +23,13 @@ from hapticmech_ros.mechanism.kernels.band_kernels import (
     turn_back,
     turn_in,
 )
-from hapticmech_ros.mechanism.kernels.data import Data
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Model
+from hapticmech_ros.mechanism.kernels.model import RANK, SPARSE, Data, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import (
     dot_with_row,
     remove,
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.kernels.step_layout import RANK
 
 
 @inner

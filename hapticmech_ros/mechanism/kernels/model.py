@@ -5,6 +5,12 @@
 A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The
 whole numbers begin with sizes, and with where each part is; the others end with a workspace,
 since to allocate a dozen numbers takes longer than to compute them.
+
+What kernels know of a configuration, as one array: see :class:`Data`.
+
+What the mechanism's kernels read and fill besides matrices, by name: one table for each array.
+
+Kernels index with the names below each table; Python takes slices of the tables.
 """
 
 from __future__ import annotations
@@ -15,9 +21,202 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.compilation import SIZES, Part, Size, Structure, structure
+from hapticmech_ros.compilation import SIZES, Part, Size, Structure, inner, structure
+from hapticmech_ros.layout import Field, Layout
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
-from hapticmech_ros.mechanism.kernels.step_layout import STEP_ACCOUNT, STEP_SETTINGS, TERMS_TAIL
+
+_ONE = Field(1)
+
+# Of a step: its length, s; 1 where positions move with the rates at the step's end; φ at which the
+# projection stops, up to which it may stop when φ halves no more, and beyond which a step may have
+# been a jump, m; Baumgarte's rate a, 1/s, 0 for the projection; φ beyond which a loop has come
+# apart, m; 1 where θ̇ differs from v at later stages; what of singular positions ends a run, see
+# ``run_kernels``; by which share of what it exchanges a step's energy account may be off, 0 where
+# nobody looks; how many of the wrenches on links are those of contacts, which come first; and which
+# share of what was exchanged all steps together may make from nothing.
+STEP_SETTINGS = Layout(
+    dict.fromkeys(
+        (
+            "step",
+            "late",
+            "closed",
+            "rounded",
+            "far",
+            "baumgarte_rate",
+            "apart",
+            "local_rates",
+            "heeded",
+            "tolerance",
+            "touching",
+            "drift",
+        ),
+        _ONE,
+    )
+)
+(
+    STEP,
+    LATE,
+    CLOSED,
+    ROUNDED,
+    FAR,
+    BAUMGARTE_RATE,
+    APART,
+    LOCAL_RATES,
+    HEEDED,
+    TOLERANCE,
+    TOUCHING,
+    DRIFT,
+) = STEP_SETTINGS.starts(*STEP_SETTINGS)
+
+# Of a run: work done and energy lost since it began, J; |φ| of the round before; in the mass metric
+# how far the step went, if it may have been a jump, and the projection; steps done; by how much the
+# energy accounts of all steps are off, J; and the part of the work that contacts did, J. Then what
+# the run began with, see ``motion.Owed``; the last of it is the largest so far; and the number of
+# steps after which too much had been lost without a cause.
+STEP_ACCOUNT = Layout(
+    dict.fromkeys(
+        (
+            "work_in",
+            "energy_lost",
+            "last_error",
+            "went",
+            "projected",
+            "steps_done",
+            "surplus",
+            "contact_work",
+            "owed_surplus",
+            "owed_work",
+            "owed_loss",
+            "moved",
+            "lossy",
+        ),
+        _ONE,
+    )
+)
+(
+    WORK_IN,
+    ENERGY_LOST,
+    LAST_ERROR,
+    WENT,
+    PROJECTED,
+    STEPS_DONE,
+    SURPLUS,
+    CONTACT_WORK,
+    OWED_SURPLUS,
+    OWED_WORK,
+    OWED_LOSS,
+    MOVED,
+    LOSSY,
+) = STEP_ACCOUNT.starts(*STEP_ACCOUNT)
+# What the run began with.
+OWED = STEP_ACCOUNT.slice("owed_surplus", "moved")
+
+# What a run does, whole numbers: steps; stages of the rule; 1 for an implicit rule; 1 where terms
+# at the start are known; steps from one sample to the next, 0 for none; and with contacts what it
+# begins with, see ``contact.step_kernels``, and how many rows of ``external`` behind those of the
+# contacts are wrenches from outside.
+RUN_PLAN = Layout(
+    dict.fromkeys(
+        (
+            "steps",
+            "stages",
+            "implicit",
+            "terms_known",
+            "sample_every",
+            "begins_with",
+            "pushes",
+        ),
+        _ONE,
+    )
+)
+(
+    STEPS,
+    STAGES,
+    IMPLICIT,
+    TERMS_KNOWN,
+    SAMPLE_EVERY,
+    BEGINS_WITH,
+    PUSHES,
+) = RUN_PLAN.starts(*RUN_PLAN)
+
+# The end of a packed array of terms: largest |φ|, m or rad; the rank; ``least`` and ``resolved`` of
+# a Closing; and the potential energy, J, infinite until a step's account has asked for it.
+TERMS_TAIL = Layout(dict.fromkeys(("error", "rank", "least", "resolved_rank", "potential"), _ONE))
+ERROR, RANK, LEAST, RESOLVED_RANK, POTENTIAL = TERMS_TAIL.starts(*TERMS_TAIL)
+
+
+@structure
+class Data(Structure):
+    """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
+
+    Dense and sparse factorisations share the array's first half; what the other one has is empty.
+
+    Attributes:
+        residual: (m,) φ.
+        pairs: (m, 12) W row by row: the wrenches on the joints of frames a and b whose power is the
+            row's rate, force first, moment about the world's origin.
+        joint_jacobian: (nv, 6) columns of all joints, world axes, at the world's origin.
+        poses: (frames, 12) each frame's axes in the world, then its origin.
+        places: (joints, 12) the joints' own poses.
+        bodies: (joints, 12) each joint's own inertia in world axes about the world's origin: mass,
+            mass times centre, and xx, xy, xz, yy, yz, zz.
+        factor: (nv, nv) lower Cholesky factor L of D; dense.
+        jacobian: (m, nv) W; dense.
+        basis: (k, nv) Uᵀ; dense.
+        sigma: (k,) σ; dense.
+        rows: (k, m) (V / row length)ᵀ; dense.
+        pivots: (nv, 8) articulated inertia times each axis over the root of its pivot, that root,
+            and its inverse; sparse.
+        band: (m, width) rows of R over reflectors, by ``sequence``; sparse.
+        row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
+            R's diagonal, the band's last row, and the first row before it that reaches into it;
+            sparse.
+        shares: (m + border, border) what is free of the rows' pivots, by ``sequence``, and of the
+            border's rates: columns that are orthonormal; sparse.
+        tail: (5,) the array's end, see ``step_layout.TERMS_TAIL``.
+    """
+
+    __slots__ = ()
+
+    residual = Part(16, 1)
+    pairs = Part(17, 2)
+    joint_jacobian = Part(18, 2)
+    poses = Part(19, 2)
+    places = Part(20, 2)
+    bodies = Part(21, 2)
+    factor = Part(22, 2)
+    jacobian = Part(23, 2)
+    basis = Part(24, 2)
+    sigma = Part(25, 1)
+    rows = Part(26, 2)
+    pivots = Part(27, 2)
+    band = Part(28, 2)
+    row_places = Part(29, 2)
+    shares = Part(30, 2)
+    tail = Part(31, 1)
+
+
+# Their names.
+PARTS = tuple(name for name, part in vars(Data).items() if isinstance(part, Part))
+
+
+def data_size(model: Model) -> int:
+    """Return the length of a packed array."""
+    return int(model.numbers[7])
+
+
+def views_of(packed: Array, model: Model) -> Data:
+    """Return the parts of a packed array, as views.
+
+    Args:
+        packed: (size,) packed terms.
+        model: the mechanism's.
+    """
+    return Data(model.numbers, packed)
+
+
+unpack = inner(views_of)
+
 
 # Path of a factorisation: see ``data.Data``.
 DENSE, SPARSE = 0, 1

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
-from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, bias_of
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
+from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, add_pair, bias_of, gear_bias
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.pair_kernels import add_pair, gear_bias
+from hapticmech_ros.mechanism.kernels.model import Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.mechanism.kernels.data import Data, unpack
 from hapticmech_ros.mechanism.kernels.energy_kernels import (
     BALANCE,
     EXCHANGED,
@@ -22,18 +21,7 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     put_balance,
 )
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
-from hapticmech_ros.mechanism.kernels.implicit_kernels import aim_implicitly, linearise
-from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.kernels.step_kernels import (
-    Work,
-    aim,
-    aim_by_all,
-    find_rates,
-    start_step,
-)
-from hapticmech_ros.mechanism.kernels.step_layout import (
+from hapticmech_ros.mechanism.kernels.model import (
     CONTACT_WORK,
     DRIFT,
     ENERGY_LOST,
@@ -56,6 +44,20 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     TERMS_KNOWN,
     TOLERANCE,
     WORK_IN,
+    Data,
+    Model,
+    unpack,
+)
+from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import (
+    Work,
+    aim,
+    aim_by_all,
+    aim_implicitly,
+    find_rates,
+    linearise,
+    start_step,
 )
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, ROUNDED_STEPS
 

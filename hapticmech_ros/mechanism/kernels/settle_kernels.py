@@ -13,14 +13,10 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
-from hapticmech_ros.mechanism.kernels.data import Data
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
-from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
-from hapticmech_ros.mechanism.kernels.step_layout import (
+from hapticmech_ros.mechanism.kernels.model import (
     APART,
     BAUMGARTE_RATE,
     CLOSED,
@@ -32,7 +28,11 @@ from hapticmech_ros.mechanism.kernels.step_layout import (
     RANK,
     ROUNDED,
     WENT,
+    Data,
+    Model,
 )
+from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
     LEAST_TOLERANCE,

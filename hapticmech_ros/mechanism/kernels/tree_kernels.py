@@ -17,8 +17,7 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.compilation import inner, leaf
-from hapticmech_ros.mechanism.kernels.data import Data
-from hapticmech_ros.mechanism.kernels.model import JOINT_COLUMNS, Model
+from hapticmech_ros.mechanism.kernels.model import JOINT_COLUMNS, Data, Model
 from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot6
 
 REVOLUTE, PRISMATIC, PLANAR, SPHERICAL, FREE = range(5)

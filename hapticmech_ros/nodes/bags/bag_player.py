@@ -33,10 +33,13 @@ from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.bag.schedule import Cut, Message, Timeline, cut_of, latched_first, stream
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
-from hapticmech_ros.nodes.loop import LONGEST_WAIT_S, StopRequest, wait_for_messages
-from hapticmech_ros.nodes.messages import message_class
-from hapticmech_ros.nodes.qos import wait_until_acknowledged
-from hapticmech_ros.nodes.quiet_events import QuietEventsNode
+from hapticmech_ros.nodes.loop import (
+    LONGEST_WAIT_S,
+    QuietEventsNode,
+    StopRequest,
+    wait_for_messages,
+)
+from hapticmech_ros.nodes.messages import message_class, wait_until_acknowledged
 from hapticmech_ros.times import NANOSECONDS
 
 

@@ -24,11 +24,9 @@ from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.discovery import Transport
 from hapticmech_ros.errors import BagError, HapticMechError
-from hapticmech_ros.nodes.bags.bag_spool import BagSpool
-from hapticmech_ros.nodes.bags.recorded_topic import RecordedTopic
+from hapticmech_ros.nodes.bags.recorded_topic import BagSpool, RecordedTopic
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import Inbox, StopRequest
-from hapticmech_ros.nodes.quiet_events import QuietEventsNode
+from hapticmech_ros.nodes.loop import Inbox, QuietEventsNode, StopRequest
 from hapticmech_ros.nodes.sources import Info
 from hapticmech_ros.readiness import say_ready
 from hapticmech_ros.times import nanoseconds

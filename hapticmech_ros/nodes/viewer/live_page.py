@@ -35,11 +35,11 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.live.settings import VISER, checked_address
-from hapticmech_ros.mechanism.assembly import consistent_initial_state
 from hapticmech_ros.mechanism.grasp import flat_grasps
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.mechanism.projection import consistent_initial_state
+from hapticmech_ros.nodes.actor import Host
+from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
 from hapticmech_ros.nodes.parameters import LiveParameters
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
 from hapticmech_ros.nodes.viewer.page_device import STALE, GraphCommands, PageDevice, PageLink
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser, SceneSubscriber
 from hapticmech_ros.operational.observation import Observation

@@ -39,8 +39,7 @@ from hapticmech_ros.live.process import Mailbox
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.messages import write_pose
-from hapticmech_ros.nodes.qos import STREAM_PUBLISHER
+from hapticmech_ros.nodes.messages import STREAM_PUBLISHER, write_pose
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.viewer.scene_inputs import SceneInput
 from hapticmech_ros.scene.hand import STILL_HAND

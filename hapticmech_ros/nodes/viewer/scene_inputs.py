@@ -17,12 +17,10 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.grasp import flat_grasps, grasp_of
-from hapticmech_ros.nodes.actor import Actor, ClockedActor
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host
 from hapticmech_ros.nodes.inputs import Latest
-from hapticmech_ros.nodes.messages import deserialized, read_pose, read_wrench
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, deserialized, read_pose, read_wrench
 from hapticmech_ros.nodes.parameters import SceneSubscriberParameters
-from hapticmech_ros.nodes.qos import CONTROL_SUBSCRIBER
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.times import nanoseconds

@@ -4,27 +4,322 @@
 
 It draws at its own rate, and only what somebody subscribes to; while nobody does it does not even
 listen. The other nodes neither know nor need it.
+
+What the scene viewer publishes, as messages of viewers, and only while somebody subscribes.
 """
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pinocchio as pin
+from geometry_msgs.msg import Point, Pose, TransformStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import ColorRGBA, String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.nodes.host import Host
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.nodes.actor import Actor, Host
+from hapticmech_ros.nodes.exchange import Outlet
+from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, write_wrench
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, SceneSubscriber
-from hapticmech_ros.nodes.viewer.scene_outputs import SceneOutputs, installed_tf_type
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import (
+    JointStates,
     Picture,
     Placement,
     Placer,
     Snapshot,
     UserSnapshot,
+    fixed_frames,
     moving_frames,
+    urdf_of,
+    vanished,
 )
-from hapticmech_ros.view.shapes import Shape
-from hapticmech_ros.view.wrench_shapes import Hulls, Scales, touch_shapes
-from hapticmech_ros.wire.topics import STATE
+from hapticmech_ros.view.placement import DEVICE, NamedTransform, at_world, frame_names
+from hapticmech_ros.view.shapes import Hulls, Key, Scales, Shape, touch_shapes
+from hapticmech_ros.wire.topics import (
+    FRAMES,
+    MARKERS,
+    ROBOT_DESCRIPTION,
+    SEEN_DEVICE_COMMAND,
+    SEEN_HAND_FORCE,
+    SEEN_POINT_COMMAND,
+    SEEN_POINT_FORCE,
+    STATE,
+    URDF_JOINTS,
+)
+
+_TYPES = {
+    "cylinder": Marker.CYLINDER,
+    "sphere": Marker.SPHERE,
+    "box": Marker.CUBE,
+    "arrow": Marker.ARROW,
+    "strip": Marker.LINE_STRIP,
+    "text": Marker.TEXT_VIEW_FACING,
+    "triangles": Marker.TRIANGLE_LIST,
+}
+
+
+def marker_array(
+    shapes: Iterable[Shape],
+    gone: Iterable[Key],
+    time_ns: int,
+    lifetime_s: float,
+    afresh: bool = False,
+) -> MarkerArray:
+    """Return a picture as markers in ``world``.
+
+    Args:
+        shapes: what is to be seen.
+        gone: what was seen before and is to vanish.
+        time_ns: stamp.
+        lifetime_s: after this a shape vanishes that nobody renews.
+        afresh: remove everything first, whoever put it there.
+    """
+    message = MarkerArray()
+    if afresh:
+        message.markers.append(_header(Marker(action=Marker.DELETEALL), time_ns))
+    for namespace, number in gone:
+        marker = Marker(ns=namespace, id=number, action=Marker.DELETE)
+        message.markers.append(_header(marker, time_ns))
+    for shape in shapes:
+        marker = _header(marker_of(shape), time_ns)
+        set_stamp(marker.lifetime, nanoseconds(lifetime_s))
+        message.markers.append(marker)
+    return message
+
+
+def marker_of(shape: Shape) -> Marker:
+    """Return a shape as a marker without a header."""
+    red, green, blue, opacity = shape.colour
+    marker = Marker(
+        ns=shape.namespace,
+        id=shape.number,
+        type=_TYPES[shape.kind],
+        action=Marker.ADD,
+        pose=_pose(shape.pose),
+        color=ColorRGBA(r=red, g=green, b=blue, a=opacity),
+        points=[Point(x=x, y=y, z=z) for x, y, z in shape.points.tolist()],
+        text=shape.text,
+    )
+    # Message fields take nothing but floats, and an int becomes a wrong number without a word.
+    marker.scale.x, marker.scale.y, marker.scale.z = map(float, shape.size)
+    return marker
+
+
+def transform_message(frame: NamedTransform, time_ns: int, prefix: str = "") -> TransformStamped:
+    """Return a frame in its parent; every frame but ``world`` has ``prefix`` before its name."""
+    message = TransformStamped(child_frame_id=prefixed(frame.child, prefix))
+    message.header.frame_id = prefixed(frame.parent, prefix)
+    set_stamp(message.header.stamp, time_ns)
+    pose = _pose(frame.pose)
+    moved = message.transform.translation
+    moved.x, moved.y, moved.z = pose.position.x, pose.position.y, pose.position.z
+    message.transform.rotation = pose.orientation
+    return message
+
+
+def tf_message(message_type: Any, transforms: Iterable[TransformStamped]) -> Any:
+    """Return transforms as one message of tf; ``message_type`` is tf2_msgs' TFMessage."""
+    return message_type(transforms=list(transforms))
+
+
+def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
+    """Return a wrench (6,), axes of ``world``, stamped in a frame that has those axes.
+
+    Args:
+        frame: its name.
+        wrench: (6,) N and N m.
+        time_ns: its stamp, ns.
+    """
+    message = WrenchStamped()
+    write_wrench(message, wrench, time_ns)
+    message.header.frame_id = frame
+    return message
+
+
+def prefixed(name: str, prefix: str) -> str:
+    """Return the frame's name with ``prefix``; ``world`` is everybody's."""
+    return name if name == WORLD else prefix + name
+
+
+def _header(marker: Marker, time_ns: int) -> Marker:
+    marker.header.frame_id = WORLD
+    set_stamp(marker.header.stamp, time_ns)
+    return marker
+
+
+def _pose(pose: pin.SE3) -> Pose:
+    message = Pose()
+    place, turn = message.position, message.orientation
+    place.x, place.y, place.z = pose.translation.tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion_of(pose.rotation).tolist()
+    return message
+
+
+# One message per frame goes out at once: a reader has to get all of them.
+BURST_PUBLISHER = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+# What listeners of tf expect of /tf_static: the last value for whoever comes late.
+STATIC_PUBLISHER = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+TF, TF_STATIC = "/tf", "/tf_static"
+
+
+class SceneOutputs:
+    """Publishers of one viewer; what seldom changes is published at once.
+
+    Args:
+        actor: whose publishers they are.
+        mechanism: what is shown.
+        users: what is before the names of a user's topics and frames, by the point held.
+        prefix: before the name of every frame but ``world``.
+        tf_type: class of tf's messages; None: no tf.
+    """
+
+    def __init__(
+        self,
+        actor: Actor[Any],
+        mechanism: Mechanism,
+        users: Mapping[str, str],
+        prefix: str,
+        tf_type: Any | None,
+    ) -> None:
+        self._actor = actor
+        self._mechanism = mechanism
+        self._users = users
+        self._prefix = prefix
+        names = frame_names(mechanism.scene, list(users.values()))
+        self._names = {name: prefixed(frame, prefix) for name, frame in names.items()}
+        self._joints = JointStates(mechanism)
+        # None: whatever is shown was put there by others, or by an earlier life.
+        self._shown: list[Key] | None = None
+        self._publish_markers = actor.output(MARKERS, MarkerArray)
+        self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
+        self._publish_joints = actor.output(URDF_JOINTS, JointState)
+        self._wrenches: dict[tuple[str, str], Outlet] = {}
+        for topic in (SEEN_DEVICE_COMMAND, SEEN_HAND_FORCE):
+            for point, user in users.items():
+                name = user + topic.name
+                self._wrenches[topic.name, point] = actor.output_named(
+                    name, WrenchStamped, actor.output_qos
+                )
+        for topic in (SEEN_POINT_COMMAND, SEEN_POINT_FORCE):
+            for point in mechanism.point_names:
+                self._wrenches[topic.name, point] = actor.output(topic, WrenchStamped, point=point)
+        self._publish_description = actor.output(ROBOT_DESCRIPTION, String, LATCHED)
+        self._publish_description.publish(String(data=urdf_of(mechanism)))
+        self._tf_type = tf_type
+        self._publish_tf: Outlet | None = None
+        if tf_type is not None:
+            self._publish_tf = self._tf_publisher(TF, BURST_PUBLISHER)
+            self._publish_tf_static = self._tf_publisher(TF_STATIC, STATIC_PUBLISHER)
+        self.show_fixed_frames(actor.now_ns())
+
+    def looked_at(self) -> bool:
+        """Return whether somebody subscribes to anything that moves."""
+        moving = [self._publish_markers, self._publish_frames, self._publish_joints]
+        moving += self._wrenches.values()
+        if self._publish_tf is not None:
+            moving.append(self._publish_tf)
+        return any(outlet.wanted for outlet in moving)
+
+    def wants_markers(self) -> bool:
+        """Return whether somebody looks at markers; what was shown to nobody is forgotten."""
+        wanted = self._publish_markers.wanted
+        if not wanted:
+            self._shown = None
+        return wanted
+
+    def show_markers(self, shapes: Sequence[Shape], time_ns: int, lifetime_s: float) -> None:
+        """Publish a picture; what was in the last one and is not in this one is deleted."""
+        gone = vanished(self._shown or (), shapes)
+        afresh = self._shown is None
+        message = marker_array(shapes, gone, time_ns, lifetime_s, afresh)
+        self._shown = [shape.key for shape in shapes]
+        self._publish_markers.publish(message)
+
+    def clear_markers(self, time_ns: int) -> None:
+        """Publish an empty picture."""
+        self._shown = None
+        self._publish_markers.publish(marker_array((), (), time_ns, 0.0, afresh=True))
+
+    def show_fixed_frames(self, time_ns: int) -> None:
+        """Find the frames that stay where they are in a link, and publish them on /tf_static."""
+        self._fixed = fixed_frames(self._mechanism.scene)
+        if self._tf_type is not None:
+            fixed = self._transforms(self._fixed, time_ns)
+            self._publish_tf_static.publish(tf_message(self._tf_type, fixed))
+
+    def show_frames(self, moving: Sequence[NamedTransform], time_ns: int) -> None:
+        """Publish all frames by name, and on /tf those that move."""
+        if self._publish_frames.wanted:
+            for message in self._transforms([*moving, *self._fixed], time_ns):
+                self._publish_frames.publish(message)
+        if self._publish_tf is not None and self._publish_tf.wanted:
+            transforms = self._transforms(moving, time_ns)
+            self._publish_tf.publish(tf_message(self._tf_type, transforms))
+
+    def show_joints(self, q: Array, v: Array, time_ns: int) -> None:
+        """Publish positions and rates of the joints of the URDF text.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) rates, rad/s or m/s.
+            time_ns: its stamp, ns.
+        """
+        if self._publish_joints.wanted:
+            message = JointState(name=list(self._joints.names))
+            message.position = self._joints.at(q).tolist()
+            message.velocity = self._joints.rates(q, v).tolist()
+            set_stamp(message.header.stamp, time_ns)
+            self._publish_joints.publish(message)
+
+    def show_wrenches(self, received: Received, time_ns: int) -> None:
+        """Publish wrenches in frames at whose origin they act."""
+        for point, user in received.users.items():
+            frame = self._names[at_world(self._users[point] + DEVICE)]
+            for topic, wrench in (
+                (SEEN_DEVICE_COMMAND, user.device_command),
+                (SEEN_HAND_FORCE, user.hand_wrench),
+            ):
+                self._show_wrench(topic.name, point, frame, wrench, time_ns)
+        for index, point in enumerate(self._mechanism.point_names):
+            frame = self._names[at_world(point)]
+            command = received.point_commands.get(point)
+            self._show_wrench(SEEN_POINT_COMMAND.name, point, frame, command, time_ns)
+            contact = received.state.contacts[index]
+            self._show_wrench(SEEN_POINT_FORCE.name, point, frame, contact, time_ns)
+
+    def _show_wrench(
+        self, topic: str, point: str, frame: str, wrench: Array | None, time_ns: int
+    ) -> None:
+        publisher = self._wrenches[topic, point]
+        if wrench is not None and publisher.wanted:
+            publisher.publish(wrench_in(frame, wrench, time_ns))
+
+    def _transforms(self, frames: Sequence[NamedTransform], time_ns: int) -> list[TransformStamped]:
+        return [transform_message(frame, time_ns, self._prefix) for frame in frames]
+
+    def _tf_publisher(self, name: str, qos: QoSProfile) -> Outlet:
+        return self._actor.output_named(name, self._tf_type, qos)
+
+
+def installed_tf_type() -> Any | None:
+    """Return tf2_msgs' TFMessage, or None where tf2_msgs is not installed."""
+    if importlib.util.find_spec("tf2_msgs") is None:
+        return None
+    return importlib.import_module("tf2_msgs.msg").TFMessage
+
 
 # A marker vanishes when this, or three periods, went by without a new one, s.
 SHORTEST_LIFETIME_S = 1.0

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.control.force_gain import force_gain
+from hapticmech_ros.control.loop_stability import force_gain
 
 
 def impedance_wrench(

@@ -16,8 +16,8 @@ from hapticmech_ros.scene.hand import (
     ScriptedHand,
     TargetHand,
     Tremor,
+    read_script,
 )
-from hapticmech_ros.scene.script import read_script
 
 
 def hand_law(hand: Hand) -> HandLaw:

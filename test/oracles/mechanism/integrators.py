@@ -11,10 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.inertia import singular_inertia
-from hapticmech_ros.mechanism.lapack import dpotrf, dtrsv
+from hapticmech_ros.mechanism.inertia import dpotrf, dtrsv, singular_inertia
 from hapticmech_ros.mechanism.motion import Rates
-from hapticmech_ros.mechanism.tableaus import (
+from hapticmech_ros.mechanism.schemes import (
     COUPLED,
     DIAGONAL,
     REACHED,

@@ -14,14 +14,13 @@ from scipy.linalg import lapack
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import WORLD_AXES, Active
-from hapticmech_ros.mechanism.constraint_space import solve_lower
-from hapticmech_ros.mechanism.evaluation import PointKinematics
+from hapticmech_ros.mechanism.constraint_space import PointKinematics, solve_lower
 from hapticmech_ros.mechanism.inertia import (
     SingularInertiaError,
     cholesky_of_upper,
+    dtrsv,
     singular_joint,
 )
-from hapticmech_ros.mechanism.lapack import dtrsv
 from hapticmech_ros.mechanism.mechanism import MultibodyModel
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,

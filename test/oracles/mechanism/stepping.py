@@ -12,8 +12,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.energy_balance import Balance
-from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.constraint_space import Evaluation
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
     HeldMotion,
@@ -32,6 +31,7 @@ from hapticmech_ros.mechanism.projection import (
     refuse_flipped,
     refuse_jump,
 )
+from hapticmech_ros.mechanism.refinement import Balance
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,

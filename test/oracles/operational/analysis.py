@@ -11,7 +11,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.layout import OPERATIONAL_MODEL, Layout
 from hapticmech_ros.mechanism import Evaluation, Mechanism
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.evaluation import PointKinematics
+from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import TaskMetric
 from hapticmech_ros.operational.observation import Observation, observation_layout

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.evaluation import Evaluation
+from hapticmech_ros.mechanism.constraint_space import Evaluation
 from hapticmech_ros.operational.results import OperationalAnalysis
 
 
