@@ -28,8 +28,8 @@ which for even spacing is ½ ∇F + 5/12 ∇²F, as of Adams and Bashforth. The 
     W = (1 + 2 R²)⁻¹ (1 - 8/5 R²),      R = (K + 1) (1 + G)
 
 with G of :mod:`~hapticmech_ros.control.loop_stability`, and H_j and F_j of K other hands, if there
-are any (:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel would
-be an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, which is 1 / (1 + G)
+are any (:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel
+would be an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, 1 / (1 + G)
 along a direction. Where m is large, W is 1, and what is left is of third order in ω T. Where it is
 small, G amplifies, also what a mass of the hand's own exerts on the device, -r u of a command u,
 and the whole parabola would make that loop unstable at half the sample rate. There W tends to -4/5,

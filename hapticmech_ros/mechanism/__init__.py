@@ -4,8 +4,8 @@
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
 :mod:`mechanism`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
-configuration is one array (:class:`kernels.model.Data`), and kernels compute on both. The names below
-are loaded when first used: reading a scene needs no kernels.
+configuration is one array (:class:`kernels.model.Data`), and kernels compute on both. The names
+below are loaded when first used: reading a scene needs no kernels.
 """
 
 from importlib import import_module
