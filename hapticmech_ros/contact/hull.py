@@ -6,53 +6,26 @@ Convex hulls of meshes in files, which a child process with limits reads.
 
 The files are not trusted, the library that reads them does not check them, and they may have
 millions of vertices: only the corners of a hull are returned.
-
-Corners of the convex hull of a mesh in a file: what the child process does that reads it.
-
-It loads little, as each start of a node with meshes waits for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import coal
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import check_file
 from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
-
-MOST_VERTICES = 2000
-
-
-def corners_of(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the corners of a file's hull, or the rule that the file breaks; runs in the child."""
-    try:
-        loaded = coal.MeshLoader().load(item["file"], np.array(item["scale"]))
-        points = np.unique(np.array(loaded.vertices()), axis=0)
-    except (RuntimeError, ValueError) as error:
-        reason = " ".join(str(error).partition("message:")[2].split()) or str(error)
-        return {"rule": f"cannot be read as a mesh: {reason}"}
-    if not np.isfinite(points).all():
-        return {"rule": "cannot be read as a mesh: a vertex is not finite"}
-    try:
-        corners = ConvexHull(points).vertices
-    except (QhullError, ValueError, IndexError):
-        return {"rule": "the mesh must not be flat"}
-    if len(corners) > MOST_VERTICES:
-        rule = f"the hull must have at most {MOST_VERTICES} corners, not {len(corners)}"
-        return {"rule": rule}
-    return {"corners": points[corners].tolist()}
-
 
 # Bytes of memory for any file and for each byte of it; bytes that are read in a second.
 MEMORY, MEMORY_PER_BYTE = 256_000_000, 32

@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from hapticmech_ros.mechanism.constraint_space import Evaluation, PointKinematics
     from hapticmech_ros.mechanism.mechanism import Mechanism
 
-_HOMES = {"Evaluation": "evaluation", "Mechanism": "mechanism", "PointKinematics": "evaluation"}
+_HOMES = {
+    "Evaluation": "constraint_space",
+    "Mechanism": "mechanism",
+    "PointKinematics": "constraint_space",
+}
 
 __all__ = ["Evaluation", "Mechanism", "PointKinematics"]
 

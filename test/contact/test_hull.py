@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hapticmech_ros.contact.hull import MOST_VERTICES, box, hull, read_mesh
+from hapticmech_ros.contact.hull import box, hull, read_mesh
+from hapticmech_ros.contact.mesh_corners import MOST_VERTICES
 from hapticmech_ros.errors import SceneError
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.contact.hull import corners_of, hull
+from hapticmech_ros.contact.hull import hull
+from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 
