@@ -138,13 +138,13 @@ def work_in_child() -> None:
     _limit(limits, task["real_seconds"])
     for item in task["items"]:
         try:
-            said = {"answer": work(item)}
+            answer = {"answer": work(item)}
         except MemoryError:
-            said = {"failed": f"needs more than {limits.memory} bytes of memory"}
+            answer = {"failed": f"needs more than {limits.memory} bytes of memory"}
         except Exception as error:  # noqa: BLE001 - a library's; the parent says it in a sentence
             reason = " ".join(str(error).split()) or type(error).__name__
-            said = {"failed": f"cannot be read: {reason}"}
-        line = json.dumps(said).encode() + b"\n"
+            answer = {"failed": f"cannot be read: {reason}"}
+        line = json.dumps(answer).encode() + b"\n"
         if os.lseek(answers, 0, os.SEEK_END) + len(line) > limits.output:
             line = json.dumps({"failed": f"becomes more than {limits.output} bytes"}).encode()
             line += b"\n"

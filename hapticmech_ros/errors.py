@@ -70,9 +70,9 @@ def as_ours(error: Exception) -> HapticMechError:
     """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
     if isinstance(error, HapticMechError):
         return error
-    said = " ".join(str(error).split())
-    remedy = next((remedy for words, remedy in _REMEDIES.items() if words in said), "")
-    return HapticMechError(f"{type(error).__name__}: {said}{remedy}")
+    sentence = " ".join(str(error).split())
+    remedy = next((remedy for words, remedy in _REMEDIES.items() if words in sentence), "")
+    return HapticMechError(f"{type(error).__name__}: {sentence}{remedy}")
 
 
 @dataclass(frozen=True, slots=True)

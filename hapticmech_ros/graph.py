@@ -214,25 +214,25 @@ class AuxiliaryProcess:
     ) -> None:
         self.process = process
         self._name, self._loss, self._notify = name, loss, notify
-        self._told = False
+        self._reported = False
 
     @property
     def has_ended(self) -> bool:
         """Whether it has ended, as :meth:`look` has told."""
-        return self._told
+        return self._reported
 
     def look(self) -> None:
         """Tell once if it has ended."""
-        if not self._told and self.process.poll() is not None:
-            self._told = True
+        if not self._reported and self.process.poll() is not None:
+            self._reported = True
             self._notify(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
 
     def end(self) -> bool:
         """End it, if it still runs, and return whether it did its work to the end."""
-        if not self._told and stop_process(self.process):
-            self._told = True
+        if not self._reported and stop_process(self.process):
+            self._reported = True
             self._notify(f"{ending(self._name, self.process)}: {self._loss}")
-        return not self._told
+        return not self._reported
 
 
 class Graph:
@@ -359,13 +359,13 @@ class Graph:
         Raises:
             NodeDiedError: one that was never up; it would not be the next time either.
         """
-        told, pids = [], self._readiness.pids()
+        endings_seen, pids = [], self._readiness.pids()
         for name in self.ended():
             if self.processes[name].pid not in pids:
                 check_running(name, self.processes[name])
-            told.append(f"{ending(name, self.processes[name])}: it is started again")
+            endings_seen.append(f"{ending(name, self.processes[name])}: it is started again")
             self.restart(name)
-        return told
+        return endings_seen
 
     def kill(self, name: str) -> None:
         """End a process as a crash would: without warning."""
@@ -551,7 +551,7 @@ def _wait_for_end(process: subprocess.Popen[str]) -> int:
     return process.wait()
 
 
-def told_by(
+def events_of(
     process: subprocess.Popen[str], patience_s: float | None = None
 ) -> Iterator[dict[str, Any]]:
     """Yield the events that a process tells by lines of JSON on its standard output.

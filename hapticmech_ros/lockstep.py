@@ -19,7 +19,7 @@ from pathlib import Path
 
 from hapticmech_ros.bag.reader import BagReader, refuse_former_topics
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
-from hapticmech_ros.graph import Graph, start_process, stop_process, told_by
+from hapticmech_ros.graph import Graph, events_of, start_process, stop_process
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS, check_feeds, users_of
@@ -143,7 +143,7 @@ def run_lockstep(
     with graph:
         clock = start_process(_clock_command(run), environment, pipe_output=True)
         try:
-            for event in told_by(clock):
+            for event in events_of(clock):
                 if event["event"] == "done":
                     return int(event["ticks"])
                 graph.check()

@@ -47,29 +47,29 @@ class Report:
     last: bool = False
 
 
-def say_ready(environment: Mapping[str, str] = os.environ) -> None:
+def report_ready(environment: Mapping[str, str] = os.environ) -> None:
     """Say that this process is up to whoever wants to know, if anybody does and listens.
 
     Args:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
             abstract ones with ``@`` in place of the zero byte.
     """
-    _say(READY, environment, _PATIENCE_S)
+    _send(READY, environment, _PATIENCE_S)
 
 
-def say_report(report: Report, environment: Mapping[str, str] = os.environ) -> None:
+def send_report(report: Report, environment: Mapping[str, str] = os.environ) -> None:
     """Say how a node is to whoever wants to know; nothing is waited for.
 
     Args:
         report: of the node.
-        environment: as of :func:`say_ready`.
+        environment: as of :func:`report_ready`.
     """
     status = f"STATUS={report.node}: {report.sentence}".encode()
-    said = json.dumps(asdict(report), ensure_ascii=False).encode()
-    _say(status + b"\n" + _REPORT + said, environment, 0.0)
+    content = json.dumps(asdict(report), ensure_ascii=False).encode()
+    _send(status + b"\n" + _REPORT + content, environment, 0.0)
 
 
-def _say(text: bytes, environment: Mapping[str, str], patience_s: float) -> None:
+def _send(text: bytes, environment: Mapping[str, str], patience_s: float) -> None:
     address = environment.get(ADDRESS, "")
     if address[:1] not in ("/", "@"):
         return
@@ -121,9 +121,9 @@ class Readiness:
                     self._take(line.removeprefix(_REPORT))
         return frozenset(self._ready)
 
-    def _take(self, said: bytes) -> None:
+    def _take(self, content: bytes) -> None:
         try:
-            report = Report(**json.loads(said))
+            report = Report(**json.loads(content))
         except (TypeError, ValueError):
             return  # nobody's that this package started
         known = self.endings if report.last else self.reports

@@ -379,7 +379,7 @@ def _can_work(found: Mapping[str, object], address: str) -> bool:
             raise ClusterError(f"worker {worker} of {address} cannot take work: {there}")
         other = [name for name in own if there[name] != own[name]]
         if other:
-            said = "; ".join(f"{name} {there[name]}, not {own[name]}" for name in other)
-            raise ClusterError(f"worker {worker} of {address} has {said}")
+            text = "; ".join(f"{name} {there[name]}, not {own[name]}" for name in other)
+            raise ClusterError(f"worker {worker} of {address} has {text}")
         answered = True
     return answered

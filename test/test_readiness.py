@@ -10,9 +10,9 @@ import time
 
 import pytest
 
-from hapticmech_ros.readiness import ADDRESS, Readiness, say_ready
+from hapticmech_ros.readiness import ADDRESS, Readiness, report_ready
 
-PROGRAM = "from hapticmech_ros.readiness import say_ready; say_ready()"
+PROGRAM = "from hapticmech_ros.readiness import report_ready; report_ready()"
 
 
 @pytest.fixture
@@ -48,19 +48,19 @@ def test_a_socket_in_a_file_is_told_too(tmp_path):
     path = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as received:
         received.bind(path)
-        say_ready({ADDRESS: path})
+        report_ready({ADDRESS: path})
         assert received.recv(100) == b"READY=1"
 
 
 @pytest.mark.parametrize("address", ["", "relative", "@nobody-listens", "/nowhere/at/all"])
 def test_nobody_who_wants_to_know_is_no_error(address):
-    say_ready({ADDRESS: address})
-    say_ready({})
+    report_ready({ADDRESS: address})
+    report_ready({})
 
 
 def test_who_does_not_read_holds_nobody_up_for_long(readiness):
     """As where processes are started again and again, and nobody asks whether they are up."""
-    program = "from hapticmech_ros.readiness import say_ready\nfor _ in range(8): say_ready()"
+    program = "from hapticmech_ros.readiness import report_ready\nfor _ in range(8): report_ready()"
     subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {ADDRESS: readiness.address},

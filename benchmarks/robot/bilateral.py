@@ -97,9 +97,9 @@ class _Robot:
     def go_on(self, time: float) -> Array:
         """Move for a period under the last order, take a new one, and return the contact (6,)."""
         robot = self.robot
-        self.follower.hear_joints(robot.q, robot.v, time)
+        self.follower.update_joints(robot.q, robot.v, time)
         sensed = turned(robot.contact_wrench(), robot.pose.rotation.T)
-        self.follower.hear_wrench(sensed, time)
+        self.follower.update_wrench(sensed, time)
         order = self.follower.order(time)
         robot.advance(self._torque(), STEPS)
         if order is None:
@@ -151,7 +151,7 @@ def felt(
         coupling += 0.5 * PERIOD * float(acted @ (before + point.twist))
         acted, before = given, point.twist.copy()
         least, most = min(least, hand_j), max(most, coupling)
-        robot.follower.hear_target(point.pose, point.twist, PERIOD * tick)
+        robot.follower.update_target(point.pose, point.twist, PERIOD * tick)
         contact = robot.go_on(PERIOD * tick)
         given = port.wrench(contact, point.twist)
         forces.append(-float(INTO @ contact[:3]))

@@ -172,9 +172,9 @@ class RobotInEnvironment:
             HapticMechError: the robot is lost.
         """
         robot, force = self._robot, self._environment.force
-        self.follower.hear_joints(robot.q, robot.v, time)
+        self.follower.update_joints(robot.q, robot.v, time)
         sensed = np.concatenate((force, np.zeros(3)))
-        self.follower.hear_wrench(turned(sensed, robot.pose.rotation.T), time)
+        self.follower.update_wrench(turned(sensed, robot.pose.rotation.T), time)
         order = self.follower.order(time)
         robot.advance(self._torque(), STEPS, self._environment)
         self._order = order
@@ -322,13 +322,13 @@ def transfer(
         late = np.exp(-1.5 * period * s)
         return np.asarray(late * wanted / (s**2 + late * wanted + pushed))
     servo = 2.0 * RATE * s + RATE**2
-    told = {
+    branches = {
         "position": RATE**2 + 0.0 * s,
         "trajectory": servo,
         "velocity": 2.0 * RATE * (s + CORRECTION),
     }
-    held = s**2 + (told["velocity"] if interface == "velocity" else servo)
-    given = told[interface]
+    held = s**2 + (branches["velocity"] if interface == "velocity" else servo)
+    given = branches[interface]
     return np.asarray(wanted * given / ((s**2 + wanted) * (held + pushed) + pushed * given))
 
 
@@ -353,7 +353,7 @@ def device_twists(setup: Setup, robot: RobotInEnvironment, pushes: Array, delay:
         twists[tick] = sample.device.twist
         there.append(sample.seen.point)
         time = period * tick
-        robot.follower.hear_target(there[0].pose, there[0].twist, time)
+        robot.follower.update_target(there[0].pose, there[0].twist, time)
         back.append(robot.go_on(time))
     return twists
 

@@ -427,7 +427,7 @@ class _Loop:
             contact: (6, k) F_c.
         """
         parts = np.split(state, self._splits)
-        pose, twist, seen, x, before, past, told, sent, answered, places, rates = parts
+        pose, twist, seen, x, before, past, commanded, sent, answered, places, rates = parts
         if self._filter is None:
             seen = twist
         half, mechanism = len(x) // 2, self._mechanism
@@ -435,8 +435,8 @@ class _Loop:
         if mechanism.periods_before:
             free = free + mechanism.by_past @ past[-half:]
         past = speeds[: len(past)]
-        to_mechanism, to_device = self._answer(pose, seen, x, free, told, hand, contact)
-        told, acting = self._passed_on(told, to_mechanism)
+        to_mechanism, to_device = self._answer(pose, seen, x, free, commanded, hand, contact)
+        commanded, acting = self._passed_on(commanded, to_mechanism)
         sent, command = self._passed_on(sent, to_device)
         answered, then = self._passed_on(answered, hand)
         last, earlier = np.split(before, 2)
@@ -458,7 +458,7 @@ class _Loop:
             seen = seen + self._filter * ((new_pose - pose) / self._period - seen)
         new_x = mechanism.step @ x + mechanism.push @ (acting + contact)
         mine = new_pose, new_twist, seen, new_x, before, past
-        return np.vstack((*mine, told, sent, answered, places, rates))
+        return np.vstack((*mine, commanded, sent, answered, places, rates))
 
     def _answer(
         self,
@@ -466,7 +466,7 @@ class _Loop:
         twist: Array,
         x: Array,
         free: Array,
-        told: Array,
+        commanded: Array,
         hand: Array,
         contact: Array,
     ) -> tuple[Array, Array]:
@@ -480,7 +480,9 @@ class _Loop:
         if self._local:
             ahead = (self._delay + 0.5) * self._period
             impulse = 0.5 * self._period * forces + ahead * contact
-            impulse = impulse + self._period * told.reshape(self._delay, *hand.shape).sum(axis=0)
+            impulse = impulse + self._period * commanded.reshape(self._delay, *hand.shape).sum(
+                axis=0
+            )
             speed = speed + ahead * free + self._inverse_inertia @ impulse
             point = point + ahead * speed
         error, rate = task * (pose - point), task * (twist - speed)
@@ -490,8 +492,8 @@ class _Loop:
         in_range = gains.position_channel.to_device * (held - self._share @ held)
         device = self._gain @ hand + task * (inertia @ free) - spring @ error - damper @ rate
         device = device + channels.force.contact * (self._touch @ contact)
-        told = forces + gains.position_channel.to_mechanism * coupling
-        return told, device - in_range
+        commanded = forces + gains.position_channel.to_mechanism * coupling
+        return commanded, device - in_range
 
     def _passed_on(self, queue: Array, newest: Array) -> tuple[Array, Array]:
         """Return what is on the way after a period, newest first, and what acts in it."""

@@ -276,8 +276,8 @@ class _Loop:
         force = inert - self._spring @ x - self._grip @ rate
         ahead, predicted = p_rate, p
         if self._local:
-            told = sum(to_mechanism, 0.5 * self._hand @ force)
-            ahead = p_rate + period * self._x_inverse @ told
+            commanded = sum(to_mechanism, 0.5 * self._hand @ force)
+            ahead = p_rate + period * self._x_inverse @ commanded
             predicted = p + (self._delay + 0.5) * period * ahead
         error, error_rate = x - predicted, seen - ahead
         command = -self._stiffness @ error - self._damping @ error_rate

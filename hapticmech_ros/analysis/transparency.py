@@ -138,8 +138,8 @@ def _recorded(
     bag = folder / "bag"
     run = record_graph(str(path), bag, composed, seconds)
     if run.interruptions:
-        told = [run.told(), *([] if run.load is None else run.load.sentences())]
-        raise FeelGraphError("; ".join(told))
+        reasons = [run.reason(), *([] if run.load is None else run.load.sentences())]
+        raise FeelGraphError("; ".join(reasons))
     return _samples(bag, period)
 
 

@@ -19,20 +19,20 @@ WIDEST_NAME = 60
 
 def show_info(info: BagInfo) -> None:
     """Print the contents of a bag."""
-    _say(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
+    _print(f"{info.path}: {info.storage}, {_size(info.bytes)}, {info.messages} messages")
     if not info.finished:
-        _say("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
+        _print("unfinished: still being recorded, or interrupted; counts may be outdated", "yellow")
     if info.compression:
-        _say(f"compression: {info.compression}")
+        _print(f"compression: {info.compression}")
     if info.lost:
-        told = (f"{name} {'?' if count is None else count}" for name, count in info.lost.items())
-        _say(f"lost while recording: {', '.join(told)}", "yellow")
+        losses = (f"{name} {'?' if count is None else count}" for name, count in info.lost.items())
+        _print(f"lost while recording: {', '.join(losses)}", "yellow")
     if info.messages:
-        _say(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
+        _print(f"start {_date(info.start_ns)}, duration {info.duration_s:.3f} s")
     for file in info.files:
         count = "" if file.messages is None else f", {file.messages} messages"
         span = "" if file.duration_s is None else f", {file.duration_s:.3f} s"
-        _say(f"  {file.name}: {_size(file.bytes)}{count}{span}")
+        _print(f"  {file.name}: {_size(file.bytes)}{count}{span}")
     rows = tuple(
         (
             topic.name,
@@ -71,13 +71,13 @@ def show_check(checked: BagCheck) -> None:
     if rows:
         _show(Sheet("", headings, tuple(rows), ("notes",), kept=WIDEST_NAME))
     for name in checked.absent:
-        _say(f"not recorded: {name}", "yellow")
+        _print(f"not recorded: {name}", "yellow")
     for trouble in checked.damage:
-        _say(f"damaged: {trouble}", "red")
+        _print(f"damaged: {trouble}", "red")
     if checked.is_empty and not checked.damage:
-        _say(f"{checked.path} is empty: no samples were recorded", "yellow")
+        _print(f"{checked.path} is empty: no samples were recorded", "yellow")
     if checked.is_sound:
-        _say(f"{checked.path} is sound", "green")
+        _print(f"{checked.path} is sound", "green")
 
 
 def show_comparison(compared: BagComparison) -> None:
@@ -101,9 +101,9 @@ def show_comparison(compared: BagComparison) -> None:
     headings = ("topic", "matched by", *numbers, "at")
     _show(Sheet("", headings, tuple(rows), ("matched by", "at"), kept=WIDEST_NAME))
     for name in compared.missing_topics:
-        _say(f"not in {compared.actual}: {name}", "yellow")
+        _print(f"not in {compared.actual}: {name}", "yellow")
     for name in compared.extra_topics:
-        _say(f"only in {compared.actual}: {name}", "yellow")
+        _print(f"only in {compared.actual}: {name}", "yellow")
 
 
 def show_repair(done: RepairReport) -> None:
@@ -111,17 +111,17 @@ def show_repair(done: RepairReport) -> None:
     for file in done.files:
         trouble = f"; {file.trouble}" if file.trouble else ""
         lost = f"; {file.lost_bytes} bytes lost" if file.lost_bytes else ""
-        _say(f"{file.name}: {file.messages} messages{trouble}{lost}")
+        _print(f"{file.name}: {file.messages} messages{trouble}{lost}")
     for name, count in sorted(done.counts.items()):
-        _say(f"  {name}: {count} messages")
+        _print(f"  {name}: {count} messages")
     for name, reason in sorted(done.refused.items()):
-        _say(f"  {name}: lost, {reason}", "red")
+        _print(f"  {name}: lost, {reason}", "red")
     if done.stated is not None and done.stated != done.messages:
-        _say(f"according to its metadata the damaged bag had {done.stated} messages", "yellow")
-    _say(f"{done.messages} messages recovered into {done.path}")
+        _print(f"according to its metadata the damaged bag had {done.stated} messages", "yellow")
+    _print(f"{done.messages} messages recovered into {done.path}")
 
 
-def _say(text: str, style: str | None = None) -> None:
+def _print(text: str, style: str | None = None) -> None:
     console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 

@@ -31,7 +31,7 @@ from hapticmech_ros.cli.console import (
 from hapticmech_ros.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
-from hapticmech_ros.readiness import say_ready
+from hapticmech_ros.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
@@ -89,14 +89,14 @@ def line_of(reports: Reports) -> str:
         where = name.strip("/").rpartition("/")[0]
         if kind in DEVICES:
             rate, missed = figures.get("achieved_rate_hz", "-"), _share(figures)
-            said = f"{report.sentence}, {rate} Hz, missed {missed}"
+            line = f"{report.sentence}, {rate} Hz, missed {missed}"
             if "periods_without_sample" in figures:
-                said += f", no sample in {_share(figures, 'periods_without_sample')}"
+                line += f", no sample in {_share(figures, 'periods_without_sample')}"
         elif kind == ANALYSER or not report.well:
-            said = report.sentence if kind == ANALYSER else f"{kind}: {report.sentence}"
+            line = report.sentence if kind == ANALYSER else f"{kind}: {report.sentence}"
         else:
             continue
-        parts.append(f"{where}: {said}" if where else said)
+        parts.append(f"{where}: {line}" if where else line)
     return "; ".join(parts)
 
 
@@ -345,7 +345,7 @@ def run(
                 if up is None and graph.is_ready():
                     up = time.monotonic()
                 if ends is None and up is not None and _receives(recorder, graph, up):
-                    say_ready()
+                    report_ready()
                     ends = time.monotonic() + (duration or float("inf"))
                 if ends is not None:
                     left = ends - time.monotonic()
@@ -474,8 +474,8 @@ def refuse_one_device_twice(nodes: Sequence[str], settings: Collection[str] = ()
 
     for kind, driver in DRIVERS.items():
         points = [node.rpartition("/")[0] for node in nodes if _names(driver, node)]
-        told = [p for p in points if any(f"/{p}/{driver}." in name for name in settings)]
-        if kind != "simulated" and len(points) > 1 and told != points:
+        configured = [p for p in points if any(f"/{p}/{driver}." in name for name in settings)]
+        if kind != "simulated" and len(points) > 1 and configured != points:
             rule = f"each of {', '.join(points)} needs a device of its own: name them in "
             rule += f"--params-file, or by --set /POINT/{driver}.PARAMETER=VALUE"
             raise InvalidInputError("--device", kind, rule)

@@ -117,8 +117,8 @@ def carry_out(
         typer.Exit: with 1, where the results are not sound.
     """
     # Lines, not a bar: nothing of this process shall run while something is measured.
-    told = errors if json_only else console
-    results = run(lambda line: told.print(line, highlight=False, markup=False, soft_wrap=True))
+    output = errors if json_only else console
+    results = run(lambda line: output.print(line, highlight=False, markup=False, soft_wrap=True))
     results.write(out, figure)
     report(results, out, json_only)
 

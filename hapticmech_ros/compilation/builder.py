@@ -97,8 +97,8 @@ def build(target: str, path: Path) -> None:
             for _ in range(min(_processors(), _MOST_LANES))
         ]
         # All begin now, though the first one tells.
-        told = [lane.submit(_names) for lane in lanes]
-        names = told[0].result()
+        listed = [lane.submit(_names) for lane in lanes]
+        names = listed[0].result()
         waiting = _shared_out(names, len(lanes))
         translated: set[str] = set()
         modules: dict[str, bytes] = {}

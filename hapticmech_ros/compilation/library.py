@@ -140,21 +140,21 @@ def _objects() -> Mapping[str, bytes]:
     try:
         path = library_path()
         if is_own(path.parent):
-            return _read(path, says_why=True) or _built(path)
+            return _read(path, warns=True) or _built(path)
     except OSError as error:
         # No folder that can be written, or a disk that is full.
         warn(f"kernels are compiled for this process alone: {error}")
     return _unpacked(_made())
 
 
-def _read(path: Path, says_why: bool = False) -> Mapping[str, bytes]:
+def _read(path: Path, warns: bool = False) -> Mapping[str, bytes]:
     """Return the library's objects if it is there, nobody else's, and whole; else nothing."""
     try:
         return _unpacked(read_own(path))
     except FileNotFoundError:
         return {}
     except OSError as error:
-        if says_why:
+        if warns:
             warn(f"{path}: {error}: it is not loaded")
         return {}
 
@@ -349,5 +349,5 @@ def _processor() -> tuple[str, str]:
     if not features:
         return "", "generic"
     first = dict.fromkeys(line.split(":")[0] for line in features)
-    told = "".join(next(x for x in features if x.startswith(name)) for name in first)
-    return "host", hashlib.sha256(told.encode()).hexdigest()[:12]
+    enabled = "".join(next(x for x in features if x.startswith(name)) for name in first)
+    return "host", hashlib.sha256(enabled.encode()).hexdigest()[:12]

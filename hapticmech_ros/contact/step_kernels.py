@@ -351,14 +351,14 @@ def _substep(
     contacts = Contacts(contact_numbers, contact_values)
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[STEP]
     external = contacts.external[links : links + external_count]
-    told = contacts.settings[KNOWN] != NOTHING
+    is_known = contacts.settings[KNOWN] != NOTHING
     if not searched:
         if not known:
             code = factor(model, q0, first)
             if code < 0:
                 return code
         code = SETTLED
-        if not told:
+        if not is_known:
             _remember(contacts)
             if starts_near(first, parts):
                 return NEEDS_CARE
@@ -398,7 +398,7 @@ def _substep(
             return IMPACT
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
-    if told:
+    if is_known:
         return FORCES
     parts.settings[TOUCHING] = links if count > 0 else 0
     code = step_once(

@@ -112,9 +112,9 @@ class MotionCheck:
         self._fault_ns = stamp_ns
         if not self.fault:
             self.faults += 1
-            self.fault = self._said(code, elapsed)
+            self.fault = self._sentence(code, elapsed)
 
-    def _said(self, code: int, elapsed: float) -> str:
+    def _sentence(self, code: int, elapsed: float) -> str:
         """Return what is wrong, in words."""
         turns, kind = code >= ROTATION, code % ROTATION
         found, most = self.numbers[FOUND], self.numbers[MOST]

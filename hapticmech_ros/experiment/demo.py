@@ -25,10 +25,10 @@ from hapticmech_ros.graph import (
     GraphLoad,
     LoadWatch,
     ending,
+    events_of,
     private_environment,
     start_process,
     stop_process,
-    told_by,
 )
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.readiness import Report
@@ -104,10 +104,10 @@ def run_demo(
             break
         fitting = None if run.load is None or run.load.fits else run.load.fitting_rate_hz
         rate = fitting or lower[0]
-        notify(f"{run.told()}: the demo runs at {rate:g} Hz")
+        notify(f"{run.reason()}: the demo runs at {rate:g} Hz")
         lower = [one for one in lower if one < 0.99 * rate]
     if not run.kept:
-        notify(f"{run.told()}: take the results with care")
+        notify(f"{run.reason()}: take the results with care")
     scene = load_scene(scene_name, rate)
     return _results(scene, bag, out, seconds, run, show)
 
@@ -161,7 +161,7 @@ class GraphRun:
         broken = self.interruptions or self.reduced_gains
         return not broken and (self.load is None or self.load.fits)
 
-    def told(self) -> str:
+    def reason(self) -> str:
         """Return in words what was not kept."""
         if not self.interruptions:
             if self.reduced_gains:
@@ -177,7 +177,7 @@ class _DoesNotFitError(DemoError):
     """The machine does not carry the graph at its rate."""
 
     def __init__(self, run: GraphRun) -> None:
-        super().__init__(run.told())
+        super().__init__(run.reason())
         self.run = run
 
 
@@ -245,7 +245,7 @@ def record_graph(
     engaged, reduced = 0, False
     try:
         # A recorder without a processor tells nothing.
-        events = told_by(recorder, PATIENCE_S)
+        events = events_of(recorder, PATIENCE_S)
         show("starting the recorder", None)
         _expect(events, "ready")
         show("starting the graph", None)
@@ -300,8 +300,8 @@ def _waiting(missing: Sequence[str]) -> str:
 
 
 def _expect(events: Iterator[dict[str, Any]], name: str) -> None:
-    told = (event for event in events if event["event"] != "nothing")
-    event = next(told, {"event": "failed", "reason": "the recorder ended at once"})
+    reason = (event for event in events if event["event"] != "nothing")
+    event = next(reason, {"event": "failed", "reason": "the recorder ended at once"})
     if event["event"] != name:
         raise DemoError(f"recording failed: {event.get('reason', event)}")
 

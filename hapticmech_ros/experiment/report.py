@@ -125,8 +125,8 @@ def _break_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
     times, paused = graph["interruptions"], graph["losses_by_pauses"]
     rows = []
     if times:
-        told = f"{times}; processes paused {paused or 0:g} times"
-        rows.append(("interruptions of the rendering", told))
+        text = f"{times}; processes paused {paused or 0:g} times"
+        rows.append(("interruptions of the rendering", text))
     if graph["reduced_gains"]:
         rows.append(("gains", "reduced, since the loop took longer than they allow"))
     return rows

@@ -251,8 +251,8 @@ class Service:
     def _obey(self, message: str | bytes) -> bool:
         """Do what a message says; return whether it asks for all that is known."""
         try:
-            said = json.loads(message)
-            force = _commanded(said)
+            document = json.loads(message)
+            force = _commanded(document)
         except (ValueError, KeyError, TypeError, AttributeError):
             # As the service does: what it does not know is ignored.
             return False
@@ -260,7 +260,7 @@ class Service:
             self._device.go_on()
         else:
             self._device.obey(force)
-        return "force_render_full_state" in (said.get("session") or {})
+        return "force_render_full_state" in (document.get("session") or {})
 
     def _frame(self, session: int, whole: bool = False) -> str:
         self._device.go_on()
@@ -308,9 +308,9 @@ def spoilt(text: str, chance: random.Random) -> str:
     return chance.choice(("", "[]", "{}", "null", "[" * 5000, '{"inverse3": {}}', "\0" * 10))
 
 
-def _commanded(said: dict[str, Any]) -> Array | None:
+def _commanded(document: dict[str, Any]) -> Array | None:
     """Return the force (3,) that a message commands, N; None if it commands none."""
-    for device in said.get(INVERSE3, []):
+    for device in document.get(INVERSE3, []):
         given = device.get("commands", {}).get("set_cursor_force")
         if given is not None:
             vector = given["vector"]

@@ -445,7 +445,7 @@ class Controls:
         self._closures: dict[str, Any] = {}
         self._hands: list[Any] = []
         # Boxes that show what is told of a state.
-        self._told: list[tuple[Any, Callable[[LiveState], bool]]] = []
+        self._shown: list[tuple[Any, Callable[[LiveState], bool]]] = []
         self._plots: list[tuple[Any, Callable[[], tuple[Array, ...]]]] = []
         self._make(scenes, save)
 
@@ -461,7 +461,7 @@ class Controls:
         self._numbers.content = numbers_html(
             state, new.frame, scene, new.picture.hues, holders, self.said
         )
-        shown = [(box, of(state)) for box, of in self._told]
+        shown = [(box, of(state)) for box, of in self._shown]
         if self._closures:
             shown += zip(self._closures.values(), state.active, strict=True)
         for box, wanted in shown:
@@ -549,7 +549,7 @@ class Controls:
             self._make_scene_picker(scenes)
         if Pause in takes:
             paused = gui.add_checkbox("pause", initial_value=False)
-            self._told.append((paused, lambda state: state.paused))
+            self._shown.append((paused, lambda state: state.paused))
             self._when(paused, Pause)
             self._pressed(gui.add_button("one tick"), Step)
             self._pressed(gui.add_button("reset"), Reset)
@@ -575,7 +575,7 @@ class Controls:
         with gui.add_folder("keep", expand_by_default=False):
             if Record in takes:
                 recording = gui.add_checkbox("record a bag", initial_value=False)
-                self._told.append((recording, lambda state: bool(state.recording)))
+                self._shown.append((recording, lambda state: bool(state.recording)))
                 self._when(recording, self._recorded)
             gui.add_button("save a picture").on_click(save)
 

@@ -105,7 +105,7 @@ class LiveProcess:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         self._sending = threading.Lock()
-        self._told = Mailbox(_ENDED)
+        self._replies = Mailbox(_ENDED)
         self._process = context.Process(
             target=_serve, args=(there, asked), name="live session", daemon=True
         )
@@ -149,7 +149,7 @@ class LiveProcess:
         Raises:
             HapticMechError: the process has ended.
         """
-        return self._told.take(timeout_s)
+        return self._replies.take(timeout_s)
 
     def close(self) -> None:
         """End the process."""
@@ -164,7 +164,7 @@ class LiveProcess:
 
     def _begin(self) -> None:
         """Wait until the session has begun."""
-        first = self._told.first(_START_S)
+        first = self._replies.first(_START_S)
         if first is None:
             raise HapticMechError(_NOT_BEGUN)
         if isinstance(first, Failed):
@@ -173,9 +173,9 @@ class LiveProcess:
     def _read(self) -> None:
         while True:
             try:
-                self._told.put(self._pipe.recv())
+                self._replies.put(self._pipe.recv())
             except (EOFError, OSError):
-                self._told.close()
+                self._replies.close()
                 return
 
 
@@ -207,9 +207,9 @@ def _run(pipe: Connection, live: LiveSession) -> None:
             command = pipe.recv()
             if command is None:
                 return
-            told = live.take(command, time.monotonic())
-            if told is not None:
-                pipe.send(told)
+            reply = live.take(command, time.monotonic())
+            if reply is not None:
+                pipe.send(reply)
             wait = 0.0
         live.advance(time.monotonic())
         now = time.monotonic()

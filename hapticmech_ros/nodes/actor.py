@@ -229,9 +229,9 @@ class Failures:
 
     def status(self, ask: Callable[[], Status]) -> Status:
         """Return an actor's status with what failed, be it that the status cannot be told."""
-        told: list[Status] = []
-        self.run("status", lambda: told.append(ask()))
-        well, sentence, figures = told[0] if told else (False, self.last, {})
+        statuses: list[Status] = []
+        self.run("status", lambda: statuses.append(ask()))
+        well, sentence, figures = statuses[0] if statuses else (False, self.last, {})
         return well, sentence, {**figures, "failures": str(self.count), "last_failure": self.last}
 
     def met(self, what: str, error: Exception) -> None:

@@ -30,20 +30,20 @@ class ButtonOutput:
 
     def __init__(self, actor: Actor[Any]) -> None:
         self._publish = actor.output(DEVICE_BUTTONS, Joy, LATCHED)
-        self._told: tuple[bool, ...] = ()
-        self._told_ns = 0
+        self._published: tuple[bool, ...] = ()
+        self._published_ns = 0
 
-    def tell(self, pressed: tuple[bool, ...], time_ns: int) -> None:
+    def publish(self, pressed: tuple[bool, ...], time_ns: int) -> None:
         """Tell which buttons are pressed, if it is time to; those that are gone are released.
 
         Args:
             pressed: whether each button is.
             time_ns: of the sample, ns.
         """
-        missing = len(self._told) - len(pressed)
+        missing = len(self._published) - len(pressed)
         found = (*pressed, *(False,) * missing)
-        if found != self._told or (found and time_ns - self._told_ns >= REPEAT_NS):
-            self._told, self._told_ns = found, time_ns
+        if found != self._published or (found and time_ns - self._published_ns >= REPEAT_NS):
+            self._published, self._published_ns = found, time_ns
             message = Joy(buttons=[int(one) for one in found])
             set_stamp(message.header.stamp, time_ns)
             self._publish.publish(message)

@@ -209,12 +209,12 @@ class DriverTest:
         rule = "buttons are 0 or 1, and of one handle"
         if not self._buttons:
             return Check(rule, f"nothing on {DEVICE_BUTTONS.name}: no buttons", None)
-        told = [list(message.buttons) for _, message in self._buttons]
-        numbers = {len(buttons) for buttons in told}
-        values = {one for buttons in told for one in buttons}
+        pressed = [list(message.buttons) for _, message in self._buttons]
+        numbers = {len(buttons) for buttons in pressed}
+        values = {one for buttons in pressed for one in buttons}
         kept = len(numbers) == 1 and values <= {0, 1} and 0 not in numbers
         counted = ", ".join(map(str, sorted(numbers)))
-        return Check(rule, f"{counted} buttons, now {told[-1]}", kept)
+        return Check(rule, f"{counted} buttons, now {pressed[-1]}", kept)
 
     def _check_no_force(self, rule: str, start: float) -> Check:
         forces = self._forces_since(start)

@@ -90,7 +90,7 @@ class EngagementLog:
     """Says when a controller engages and disengages.
 
     On a machine that stalls, rendering ends and resumes many times a second. Inputs that are lost
-    within a second of the last that was said are counted, and told by :meth:`tell`.
+    within a second of the last logged are counted, and logged by :meth:`report_counts`.
 
     Args:
         logger: returns the node's.
@@ -99,7 +99,7 @@ class EngagementLog:
 
     def __init__(self, logger: Callable[[], Any], now_ns: Callable[[], int]) -> None:
         self._logger, self._now_ns = logger, now_ns
-        self._said_ns: int | None = None
+        self._logged_ns: int | None = None
         self._untold, self._explained, self._reason, self._engaged = 0, 0, "", False
 
     def engaged(self, explanation: str = "") -> None:
@@ -124,11 +124,11 @@ class EngagementLog:
         self._engaged, now = False, self._now_ns()
         if explanation:
             reason = f"{reason}: {explanation}"
-        if self._said_ns is not None and now - self._said_ns < _PERIOD_NS:
+        if self._logged_ns is not None and now - self._logged_ns < _PERIOD_NS:
             self._untold, self._reason = self._untold + 1, reason
             self._explained += bool(explanation)
             return
-        self._said_ns = now
+        self._logged_ns = now
         self._logger().warning(f"disengaged: {reason}")
 
     def fault(self, reason: str) -> None:
@@ -141,7 +141,7 @@ class EngagementLog:
         self._engaged = False
         self._logger().info(f"disengaged: {reason}")
 
-    def tell(self) -> None:
+    def report_counts(self) -> None:
         """Say what has not been said; to be called once in ``PERIOD_S``."""
         if not self._untold:
             return
@@ -150,7 +150,7 @@ class EngagementLog:
         if self._explained:
             times += f" ({self._explained} by pauses of a process)"
         self._logger().warning(f"disengaged {times}, the last: {self._reason}; now {state}")
-        self._untold, self._explained, self._said_ns = 0, 0, self._now_ns()
+        self._untold, self._explained, self._logged_ns = 0, 0, self._now_ns()
 
 
 NO_WRENCH = np.zeros(6)
@@ -221,8 +221,10 @@ class ControllerOutputs:
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
         self._gain_ns = stamp_ns
-        told = LocalFeedbackGain(stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model)
-        self._publish_gain.publish(self._gain.encode(pack_gain(told)))
+        published = LocalFeedbackGain(
+            stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model
+        )
+        self._publish_gain.publish(self._gain.encode(pack_gain(published)))
 
     def coupling(self, gains: Mapping[str, Array], stamp_ns: int) -> None:
         """Publish how an answer depends on the other hands.
@@ -232,8 +234,8 @@ class ControllerOutputs:
             stamp_ns: of the sample that is answered.
         """
         if self._publish_coupling is not None:
-            told = self._coupling.pack(CouplingMatrices(stamp_ns, gains))
-            self._publish_coupling.publish(self._coupling_encoder.encode(told))
+            published = self._coupling.pack(CouplingMatrices(stamp_ns, gains))
+            self._publish_coupling.publish(self._coupling_encoder.encode(published))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:
         """Publish what the device is commanded.
@@ -310,7 +312,7 @@ class CrtkDevice:
         wanted: whether samples are wanted at a time, ns.
         answer: gets each sample (19,), its stamp and the time, ns.
         lost: gets the topics that are not fresh, instead.
-        told: returns the wrench (6,) that the device was told last, N and N m, world axes.
+        commanded: returns the wrench (6,) that was commanded last, N and N m, world axes.
     """
 
     def __init__(
@@ -322,10 +324,10 @@ class CrtkDevice:
         wanted: Callable[[int], bool],
         answer: Callable[[Array, int, int], None],
         lost: Callable[[Sequence[str]], None],
-        told: Callable[[], Array],
+        commanded: Callable[[], Array],
     ) -> None:
         self._actor, self._bounds, self._timeout_ns, self._watch = actor, bounds, timeout_ns, watch
-        self._wanted, self._answer, self._lost, self._told = wanted, answer, lost, told
+        self._wanted, self._answer, self._lost, self._commanded = wanted, answer, lost, commanded
         self._sensor = actor.scene.device.force_sensor
         self.forget()
         if self._sensor == "measured":
@@ -358,13 +360,13 @@ class CrtkDevice:
         Raises:
             InvalidInputError: with what would have it accepted.
         """
-        told = self._actor.parameters.device_frame
-        if frame == told or name == DEVICE_BODY_FORCE.name:
+        declared = self._actor.parameters.device_frame
+        if frame == declared or name == DEVICE_BODY_FORCE.name:
             # Wrenches in the device's own axes: whatever the driver calls its own frame.
             return
-        rule = f"must be '{told}'; if its axes are the world's, let device_frame be '{frame}'"
-        if frame.strip("/") == told:
-            rule = f"must be '{told}', without the slash of tf's old spelling"
+        rule = f"must be '{declared}'; if its axes are the world's, let device_frame be '{frame}'"
+        if frame.strip("/") == declared:
+            rule = f"must be '{declared}', without the slash of tf's old spelling"
         raise InvalidInputError("frame_id", frame, rule)
 
     def forget(self) -> None:
@@ -451,7 +453,7 @@ class CrtkDevice:
         if self._hand.value is not None:
             return self._hand.value
         known = self._force.fresh(now_ns, self._timeout_ns()) and self._force.value is not None
-        applied = self._force.value if known else self._told()
+        applied = self._force.value if known else self._commanded()
         return self._observer.at(time, twist, np.zeros(6) if applied is None else applied)
 
     def _on_hand(self, message: WrenchStamped, now_ns: int) -> None:
@@ -489,7 +491,7 @@ class DevicePath(InOrder):
 
     Args:
         scene: whose connection and device.
-        say: called when gains change to those for another delay.
+        log: called when gains change to those for another delay.
 
     Attributes:
         round_trip: s, from the device's samples to their answers, as it says; 0: not known.
@@ -498,14 +500,14 @@ class DevicePath(InOrder):
             counts as if it did.
     """
 
-    def __init__(self, scene: Scene, say: Callable[[str], object]) -> None:
+    def __init__(self, scene: Scene, log: Callable[[str], object]) -> None:
         super().__init__()
         self.round_trip = 0.0
         self.obeyed = True
         self.paced = scene.connection.networked
-        self._scene, self._say = scene, say
+        self._scene, self._log = scene, log
         self._follower = DelayFollower(scene.connection)
-        self._said_for = scene.connection.designed
+        self._logged_delay = scene.connection.designed
         self._age = SampleAge()
         self._sample: tuple[Array, int] | None = None
         self._turn_ns = NEVER
@@ -545,10 +547,10 @@ class DevicePath(InOrder):
             soften: whether they are made for what is measured, beyond what is declared.
             time: s, of the gain ramp; None takes them at once.
         """
-        if time is not None and self._follower.delay != self._said_for:
-            self._said_for = self._follower.delay
-            short = f"gains are set for a one-way delay of {1e3 * self._said_for:.0f} ms again"
-            self._say(self.warning(gains, soften) or short)
+        if time is not None and self._follower.delay != self._logged_delay:
+            self._logged_delay = self._follower.delay
+            short = f"gains are set for a one-way delay of {1e3 * self._logged_delay:.0f} ms again"
+            self._log(self.warning(gains, soften) or short)
         delay = self._follower.delay if soften else self._scene.connection.designed
         if delay != self._scene.connection.designed:
             period = self._scene.simulation.period

@@ -551,8 +551,10 @@ class DeviceDriver(ClockedActor[D]):
             return None
         posed = self._poses is not None and self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_untold or posed
-        told = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
-        if waits or not told or self._refusal(now) or self._push is not NO_WRENCH:
+        reported = (
+            self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
+        )
+        if waits or not reported or self._refusal(now) or self._push is not NO_WRENCH:
             return None
         held = self.held
         for row, (wrench, _) in zip(commands, (acting, before), strict=True):
@@ -593,11 +595,11 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks_held = max(numbers[own.HELD], self._ticks_held)
         clock.next_ns = numbers[own.NEXT]
         clock.periods += steps
-        said = steps - (code == kernels.TO_SAY)
-        self._ticks += said
-        if said:
+        published = steps - (code == kernels.TO_SAY)
+        self._ticks += published
+        if published:
             self.loop.went_on(numbers[own.REMEMBERS], clock.last_deadline_ns)
-            self._last_valid.keep(self._state, said)
+            self._last_valid.keep(self._state, published)
         if code == kernels.TO_SAY:
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
         elif code == kernels.TO_LOOK_AT:
@@ -606,8 +608,8 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)
-        told = self.answers.round_trip, self.answers.obeys or self.lockstep
-        self._written.encode(self._state, sensed, stamp_ns, *told)
+        reported = self.answers.round_trip, self.answers.obeys or self.lockstep
+        self._written.encode(self._state, sensed, stamp_ns, *reported)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
@@ -726,9 +728,9 @@ class DeviceDriver(ClockedActor[D]):
 
     def _safe(self, command: Array) -> Array:
         """Return what leaves of a command: no energy that is not there, and within all limits."""
-        state, told = self._state, self.loop.to_mechanism
+        state, reported = self._state, self.loop.to_mechanism
         added = self.device.compensation(state)
-        return self.side.allow(command, self._sample(), state.applied, told, added)
+        return self.side.allow(command, self._sample(), state.applied, reported, added)
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""

@@ -237,7 +237,7 @@ class Exchange:
     Attributes:
         lane: to other processes; None: all goes through the middleware.
         refusal: why there is no lane though one was asked for.
-        strange_ns: when the middleware last brought what had not come another way, on a topic of
+        foreign_ns: when the middleware last brought what had not come another way, on a topic of
             the lane, by the monotonic clock.
         nodes: of this process: who waits for one of them keeps all waiting.
     """
@@ -246,7 +246,7 @@ class Exchange:
         self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
-        self.strange_ns = -(1 << 62)
+        self.foreign_ns = -(1 << 62)
         self._lines: dict[str, _Line] = {}
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
@@ -302,7 +302,7 @@ class Exchange:
         self._line(topic).listeners.append(listener)
         if self.lane is not None and kind:
             self.lane.listen(f"{topic} {kind}", listener)
-        return self._tells_copies(topic, kind)
+        return self._detects_copies(topic, kind)
 
     def listen_to_all(
         self, topic: str, listener: BatchListener, kind: str
@@ -319,9 +319,9 @@ class Exchange:
         """
         if self.lane is not None:
             self.lane.listen_to_all(f"{topic} {kind}", listener)
-        return self._tells_copies(topic, kind)
+        return self._detects_copies(topic, kind)
 
-    def _tells_copies(self, topic: str, kind: str) -> Callable[[bytes], bool]:
+    def _detects_copies(self, topic: str, kind: str) -> Callable[[bytes], bool]:
         line, lane = self._line(topic), self.lane
         if lane is None or not kind:
             return line.had
@@ -335,7 +335,7 @@ class Exchange:
                 self.deliver()
                 if line.had(message):
                     return True
-                self.strange_ns = time.monotonic_ns()
+                self.foreign_ns = time.monotonic_ns()
             return False
 
         return had

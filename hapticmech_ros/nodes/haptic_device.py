@@ -29,7 +29,7 @@ from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
 from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
@@ -115,9 +115,9 @@ class DeviceTicks(PlainMessages):
         command, sample = PlainCommand(actor.wrenches), FlatArray(DEVICE_FIELDS)
         frame, self._out = frame_of(sample.prefix, sample.size)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
-        said = Said(outlet, frame, len(sample.prefix) + 8 * sample.size)
+        published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
         received = command.received(topic, actor.commanders)
-        super().__init__(actor, [received], [said], own.LINK_SIZE)
+        super().__init__(actor, [received], [published], own.LINK_SIZE)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
         self._most = device_bounds(actor.limits).most

@@ -74,9 +74,9 @@ def _name(environment: Mapping[str, str]) -> str:
     settings = [f"{name}={environment.get(name, '')}" for name in SETTINGS]
     found = Path("/proc/self/ns/net")
     network = str(found.readlink()) if found.exists() else ""
-    told = hashlib.sha256("\n".join([network, *settings]).encode()).hexdigest()
+    announced = hashlib.sha256("\n".join([network, *settings]).encode()).hexdigest()
     domain = environment.get(DOMAIN, "").strip() or "0"
-    return f"{hashlib.sha256(domain.encode()).hexdigest()[:6]}{told[:10]}"
+    return f"{hashlib.sha256(domain.encode()).hexdigest()[:6]}{announced[:10]}"
 
 
 def _private(folder: Path) -> Path:
@@ -237,11 +237,13 @@ class Outgoing:
             if not frame:
                 raise ConnectionResetError
             try:
-                told = json.loads(frame[HEADER.size :])
-                if told["version"] != _VERSION:
+                announced = json.loads(frame[HEADER.size :])
+                if announced["version"] != _VERSION:
                     raise BrokenRuleError
-                topics = {str(name): (int(code), int(n)) for name, code, n, _ in told["topics"]}
-                every = any(bool(all_) for *_, all_ in told["topics"])
+                topics = {
+                    str(name): (int(code), int(n)) for name, code, n, _ in announced["topics"]
+                }
+                every = any(bool(all_) for *_, all_ in announced["topics"])
             except (KeyError, TypeError, ValueError, ArithmeticError, RecursionError):
                 raise BrokenRuleError from None
             if not all(0 <= code < MOST_CODES and n > 0 for code, n in topics.values()):
@@ -264,20 +266,20 @@ class Incoming:
         serial: number of the connection in this process.
 
     Attributes:
-        told: which version of what is heard here it knows.
+        announced: which version of what is heard here it knows.
     """
 
     def __init__(self, connection: socket.socket, serial: int) -> None:
         self.connection = connection
         self.serial = serial
-        self.told = -1
+        self.announced = -1
 
     def bytes_waiting(self) -> int:
         """Return how many bytes of messages have come and were not received yet."""
         there = fcntl.ioctl(self.connection, termios.FIONREAD, _NO_BYTES)
         return int.from_bytes(there, sys.byteorder)
 
-    def tell(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
+    def announce(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
         """Tell it what is heard here, unless it knows: another time if its socket is full.
 
         Args:
@@ -287,7 +289,7 @@ class Incoming:
         Raises:
             OSError: the connection is gone.
         """
-        if self.told == version:
+        if self.announced == version:
             return
         text = json.dumps({"version": _VERSION, "topics": topics}).encode()
         if len(text) > MOST_TOLD:
@@ -296,7 +298,7 @@ class Incoming:
             self.connection.send(HEADER.pack(TOPICS, 0, 0, 0, 0, 0, 0) + text)
         except BlockingIOError:
             return
-        self.told = version
+        self.announced = version
 
 
 def listening(folder: Path, name: str) -> socket.socket:
@@ -356,8 +358,8 @@ def remove_socket(path: Path) -> None:
 
 def is_ours(connection: socket.socket) -> bool:
     """Return whether this user has the other end, and close a connection that is not kept."""
-    told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    _, user, _ = _CREDENTIALS.unpack(told)
+    announced = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    _, user, _ = _CREDENTIALS.unpack(announced)
     if user == os.geteuid() and connection.fileno() < MOST_SOCKETS:
         return True
     connection.close()
@@ -498,7 +500,7 @@ class Lane:
             listener: called with a message, serialized, and its origin.
         """
         self._subscription(topic).listeners.append(listener)
-        self._tell_anew()
+        self._announce_anew()
 
     def listen_to_all(self, topic: str, listener: BatchListener) -> None:
         """Hear all messages of a topic; those that have come together are handed over together.
@@ -509,7 +511,7 @@ class Lane:
         """
         self._subscription(topic).batch_listeners.append(lambda batch, _: listener(batch))
         self._records = True
-        self._tell_anew()
+        self._announce_anew()
 
     def _subscription(self, topic: str) -> _Subscription:
         subscription = self._subscriptions.get(topic)
@@ -527,7 +529,7 @@ class Lane:
         subscription.listeners.remove(listener)
         if not subscription.count:
             del self._subscriptions[topic], self._codes[subscription.code]
-        self._tell_anew()
+        self._announce_anew()
 
     def readers(self, topic: str) -> int:
         """Return how many listeners of other processes a message reaches that take any."""
@@ -656,7 +658,7 @@ class Lane:
             return
         self._looked_ns = now
         for incoming in list(self._incoming.values()):
-            self._tell(incoming)
+            self._announce(incoming)
         for outgoing in list(self._outgoing.values()):
             if not outgoing.flush():
                 self._drop(outgoing)
@@ -716,21 +718,21 @@ class Lane:
             self._incoming[connection.fileno()] = incoming
             self._next_serial += 1
             self._wait_for_all()
-            self._tell(incoming)
+            self._announce(incoming)
 
     def _is_ours(self, connection: socket.socket) -> bool:
         ours = is_ours(connection)
         self.refused += not ours
         return ours
 
-    def _tell_anew(self) -> None:
+    def _announce_anew(self) -> None:
         self._version += 1
         for incoming in list(self._incoming.values()):
-            self._tell(incoming)
+            self._announce(incoming)
 
-    def _tell(self, incoming: Incoming) -> None:
+    def _announce(self, incoming: Incoming) -> None:
         """Tell a process that speaks which topics are subscribed to here."""
-        told = [
+        announced = [
             (
                 subscription.topic,
                 subscription.code,
@@ -740,7 +742,7 @@ class Lane:
             for subscription in self._subscriptions.values()
         ]
         try:
-            incoming.tell(told, self._version)
+            incoming.announce(announced, self._version)
         except OSError:
             self._close_incoming(incoming)
 

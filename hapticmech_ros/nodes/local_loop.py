@@ -96,7 +96,7 @@ class LocalLoop:
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
         self.gains: Stamped[LocalFeedbackGain] = Stamped()
         self.order = InOrder()
-        self._told: float | None = None
+        self._received_energy: float | None = None
         self._before: float | None = None
         self._from_ns = NEVER
         self._gain: Latest[LocalFeedbackGain] = Latest()
@@ -172,7 +172,7 @@ class LocalLoop:
             if len(self._unpaired) > WAITING:
                 self._unpaired.popitem(last=False)
         if self.order.is_next(gain.stamp_ns, now_ns):
-            self._told = gain.to_mechanism
+            self._received_energy = gain.to_mechanism
             if gain.answered_ns > self._from_ns:
                 self._gain.put(gain, now_ns)
 
@@ -218,20 +218,20 @@ class LocalLoop:
     @property
     def to_mechanism(self) -> float | None:
         """E_m as it was told last, J, since the device began to obey; None before."""
-        if self._told is None:
+        if self._received_energy is None:
             return None
         if self._before is None:
-            self._before = self._told
-        return self._told - self._before
+            self._before = self._received_energy
+        return self._received_energy - self._before
 
     def begin(self) -> None:
         """Count from now on what the mechanism gets."""
-        self._before = self._told
+        self._before = self._received_energy
 
     def forget(self, now_ns: int) -> None:
         """Correct nothing until there is a gain that answers a sample later than now."""
         self._gain, self._coupling, self._from_ns = Latest(), Latest(), now_ns
-        self._told = self._before = self._pair = None
+        self._received_energy = self._before = self._pair = None
         self._unpaired.clear()
 
     def correct(self, command: Array, answered_ns: int, now_ns: int) -> Array:
@@ -256,8 +256,8 @@ class LocalLoop:
         if gain is None or not self._gain.fresh(now_ns, FRESH_NS):
             return command
         coupling = self._coupling
-        told = coupling.value if coupling.fresh(now_ns, FRESH_NS) else None
-        others = self._for_others(told, answered_ns)
+        matrices = coupling.value if coupling.fresh(now_ns, FRESH_NS) else None
+        others = self._for_others(matrices, answered_ns)
         return self._corrected(command, gain, answered_ns, others)
 
     def correct_in_lockstep(self, command: Array, stamp_ns: int) -> Array:
@@ -268,24 +268,24 @@ class LocalLoop:
             stamp_ns: of the sample that it answers.
         """
         gain = self.gains.take(stamp_ns)
-        self._told, self._before = gain.to_mechanism, 0.0
-        told = None if self.others is None else self.couplings.take(stamp_ns)
-        others = self._for_others(told, gain.answered_ns)
+        self._received_energy, self._before = gain.to_mechanism, 0.0
+        matrices = None if self.others is None else self.couplings.take(stamp_ns)
+        others = self._for_others(matrices, gain.answered_ns)
         return self._corrected(command, gain, gain.answered_ns, others)
 
-    def _for_others(self, told: CouplingMatrices | None, answered_ns: int) -> Array:
+    def _for_others(self, matrices: CouplingMatrices | None, answered_ns: int) -> Array:
         """Return (19,) what corrects a command for other hands; see ``control.other_hands``."""
         others, now_ns = self.others, self._newest_ns
         if others is None:
             return NO_OTHERS
-        if told is None:
+        if matrices is None:
             self.uncorrected_for_others += 1
             return NO_OTHERS
-        if not all(others.received(name, now_ns) for name in told.by_point):
+        if not all(others.received(name, now_ns) for name in matrices.by_point):
             self.uncorrected_for_others += 1
-        elif told.by_point:
+        elif matrices.by_point:
             self.corrected_for_others += 1
-        return others.correction(told.by_point, answered_ns, now_ns)
+        return others.correction(matrices.by_point, answered_ns, now_ns)
 
     def _corrected(
         self,

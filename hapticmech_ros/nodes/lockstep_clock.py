@@ -247,7 +247,7 @@ class LockstepClock(QuietEventsNode):
 
     def begin(self) -> None:
         """Tell the time of the first tick."""
-        self._tell()
+        self._report()
 
     def retell(self) -> None:
         """Tell the time once more, in case somebody missed it."""
@@ -260,9 +260,9 @@ class LockstepClock(QuietEventsNode):
     def advance(self) -> None:
         """Go on to the next tick."""
         self.time_ns += self.period_ns
-        self._tell()
+        self._report()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         self.completed = Future()
         self._missing = {
             name for name, received in self._awaited.items() if received < self.time_ns
@@ -356,11 +356,11 @@ def _pace(
     executor = EventsExecutor()
     executor.add_node(node)
     node.begin()
-    due = told = time.monotonic()
+    due = reported = time.monotonic()
     while rclpy.ok() and not stop.asked:
         wait_for_messages(executor, RETELL_PERIOD_S, until=node.completed)
-        if time.monotonic() - told > PROGRESS_PERIOD_S:
-            told = time.monotonic()
+        if time.monotonic() - reported > PROGRESS_PERIOD_S:
+            reported = time.monotonic()
             write_progress("progress", ticks=node.ticks)
         if not node.completed.done():
             node.retell()

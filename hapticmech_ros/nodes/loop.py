@@ -83,7 +83,7 @@ def refusing(callback: Callable[[M], None], refuse: Refuse) -> Callable[[M], Non
         try:
             callback(message)
         except Exception as error:  # noqa: BLE001 - whatever it is, the process would end
-            refuse(_told(error))
+            refuse(_sentence(error))
 
     return take
 
@@ -102,9 +102,9 @@ def answering(service: Service, refuse: Refuse) -> Callable[[Any, Any], Any]:
         try:
             return callback(request, response)
         except Exception as error:  # noqa: BLE001 - as above
-            told = _told(error)
-            refuse(told)
-            return _refusal(kind.Response(), str(told))
+            sentence = _sentence(error)
+            refuse(sentence)
+            return _refusal(kind.Response(), str(sentence))
 
     def answer_each(request: Any, response: Any) -> Any:
         # One that cannot be read keeps no other from being set.
@@ -126,7 +126,7 @@ def _refusal(response: Any, reason: str) -> Any:
     return response
 
 
-def _told(error: Exception) -> HapticMechError:
+def _sentence(error: Exception) -> HapticMechError:
     """Return an error of rclpy as one of ours; it may quote what somebody sent, at any length."""
     return HapticMechError(f"{type(error).__name__}: {shown(str(error))}")
 
@@ -148,7 +148,7 @@ class QuietEventsNode(Node):
         for service in self.services:
             if is_rclpys(service.callback):
                 what = f"request of {service.service_name}"
-                service.callback = answering(service, partial(self.say_refused, what))
+                service.callback = answering(service, partial(self.report_refused, what))
 
     def create_publisher(self, *args: Any, **kwargs: Any) -> Any:
         """Create a publisher, as :meth:`rclpy.node.Node.create_publisher` does.
@@ -176,9 +176,9 @@ class QuietEventsNode(Node):
 
     def refuse(self, topic: str, error: HapticMechError) -> None:
         """Drop a message that breaks a rule, and say so now and then."""
-        self.say_refused(f"message on {topic}", error)
+        self.report_refused(f"message on {topic}", error)
 
-    def say_refused(self, what: str, error: HapticMechError) -> None:
+    def report_refused(self, what: str, error: HapticMechError) -> None:
         """Log what was refused, and why; at most once in :data:`REFUSAL_LOG_PERIOD_NS`."""
         now = time.monotonic_ns()
         last = self._refusal_logs.get(what)
@@ -202,8 +202,10 @@ class Watchdog:
 
     def __init__(self, still_s: float = STILL_S) -> None:
         faulthandler.enable()
-        said = f"watchdog: the loop of this process has stood still for {still_s:g} s; aborted\n"
-        padded = said.encode().rjust(-(-len(said) // 8) * 8)
+        sentence = (
+            f"watchdog: the loop of this process has stood still for {still_s:g} s; aborted\n"
+        )
+        padded = sentence.encode().rjust(-(-len(sentence) // 8) * 8)
         self._shared = np.zeros(2, dtype=np.int64)
         arguments = (
             self._shared,
@@ -416,7 +418,7 @@ class Inbox:
             if not self._marked or time.monotonic_ns() - now > MOST_LOOK_NS:
                 break
         now = time.monotonic_ns()
-        if self._marked or now - self._exchange.strange_ns < STRANGE_NS:
+        if self._marked or now - self._exchange.foreign_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:
             self._look_ns, self._latest_ns = now + LOOK_NS, now + LATEST_LOOK_NS

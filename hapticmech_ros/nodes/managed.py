@@ -36,7 +36,7 @@ from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import QuietEventsNode
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER, set_stamp, wait_until_acknowledged
-from hapticmech_ros.nodes.node_time import Backlog, NodeTime, processor_time, said_of_step
+from hapticmech_ros.nodes.node_time import Backlog, NodeTime, clock_step_text, processor_time
 from hapticmech_ros.nodes.parameters import (
     LOCK,
     NodeParameters,
@@ -51,7 +51,7 @@ from hapticmech_ros.nodes.parameters import (
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.sources import Listener
 from hapticmech_ros.nodes.timeouts import OwnPauses
-from hapticmech_ros.readiness import Report, say_report
+from hapticmech_ros.readiness import Report, send_report
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
@@ -308,7 +308,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._looked_ns = self._time.now_ns()
         step = self._time.step_ns()
         if step and not self.in_sim_time:
-            self._begin_anew(f"the machine's {said_of_step(step)}")
+            self._begin_anew(f"the machine's {clock_step_text(step)}")
 
     def keep(self, entity: E) -> E:
         """Remember a publisher, subscription or service until cleanup, and return it."""
@@ -351,9 +351,9 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self.last_refusal = f"{topic}: {error}"
         super().refuse(topic, error)
 
-    def tell_report(self, last: bool = False) -> None:
+    def report_status(self, last: bool = False) -> None:
         """Tell whoever started this process how the node is."""
-        say_report(Report(self.get_fully_qualified_name(), *self._status(), last))
+        send_report(Report(self.get_fully_qualified_name(), *self._status(), last))
 
     def final_report(self) -> str:
         """Return what is printed when the node ends."""
@@ -544,7 +544,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             return
         # From zero it does not go on, it begins; what was heard by then may be of that time.
         if step != now and not 0 <= step <= CLOCK_STEP_NS:
-            self._begin_anew(f"/{said_of_step(step)}")
+            self._begin_anew(f"/{clock_step_text(step)}")
         if isinstance(actor, ClockedActor):
             if actor.clock is None:
                 actor.begin(now)
@@ -600,4 +600,4 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         message = DiagnosticArray(status=[status])
         set_stamp(message.header.stamp, nearest_stamp(self.now_ns()))
         self._diagnostics.publish(message)
-        say_report(Report(self.get_fully_qualified_name(), well, sentence, figures))
+        send_report(Report(self.get_fully_qualified_name(), well, sentence, figures))

@@ -36,7 +36,7 @@ from hapticmech_ros.nodes.mechanism_ports import (
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
-from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Said, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
@@ -79,8 +79,10 @@ class MechanismTicks(PlainMessages):
         command, state, port = PlainCommand(actor.wrenches), FlatArray(layout.fields), actor.port
         frame, self._out = frame_of(state.prefix, state.size)
         topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
-        said = Said(outlet, frame, len(state.prefix) + 8 * state.size)
-        super().__init__(actor, [command.received(topic, port.controllers)], [said], own.LINK_SIZE)
+        published = Publication(outlet, frame, len(state.prefix) + 8 * state.size)
+        super().__init__(
+            actor, [command.received(topic, port.controllers)], [published], own.LINK_SIZE
+        )
         self._frame, self._command = frame, command
         self._simulator, self._out_most = actor, layout.bounds.most
         self._commands = np.zeros((2, 6))
@@ -180,8 +182,10 @@ class MechanismTicks(PlainMessages):
             known, data = self._known or actor.state, self._data
             state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
             self._known = state
-            said = code != kernels.TO_SAY
-            actor.moved(state, link[own.DONE], link[own.NEXT], said, code == kernels.TO_LOOK_AT)
+            published = code != kernels.TO_SAY
+            actor.moved(
+                state, link[own.DONE], link[own.NEXT], published, code == kernels.TO_LOOK_AT
+            )
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -214,7 +218,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         acted_on = bool(self.scene.contacts) or len(names) > 1
         self._contact_wrenches = ContactWrenches(self._mechanism) if acted_on else None
         # By the controllers, in the period that begins.
-        self._told = self._calm
+        self._commanded_wrenches = self._calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         held = [self.scene.operational_point(name.strip()).name for name in held]
         self._held = [self._mechanism.point_index(name) for name in held]
@@ -237,7 +241,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if not parameters.require_external_wrench:
             self._listened = self._listen_to_wrenches(names)
         self._grasps = OperationalPoints(
-            self, self._mechanism, lambda: self.state.q, self._told_to_grasp
+            self, self._mechanism, lambda: self.state.q, self._commanded_grasp
         )
         self._asked = ""
         self.validate_parameters(parameters)
@@ -295,7 +299,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._commands = np.zeros_like(self._commands)
         self._external = self._calm
         self._on_links = {}
-        self._told = self._calm
+        self._commanded_wrenches = self._calm
         self._inaccurate_ns = NEVER
         self._operating.publish(active=True)
         self.wait_by(self._plain)
@@ -328,7 +332,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return 1 + -self._ticks % self.view_every
 
     def moved(
-        self, state: MechanismState, steps: int, next_ns: int, said: bool, seen: bool
+        self, state: MechanismState, steps: int, next_ns: int, published: bool, seen: bool
     ) -> None:
         """Go on from where the kernel has moved the mechanism to.
 
@@ -336,7 +340,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             state: where.
             steps: how many were done.
             next_ns: the next deadline, ns.
-            said: whether all states were published.
+            published: whether all states were published.
             seen: whether people are to see the last one.
         """
         if self.clock is None:
@@ -347,8 +351,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._note_inaccurate(before)
         self._sampled_ns = self.clock.last_deadline_ns
         self._commands[0] = self.port.command.at(self._sampled_ns)
-        self._ticks += steps - (not said)
-        if not said:
+        self._ticks += steps - (not published)
+        if not published:
             self.failures.run("tick", self._publish, self._sampled_ns)
             return
         self._last_valid.keep(state, steps)
@@ -399,7 +403,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
                 for port in self._ports:
                     port.command.sampled()
         self._external = self._pushing(deadline_ns)
-        self._told = self._to_act(deadline_ns)
+        self._commanded_wrenches = self._to_act(deadline_ns)
         self._publish(deadline_ns)
 
     def _to_act(self, deadline_ns: int) -> Array:
@@ -450,10 +454,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Return F_c (points, 6): of what pushes there, of virtual objects, and of other hands."""
         touching = self.state.touching
         touched = touching is not None and bool(touching.joint_force.any())
-        if self._contact_wrenches is None or not (touched or self._told.any()):
+        if self._contact_wrenches is None or not (touched or self._commanded_wrenches.any()):
             return self._external
         terms = self.simulator.evaluate(self.state)
-        forces = by_others(terms, self._told)
+        forces = by_others(terms, self._commanded_wrenches)
         if touching is not None:
             forces += touching.joint_force
         return np.asarray(self._external + self._contact_wrenches.at(terms, forces))
@@ -581,7 +585,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             return self.scene.operational_point(self.point)
         return grasp_written(self.scene, self.point, parameters.grasp)
 
-    def _told_to_grasp(self, point: OperationalPoint) -> None:
+    def _commanded_grasp(self, point: OperationalPoint) -> None:
         self._refuse_in_lockstep("grasp", point.link)
         self._check_within_reach(point)
         self._grasp(point)

@@ -115,7 +115,7 @@ class NodeTime:
         return apart
 
 
-def said_of_step(step_ns: int) -> str:
+def clock_step_text(step_ns: int) -> str:
     """Return a sentence on a step of a clock, ns."""
     way = "forward" if step_ns > 0 else "back"
     return f"clock set {way} by {abs(step_ns) / NANOSECONDS:.3g} s"

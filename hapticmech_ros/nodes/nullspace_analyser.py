@@ -18,7 +18,7 @@ from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
-from hapticmech_ros.nodes.plain_messages import PlainMessages, Received, Said, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainMessages, Publication, Received, frame_of
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import coupling, transmission
@@ -75,8 +75,8 @@ class StateAnswers(PlainMessages):
         model, out_bounds, frame, self._out = answer
         topic = actor.lane_topic(STATE.name, Float64MultiArray)
         received = Received(topic, sources, state.prefix, state.size, len(state.prefix))
-        said = Said(outlet, frame, len(model.prefix) + 8 * model.size)
-        super().__init__(actor, [received], [said], own.LINK_SIZE)
+        published = Publication(outlet, frame, len(model.prefix) + 8 * model.size)
+        super().__init__(actor, [received], [published], own.LINK_SIZE)
         self._frame = frame
         self._analyser = actor
         self._most, self._out_most = layout.bounds.most, out_bounds.most
@@ -302,9 +302,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
                 self._place(name, state.grasps[at])
             row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
             matrices = {name: transmission(found, row[at]) for name, at in holding.items()}
-        told = CouplingMatrices(state.stamp_ns, matrices)
+        transmissions = CouplingMatrices(state.stamp_ns, matrices)
         self._publish_transmission.publish(
-            self._transmission_encoder.encode(self._coupling.pack(told))
+            self._transmission_encoder.encode(self._coupling.pack(transmissions))
         )
 
     def _place(self, name: str, grasp: Array) -> None:

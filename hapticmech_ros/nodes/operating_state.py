@@ -52,7 +52,7 @@ class OperatingState:
     ) -> None:
         self._actor, self._fault, self._at_zero = actor, fault, at_zero
         self._paused, self._homed = False, True
-        self._told: tuple[str, bool] | None = None
+        self._published: tuple[str, bool] | None = None
         state, command = topics
         self._state_type, self._command_type = map(message_class, (state.type, command.type))
         self._is_text = state.type == TEXT
@@ -81,9 +81,9 @@ class OperatingState:
             answers: whether it does.
         """
         state = self._state(active)
-        if not answers and (state, self._homed) == self._told:
+        if not answers and (state, self._homed) == self._published:
             return
-        self._told = state, self._homed
+        self._published = state, self._homed
         message = self._state_type()
         if self._is_text:
             message.data = state

@@ -112,9 +112,9 @@ class Transmissions:
         """
         if self._guard.doubtful(now_ns):
             self._latest = Latest()
-        told = self._latest.value
-        fresh = told is not None and self._latest.fresh(stamp_ns, FRESH_NS)
-        return told.by_point if told is not None and fresh else {}
+        matrices = self._latest.value
+        fresh = matrices is not None and self._latest.fresh(stamp_ns, FRESH_NS)
+        return matrices.by_point if matrices is not None and fresh else {}
 
     def fault(self, now_ns: int) -> str:
         """Return which two say what one may; empty if none do."""

@@ -70,7 +70,7 @@ class Received(NamedTuple):
     alike: int
 
 
-class Said(NamedTuple):
+class Publication(NamedTuple):
     """A topic of which messages are sent.
 
     Attributes:
@@ -114,7 +114,7 @@ class PlainMessages:
     Args:
         actor: whose.
         received: topics that are read.
-        said: topics that are sent.
+        published: topics that are sent.
         size: of ``link``.
 
     Attributes:
@@ -127,15 +127,15 @@ class PlainMessages:
     """
 
     def __init__(
-        self, actor: Any, received: Sequence[Received], said: Sequence[Said], size: int
+        self, actor: Any, received: Sequence[Received], published: Sequence[Publication], size: int
     ) -> None:
-        self._actor, self._received, self._said = actor, received, said
+        self._actor, self._received, self._published = actor, received, published
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
         self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
         self.link = np.zeros(size, dtype=np.int64)
         self.inputs = np.zeros((len(received), kernels.INPUT_SIZE), dtype=np.int64)
-        self.outputs = np.zeros((len(said), kernels.OUTPUT_SIZE), dtype=np.int64)
+        self.outputs = np.zeros((len(published), kernels.OUTPUT_SIZE), dtype=np.int64)
         self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
         self.words = np.zeros(5, dtype=np.int64)
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
@@ -146,9 +146,9 @@ class PlainMessages:
         for one, row in zip(received, self.inputs, strict=True):
             row[kernels.DATA] = kernels.HEADER_BYTES + one.alike
             row[kernels.LENGTH] = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
-        for told, row in zip(said, self.outputs, strict=True):
-            row[kernels.OUT_HEAD] = MESSAGE | told.outlet.number << 32
-            row[kernels.OUT_LENGTH] = kernels.HEADER_BYTES + told.size
+        for publication, row in zip(published, self.outputs, strict=True):
+            row[kernels.OUT_HEAD] = MESSAGE | publication.outlet.number << 32
+            row[kernels.OUT_LENGTH] = kernels.HEADER_BYTES + publication.size
         self.link[kernels.STEP], self.link[kernels.BEHIND] = STEP_NS, BEHIND_NS
 
     def ready(self) -> bool:
@@ -203,7 +203,7 @@ class PlainMessages:
         """Find who hears; return whether somebody does on the lane."""
         self._hearers = []
         self.targets = []
-        for one, row in zip(self._said, self.outputs, strict=True):
+        for one, row in zip(self._published, self.outputs, strict=True):
             outlet = one.outlet
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
@@ -249,7 +249,7 @@ class PlainMessages:
             Those that have something to read, and when it had to wait, ns of the monotonic clock.
         """
         code, link = self.run(), self.link
-        for at, one in enumerate(self._said):
+        for at, one in enumerate(self._published):
             self._send_on(lane, one, self.outputs[at].tolist(), self._hearers[at])
         for at, (received, row) in enumerate(zip(self._received, self.inputs, strict=True)):
             if row[kernels.READ]:
@@ -265,7 +265,7 @@ class PlainMessages:
         return ready, time.monotonic_ns() if reads else int(link[kernels.IDLE])
 
     def _send_on(
-        self, lane: Lane, one: Said, row: Sequence[int], hearers: list[tuple[Outgoing, int]]
+        self, lane: Lane, one: Publication, row: Sequence[int], hearers: list[tuple[Outgoing, int]]
     ) -> None:
         """Send a topic's last message to all whom the kernel could not reach.
 

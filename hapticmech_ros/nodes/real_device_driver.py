@@ -86,7 +86,7 @@ class RealDeviceDriver(DeviceDriver[D]):
             if self._real.fresh:
                 # Before the next command, which is made for this sample.
                 self._motion.look(self._sample(), self.now_ns())
-        self.buttons.tell(self._real.buttons, deadline_ns)
+        self.buttons.publish(self._real.buttons, deadline_ns)
 
     def put_at_zero(self) -> None:
         """Put the actuators at zero now."""

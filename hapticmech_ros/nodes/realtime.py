@@ -165,8 +165,8 @@ class Realtime:
         if self._request.mode == "on" or cpus >= ENOUGH_CPUS:
             return ask_for_real_time(self._request.priority)
         some = f"{cpus} CPU{'s' if cpus > 1 else ''}"
-        told = f"no SCHED_FIFO with {some} (from {ENOUGH_CPUS} on, or with realtime:=on)"
-        return "; ".join(filter(None, (told, ask_for_share())))
+        sentence = f"no SCHED_FIFO with {some} (from {ENOUGH_CPUS} on, or with realtime:=on)"
+        return "; ".join(filter(None, (sentence, ask_for_share())))
 
     def _keep_awake(self) -> str:
         """Ask for short idle states; return why that was refused, or nothing."""

@@ -172,7 +172,7 @@ def _record_until_done(
     executor.add_node(node)
     inbox = Inbox(executor, exchange)
     write_progress("ready")
-    begun, started, told, missing = time.monotonic(), 0.0, 0.0, None
+    begun, started, reported, missing = time.monotonic(), 0.0, 0.0, None
     while rclpy.ok() and not stop.asked and not spool.failure:
         inbox.gather()
         now = time.monotonic()
@@ -181,8 +181,8 @@ def _record_until_done(
             before, missing = missing, node.waits_for()
             if missing != before:
                 begun = now
-            if now - told >= WAITING_PERIOD_S:
-                told = now
+            if now - reported >= WAITING_PERIOD_S:
+                reported = now
                 write_progress("waiting", missing=missing)
             if now - begun > options.start_timeout:
                 return _in_vain(missing, options.start_timeout)
@@ -190,8 +190,8 @@ def _record_until_done(
         if not started:
             started = now
             write_progress("started")
-        if now - told >= PROGRESS_PERIOD_S:
-            told = now
+        if now - reported >= PROGRESS_PERIOD_S:
+            reported = now
             write_progress("progress", elapsed_s=min(node.elapsed_s, options.duration))
         end = options.duration + TAIL_S
         if node.elapsed_s >= end or now - started >= end + MOST_BEHIND_S:

@@ -295,7 +295,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
                 raise InvalidInputError(what, values.tolist(), f"must be within ±{LARGEST:g}")
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         self.ages.add(now_ns - stamp)
-        self._follower.hear_joints(*found, stamp / NANOSECONDS)
+        self._follower.update_joints(*found, stamp / NANOSECONDS)
 
     def _on_twist(self, message: TwistStamped, now_ns: int) -> None:
         twist = read_twist(message, self._twist_bounds)
@@ -310,14 +310,14 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         is_of_now = abs(stamp - self._twist_ns) <= self._target_timeout_ns
         twist = self._twist if is_of_now else np.zeros(6)
         if self._follower is not None:
-            self._follower.hear_target(pose, twist, stamp / NANOSECONDS)
+            self._follower.update_target(pose, twist, stamp / NANOSECONDS)
 
     def _on_wrench(self, message: WrenchStamped, now_ns: int) -> None:
         frame = self._known_frame(self.parameters.wrench_frame or message.header.frame_id)
         wrench = read_wrench(message, self.wrenches, message.header.frame_id)
         stamp = checked_stamp(message.header, now_ns, self.age_limit_ns, unstamped_is_now=True)
         if self._follower is not None:
-            self._follower.hear_wrench(wrench, stamp / NANOSECONDS, frame)
+            self._follower.update_wrench(wrench, stamp / NANOSECONDS, frame)
 
     def _known_frame(self, frame: str) -> str:
         """Return the frame that a wrench is given in, as it is.

@@ -26,7 +26,7 @@ from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
 from hapticmech_ros.nodes.timeouts import OwnPauses
-from hapticmech_ros.readiness import SHOWN, say_ready
+from hapticmech_ros.readiness import SHOWN, report_ready
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
@@ -69,7 +69,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     except (HapticMechError, *REFUSALS) as error:
         sys.stderr.write(f"{as_ours(error)}\n")
         return 1
-    herald = _herald()
+    early_node = _early_node()
     exposed = exposure()
     if exposed:
         get_logger("discovery").warning(exposed)
@@ -83,17 +83,17 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
         for name in names:
             nodes.append(ManagedNode(actor_type(name), exchange, pauses))
             nodes[-1].start()
-        herald.destroy_node()
+        early_node.destroy_node()
         starting.end()
         realtime = _ask_for_real_time(nodes)
         if exchange.refusal:
             get_logger("lane").warning(
                 f"all messages go through the middleware: {exchange.refusal}"
             )
-        say_ready()
+        report_ready()
         run_until(stop, nodes, exchange)
         for node in nodes:
-            node.tell_report(last=True)
+            node.report_status(last=True)
             if SHOWN not in os.environ:
                 print_report(node)
             node.end()
@@ -137,7 +137,7 @@ def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
     return realtime
 
 
-def _herald() -> Node:
+def _early_node() -> Node:
     """Return a hidden node, with which the middleware begins to look for the other processes.
 
     It does so in threads of its own and takes half a second, as what a node imports does too.

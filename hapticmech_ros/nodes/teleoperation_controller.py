@@ -44,8 +44,8 @@ from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.plain_messages import (
     PlainCommand,
     PlainMessages,
+    Publication,
     Received,
-    Said,
     frame_of,
 )
 from hapticmech_ros.nodes.sources import Origin, Sources
@@ -99,11 +99,11 @@ class SampleAnswers(PlainMessages):
             received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
         command = PlainCommand(actor.wrenches)
         frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in outputs]
-        said = [
-            Said(outlet, frame, command.size)
+        published = [
+            Publication(outlet, frame, command.size)
             for outlet, (frame, _) in zip(outputs, frames, strict=True)
         ]
-        super().__init__(actor, received, said, own.LINK_SIZE)
+        super().__init__(actor, received, published, own.LINK_SIZE)
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
@@ -185,7 +185,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_ns = NEVER
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
-        self._told_ns = 0, 0
+        self._command_stamps = 0, 0
         self._model: Latest[OperationalModelReading] = Latest()
         self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
         self._devices: Stamped[Array] = Stamped()
@@ -233,7 +233,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         commands = self._outputs.to_device, self._outputs.to_point
         self._plain = SampleAnswers(self, device, analyser, commands)
         self._log = EngagementLog(node.get_logger, self.now_ns)
-        node.every(PERIOD_S, self._log.tell)
+        node.every(PERIOD_S, self._log.report_counts)
 
     @cached_property
     def _control(self) -> ControlArchitecture:
@@ -484,8 +484,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         answer = self.side.tick(inputs, self._clutch, self._local, with_model)
         if with_model and self.other_points:
             self._outputs.coupling(self._coupled(inputs, self._clutch, now_ns), stamp)
-        self._told_ns = stamp, model.stamp_ns if paced else stamp
-        self._send(answer, *self._told_ns)
+        self._command_stamps = stamp, model.stamp_ns if paced else stamp
+        self._send(answer, *self._command_stamps)
 
     def _coupled(self, inputs: ControllerInput, clutch: Clutch, now_ns: int) -> dict[str, Array]:
         """Return H_j (6, 6) by point; see :mod:`~hapticmech_ros.control.other_hands`."""
@@ -565,7 +565,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.motion.stamp_ns = numbers[own.MOVED]
         self._device_pauses.went_on(stamp_ns, origin, now_ns)
         self.side.last = ControllerCommand(answer, stamp_ns)
-        self._told_ns = stamp_ns, stamp_ns
+        self._command_stamps = stamp_ns, stamp_ns
         self._outputs.answers += numbers[own.ANSWERS]
 
     def _opened(self) -> bool:
@@ -644,13 +644,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._last_fault = fault
         self._disengage(fault, self._log.fault)
 
-    def _disengage(self, reason: str, say: Callable[[str], None]) -> None:
+    def _disengage(self, reason: str, log: Callable[[str], None]) -> None:
         """Say zero to both sides at once, rather than let them find out by waiting."""
         if self._clutch is None:
             return
-        say(reason)
+        log(reason)
         self._clutch = None
-        device_ns, mechanism_ns = self._told_ns
+        device_ns, mechanism_ns = self._command_stamps
         # Later than what was told, and an answer to none of the device's samples: uncorrected.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 

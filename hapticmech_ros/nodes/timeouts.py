@@ -69,7 +69,7 @@ class Remedy:
 
     def __init__(self) -> None:
         self._lately: deque[tuple[int, int]] = deque(maxlen=1000)
-        self._said_ns: int | None = None
+        self._logged_ns: int | None = None
 
     def after(self, length_ns: int, rate_hz: float, now_ns: int) -> str:
         """Return what to say after a loss that a pause explains; mostly nothing.
@@ -83,10 +83,10 @@ class Remedy:
         lately.append((now_ns, length_ns))
         while now_ns - lately[0][0] > MINUTE_NS:
             lately.popleft()
-        said = self._said_ns
-        if len(lately) < SEVERAL or (said is not None and now_ns - said < MINUTE_NS):
+        logged_ns = self._logged_ns
+        if len(lately) < SEVERAL or (logged_ns is not None and now_ns - logged_ns < MINUTE_NS):
             return ""
-        self._said_ns = now_ns
+        self._logged_ns = now_ns
         longest_ms = max(length for _, length in lately) / 1e6
         return (
             f"within a minute rendering ended {len(lately)} times because a process paused, for up "
@@ -258,7 +258,7 @@ class Losses:
     Args:
         own: pauses of this process.
         rate_hz: the control rate, Hz.
-        say: warns.
+        log: warns.
 
     Attributes:
         count: losses.
@@ -266,8 +266,8 @@ class Losses:
         sender_paused: those that a pause of the sender explains.
     """
 
-    def __init__(self, own: OwnPauses, rate_hz: float, say: Callable[[str], None]) -> None:
-        self._own, self._rate_hz, self._say = own, rate_hz, say
+    def __init__(self, own: OwnPauses, rate_hz: float, log: Callable[[str], None]) -> None:
+        self._own, self._rate_hz, self._log = own, rate_hz, log
         self.count = self.without_processor = self.sender_paused = 0
         # What is not explained yet: who was silent since when, and the timeout.
         self._open: tuple[SenderPauses, int, int] | None = None
@@ -320,8 +320,8 @@ class Losses:
         }
 
     def _explain(self, paused_ns: int, now_ns: int) -> None:
-        if said := self._own.remedy.after(paused_ns, self._rate_hz, now_ns):
-            self._say(said)
+        if logged_ns := self._own.remedy.after(paused_ns, self._rate_hz, now_ns):
+            self._log(logged_ns)
 
 
 def _explaining(pauses: Pauses, silence_ns: int | None, timeout_ns: int) -> int:

@@ -444,7 +444,7 @@ class Follower:
             rule = "must stay above 0" if rate == 0.0 else "must stay 0"
             raise InvalidInputError("observer_rate", rate, f"{rule} while the robot follows")
 
-    def hear_joints(self, q: Array, v: Array, time: float) -> None:
+    def update_joints(self, q: Array, v: Array, time: float) -> None:
         """Take a sample of the joints.
 
         Args:
@@ -458,7 +458,7 @@ class Follower:
         self._q, self._v = self._law.mechanism.check_state(q, v)
         self._joints_at = time
 
-    def hear_target(self, pose: pin.SE3, twist: Array, time: float) -> None:
+    def update_target(self, pose: pin.SE3, twist: Array, time: float) -> None:
         """Take a sample of what is followed.
 
         Args:
@@ -468,7 +468,7 @@ class Follower:
         """
         self._pose, self._twist, self._target_at = pose, twist, time
 
-    def hear_wrench(self, wrench: Array, time: float, frame: str = "") -> None:
+    def update_wrench(self, wrench: Array, time: float, frame: str = "") -> None:
         """Take a sample of the wrench sensor, which is at the point.
 
         Args:

@@ -45,13 +45,13 @@ def device_presets() -> Mapping[str, DevicePreset]:
     folder = shared("config/devices")
     found = {}
     for path in sorted(folder.glob("*.yaml")) if folder is not None else ():
-        said = read_yaml(path.read_text(encoding="utf-8"), str(path))
+        document = read_yaml(path.read_text(encoding="utf-8"), str(path))
         found[path.stem] = DevicePreset(
             path.stem,
-            said["description"],
-            tuple(said["sources"]),
-            MappingProxyType(said["chosen"]),
-            MappingProxyType(said["device"]),
+            document["description"],
+            tuple(document["sources"]),
+            MappingProxyType(document["chosen"]),
+            MappingProxyType(document["device"]),
         )
     return MappingProxyType(found)
 

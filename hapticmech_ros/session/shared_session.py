@@ -213,7 +213,7 @@ class SharedSession:
         for point, user in self._users.items():
             rows[point] = inputs[point].copy()
             rows[point][0, :6] += others[self._places[point]]
-            self._tell(point, user.sense(rows[point]))
+            self._command(point, user.sense(rows[point]))
         for point, user in self._users.items():
             at = self._places[point]
             record = records.get(point, _NO_RECORDS)
@@ -225,7 +225,7 @@ class SharedSession:
         for user in self._users.values():
             user.go_on(self._state)
 
-    def _tell(self, point: str, wrench: Array) -> None:
+    def _command(self, point: str, wrench: Array) -> None:
         """Tell the other users' devices what a hand does (6,), N and N m, world axes."""
         for known, names in zip(self._others.values(), self._direct.values(), strict=True):
             if point in names:

@@ -116,8 +116,8 @@ class Journal:
         """Add rows of scenes that have none; when this process ends they are not lost."""
         if self._failures is not None and rows.failed:
             for index, why in rows.failed.items():
-                said = json.dumps({"index": index, "why": why}, ensure_ascii=False)
-                self._failures.write(said + "\n")
+                line = json.dumps({"index": index, "why": why}, ensure_ascii=False)
+                self._failures.write(line + "\n")
             self._failures.flush()
         records = np.zeros(len(rows), self._record)
         records["numbers"] = np.nan
@@ -192,8 +192,8 @@ class Journal:
         with path.open(encoding="utf-8", errors="replace") as file:
             for line in file:
                 try:
-                    said = json.loads(line)
-                    found[int(said["index"])] = str(said["why"])
+                    failure = json.loads(line)
+                    found[int(failure["index"])] = str(failure["why"])
                 except (ValueError, KeyError, TypeError):
                     continue
         return found

@@ -66,7 +66,7 @@ class Bounds:
             stamp = stamp_if_sound(values, self.most, self.quaternion, QUATERNION_TOLERANCE)
             if stamp != UNSOUND:
                 return stamp
-        return self._told(values)
+        return self._refusal(values)
 
     def check_output(self, values: Array) -> None:
         """Hold what is to be sent to the same rules.
@@ -96,7 +96,7 @@ class Bounds:
             stamped = (stamps >= 0.0) & (stamps == np.floor(stamps))
             return np.asarray(within & stamped.all(axis=1))
 
-    def _told(self, values: Array) -> int:
+    def _refusal(self, values: Array) -> int:
         """Return the stamp, or name the rule that is broken."""
         if values.shape != self.most.shape:
             rule = f"must hold {self.most.size} numbers"
@@ -148,7 +148,7 @@ class SixBounds:
             and -t <= b <= t
             and -t <= c <= t
         ):
-            self._told(six)
+            self._refusal(six)
 
     def check_output(self, six: Sequence[float]) -> None:
         """Hold what is to be sent to the same rules.
@@ -161,7 +161,7 @@ class SixBounds:
         except InvalidInputError as error:
             raise OutputError(error.what, error.value, error.rule) from None
 
-    def _told(self, six: Sequence[float]) -> None:
+    def _refusal(self, six: Sequence[float]) -> None:
         if not np.isfinite(six).all():
             raise InvalidInputError(self.what, list(six), "must be finite")
         at, most = (0, self.first) if max(map(abs, six[:3])) > self.first else (1, self.last)

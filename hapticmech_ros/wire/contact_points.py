@@ -92,12 +92,12 @@ class ContactLayout:
         bounds = bounds_of("contacts", self._fields(count))
         stamp_ns, values = checked_values(data, bounds)
         rows = values[STAMP.size :].reshape(count, POINT.size)
-        told = rows[:, _PAIR]
-        pairs = np.clip(told, -1.0, self._pairs).astype(np.int64)
-        wrong = (pairs != told) | (pairs < 0) | (pairs >= self._pairs)
+        indices = rows[:, _PAIR]
+        pairs = np.clip(indices, -1.0, self._pairs).astype(np.int64)
+        wrong = (pairs != indices) | (pairs < 0) | (pairs >= self._pairs)
         if wrong.any():
             rule = f"must be an index of the scene's {self._pairs} contacts"
-            raise InvalidInputError("pair", float(told[np.argmax(wrong)]), rule)
+            raise InvalidInputError("pair", float(indices[np.argmax(wrong)]), rule)
         places, normals, depths = rows[:, _PLACE], rows[:, _NORMAL], rows[:, _DEPTH]
         return ContactPoints(stamp_ns, pairs, places, normals, depths, rows[:, _FORCE])
 

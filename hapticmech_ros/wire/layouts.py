@@ -166,8 +166,8 @@ def pack_device(sample: DeviceSample) -> Array:
     """Return the data (29,) of a ``device/state`` message."""
     stamp = seconds_of(sample.stamp_ns)
     measured = flat_device(sample.measured)
-    told = sample.round_trip, float(sample.obeys)
-    return np.concatenate((stamp, measured, sample.applied, told))
+    reported = sample.round_trip, float(sample.obeys)
+    return np.concatenate((stamp, measured, sample.applied, reported))
 
 
 def unpack_device(data: object) -> DeviceSample:

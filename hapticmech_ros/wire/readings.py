@@ -70,8 +70,8 @@ class OperationalModelWriter:
         found = self._analyser.observe(state.q, state.v, state.active, before=before)
         self._past.add(state.stamp_ns, state.v, state.active)
         at = self._index
-        told = state.contacts[at], float(state.commanded[at]), state.grasps[at]
-        write_operational_model(self.values, state.stamp_ns, found.model, *told)
+        reported = state.contacts[at], float(state.commanded[at]), state.grasps[at]
+        write_operational_model(self.values, state.stamp_ns, found.model, *reported)
         return found
 
     def count(self, count: int) -> None:

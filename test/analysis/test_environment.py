@@ -88,7 +88,7 @@ def answered(interface, impedance, frequency):
         place = np.array([size * fade * sine, 0.0, 0.0])
         twist = np.zeros(6)
         twist[0] = size * (fade * omega * cosine + slope * sine)
-        made.follower.hear_target(pin.SE3(np.eye(3), place), twist, time)
+        made.follower.update_target(pin.SE3(np.eye(3), place), twist, time)
         forces.append(made.go_on(time)[0])
     times = period * np.arange(2 * window, 3 * window)
     turned = np.exp(-1j * omega * times)

@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros.cli import graph
 from hapticmech_ros.cli.graph import line_of, nothing_rendered, show_ends
-from hapticmech_ros.readiness import ADDRESS, Readiness, Report, say_ready, say_report
+from hapticmech_ros.readiness import ADDRESS, Readiness, Report, report_ready, send_report
 
 DEVICE = Report(
     "/haptic_device",
@@ -45,12 +45,12 @@ def listener():
 
 def test_what_nodes_tell_is_heard_by_name_the_last_apart(listener: Readiness) -> None:
     environment = {ADDRESS: listener.address}
-    say_report(DEVICE, environment)
-    say_report(ANALYSER, environment)
-    say_report(changed(ANALYSER, count="3"), environment)
+    send_report(DEVICE, environment)
+    send_report(ANALYSER, environment)
+    send_report(changed(ANALYSER, count="3"), environment)
     last = Report(DEVICE.node, False, "no commands: actuators at zero", {"periods": "5000"}, True)
-    say_report(last, environment)
-    say_ready(environment)
+    send_report(last, environment)
+    report_ready(environment)
     assert listener.pids() == {os.getpid()}
     assert listener.reports == {
         DEVICE.node: DEVICE,
@@ -73,7 +73,7 @@ def test_what_is_no_report_is_passed_over(listener: Readiness, said: bytes) -> N
 
 
 def test_a_report_is_also_the_status_of_a_service(listener: Readiness) -> None:
-    say_report(DEVICE, {ADDRESS: listener.address})
+    send_report(DEVICE, {ADDRESS: listener.address})
     text = listener._socket.recv(1 << 16)
     assert text.splitlines()[0] == b"STATUS=/haptic_device: rendering"
 
@@ -81,10 +81,10 @@ def test_a_report_is_also_the_status_of_a_service(listener: Readiness) -> None:
 def test_telling_never_waits(listener: Readiness) -> None:
     """Also where the listener reads nothing: ten messages fill its queue."""
     for _ in range(2000):
-        say_report(DEVICE, {ADDRESS: listener.address})
+        send_report(DEVICE, {ADDRESS: listener.address})
     listener.close()
-    say_report(DEVICE, {ADDRESS: listener.address})
-    say_report(DEVICE, {})
+    send_report(DEVICE, {ADDRESS: listener.address})
+    send_report(DEVICE, {})
 
 
 def test_the_line_says_what_is_rendered_and_felt() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from hapticmech_ros.experiment import demo
 from hapticmech_ros.experiment.demo import DemoError, GraphRun, record_graph, run_demo
-from hapticmech_ros.graph import GraphLoad, start_process, stop_process, told_by
+from hapticmech_ros.graph import GraphLoad, events_of, start_process, stop_process
 from hapticmech_ros.readiness import Report
 
 # Says that it is ready and waits, then gets no processor.
@@ -196,7 +196,7 @@ def test_a_graph_that_starves_its_recorder_is_given_up(
 def test_a_process_that_tells_nothing_is_noticed() -> None:
     process = starved([])
     try:
-        events = told_by(process, 0.2)
+        events = events_of(process, 0.2)
         told = [next(one["event"] for one in events if one["event"] != "nothing") for _ in "12"]
         assert told == ["ready", "waiting"]
         assert next(events) == {"event": "nothing"}

@@ -32,7 +32,7 @@ def test_single_changes_are_said_at_once(said):
         said.now_ns = 2_000_000_000 * second
         said.engagement.engaged()
         said.engagement.lost("lost device/state")
-        said.engagement.tell()
+        said.engagement.report_counts()
     once = [("info", "engaged"), ("warning", "disengaged: lost device/state")]
     assert said.lines == 3 * once
 
@@ -45,7 +45,7 @@ def test_thirty_seconds_of_stalls_are_counted_in_few_lines(said):
         if tick % 15 == 3:
             said.engagement.lost("lost device/state")
         if tick % 74 == 73:
-            said.engagement.tell()
+            said.engagement.report_counts()
     assert 20 < len(said.lines) <= 65
     counted = [text.split()[1] for _, text in said.lines if "more time" in text]
     whole = [text for _, text in said.lines if text == "disengaged: lost device/state"]
@@ -60,7 +60,7 @@ def test_the_last_line_says_how_it_is(said, engaged):
     said.engagement.lost("lost b")
     if engaged:
         said.engagement.engaged()
-    said.engagement.tell()
+    said.engagement.report_counts()
     state = "engaged" if engaged else "disengaged"
     assert said.lines[-1] == ("warning", f"disengaged 1 more time, the last: lost b; now {state}")
 
@@ -88,7 +88,7 @@ def test_of_those_that_are_counted_it_is_told_how_many_are_explained(said):
         said.engagement.engaged()
         said.engagement.lost("lost b", explanation)
     said.engagement.engaged("the device had paused for 15 ms")
-    said.engagement.tell()
+    said.engagement.report_counts()
     assert said.lines[-1][1] == (
         "disengaged 3 more times (2 by pauses of a process), "
         "the last: lost b: the device had paused for 15 ms; now engaged"

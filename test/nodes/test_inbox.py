@@ -142,7 +142,7 @@ class Busy:
 def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(system: LateSystem) -> None:
     executor = Busy(system, 40 * US)
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
-    system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
+    system.foreign_ns = -(1 << 62)  # type: ignore[attr-defined]
     for waiting in (3, 0, 1, 30, 7):
         executor.wait(waiting)
         system.now += 10_000 * US
@@ -157,7 +157,7 @@ def test_events_without_messages_keep_nobody_waiting(system: LateSystem) -> None
     """As of messages that were replaced before they were taken: as short as nothing at all."""
     executor = Busy(system, 40 * US)
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
-    system.strange_ns = -(1 << 62)  # type: ignore[attr-defined]
+    system.foreign_ns = -(1 << 62)  # type: ignore[attr-defined]
     executor.wait(1000, ns=0)
     received: list[int] = []
     executor.create_task(lambda: received.append(system.now))
@@ -184,7 +184,7 @@ class Gathered:
 
     def __init__(self) -> None:
         self.lane, self.asked, self.delivered = Lane(), 0, 0
-        self.strange_ns = -(1 << 62)
+        self.foreign_ns = -(1 << 62)
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
         assert timeout_s == 0.0

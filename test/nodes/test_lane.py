@@ -79,7 +79,9 @@ def meet(lanes: list[Lane], seconds: float = 5.0) -> None:
         if all(
             len(lane._outgoing) == len(lanes) - 1 == len(lane._incoming) for lane in lanes
         ) and all(
-            incoming.told == lane._version for lane in lanes for incoming in lane._incoming.values()
+            incoming.announced == lane._version
+            for lane in lanes
+            for incoming in lane._incoming.values()
         ):
             for lane in lanes:
                 hand_on(lane)

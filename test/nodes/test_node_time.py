@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from hapticmech_ros.nodes.node_time import STEP_NS, NodeTime, said_of_step
+from hapticmech_ros.nodes.node_time import STEP_NS, NodeTime, clock_step_text
 
 MS = 1_000_000
 S = 1000 * MS
@@ -79,5 +79,5 @@ def test_a_process_that_is_interrupted_sees_no_step(machine: Machine) -> None:
 
 
 def test_what_is_said_of_a_step() -> None:
-    assert said_of_step(-5 * S) == "clock set back by 5 s"
-    assert said_of_step(250 * MS) == "clock set forward by 0.25 s"
+    assert clock_step_text(-5 * S) == "clock set back by 5 s"
+    assert clock_step_text(250 * MS) == "clock set forward by 0.25 s"

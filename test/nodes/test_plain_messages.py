@@ -576,7 +576,7 @@ def rendering(folder: Path) -> Iterator[tuple[Process, Inputs]]:
 def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
     """Return what a controller remembers from one sample to the next: whose, its name, and it."""
     whose = (
-        (actor, "_last_ns", "_state_ns", "_rendered_ns", "_told_ns"),
+        (actor, "_last_ns", "_state_ns", "_rendered_ns", "_command_stamps"),
         (actor._outputs, "answers", "_gain_ns"),
         (actor.path, "last"),
         (actor.motion, "stamp_ns"),

@@ -26,15 +26,15 @@ def follower(**options):
 
 def test_nothing_is_ordered_before_joints_were_heard():
     _, made = follower()
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     assert made.order(0.0) is None
 
 
 @pytest.mark.parametrize("interface", ["effort", "velocity", "position"])
 def test_it_begins_without_a_jump_wherever_the_target_is(interface):
     law, made = follower(interface=interface)
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     order = made.order(0.0)
     assert order.trouble == ""
     assert made.follows
@@ -50,13 +50,13 @@ def test_it_moves_by_as_much_as_the_target(interface):
     q, start = Q.copy(), pose_of(law, Q)
     way, turn = np.array([0.02, -0.03, 0.035]), pin.exp3(np.array([0.0, 0.1, 0.2]))
     moved = pin.SE3(turn @ POSE.rotation, POSE.translation + way)
-    made.hear_joints(q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_joints(q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     made.order(0.0)
     for tick in range(1, 1500):
         time = PERIOD * tick
-        made.hear_joints(q, STILL, time)
-        made.hear_target(moved, np.zeros(6), time)
+        made.update_joints(q, STILL, time)
+        made.update_target(moved, np.zeros(6), time)
         order = made.order(time)
         q = order.values if interface == "position" else q + PERIOD * order.values
     end = pose_of(law, q)
@@ -68,12 +68,12 @@ def test_it_moves_by_as_much_as_the_target(interface):
 def test_a_target_is_carried_on_between_its_samples():
     _, made = follower()
     twist = np.array([0.1, 0.0, -0.2, 0.0, 0.3, 0.0])
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, twist, 0.0)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, twist, 0.0)
     made.order(0.0)
-    made.hear_joints(Q, STILL, 0.02)
+    made.update_joints(Q, STILL, 0.02)
     later = made.order(0.02).values
-    made.hear_target(
+    made.update_target(
         pin.SE3(pin.exp3(0.02 * twist[3:]) @ POSE.rotation, POSE.translation + 0.02 * twist[:3]),
         twist,
         0.02,
@@ -84,10 +84,10 @@ def test_a_target_is_carried_on_between_its_samples():
 
 def test_stale_joints_leave_what_carries_the_weight_alone():
     law, made = follower()
-    made.hear_joints(Q, np.full(7, 0.5), 0.0)
-    made.hear_target(POSE, np.ones(6), 0.0)
+    made.update_joints(Q, np.full(7, 0.5), 0.0)
+    made.update_target(POSE, np.ones(6), 0.0)
     made.order(0.0)
-    made.hear_target(POSE, np.ones(6), 0.03)
+    made.update_target(POSE, np.ones(6), 0.03)
     order = made.order(0.03)
     assert "joint states" in order.trouble
     assert not made.follows
@@ -98,9 +98,9 @@ def test_stale_joints_leave_what_carries_the_weight_alone():
 
 def test_a_stale_target_brakes_the_robot():
     law, made = follower()
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     v = np.linspace(-0.5, 0.5, 7)
-    made.hear_joints(Q, v, 0.06)
+    made.update_joints(Q, v, 0.06)
     order = made.order(0.06)
     assert "target" in order.trouble
     vdot, _ = accelerated(law, Q, v, order.values)
@@ -110,10 +110,10 @@ def test_a_stale_target_brakes_the_robot():
 
 def test_a_stale_sensor_is_no_sensor_that_feels_nothing():
     _, made = follower(has_sensor=True)
-    made.hear_joints(Q, STILL, 0.1)
-    made.hear_target(POSE, np.zeros(6), 0.1)
+    made.update_joints(Q, STILL, 0.1)
+    made.update_target(POSE, np.zeros(6), 0.1)
     assert "wrench" in made.order(0.1).trouble
-    made.hear_wrench(np.zeros(6), 0.1)
+    made.update_wrench(np.zeros(6), 0.1)
     assert made.order(0.1).trouble == ""
     assert made.counts.wrench_stale == 1
 
@@ -121,9 +121,9 @@ def test_a_stale_sensor_is_no_sensor_that_feels_nothing():
 @pytest.mark.parametrize("interface", ["velocity", "position"])
 def test_without_samples_a_robot_with_a_servo_holds(interface):
     _, made = follower(interface=interface)
-    made.hear_joints(Q, np.full(7, 0.3), 0.0)
+    made.update_joints(Q, np.full(7, 0.3), 0.0)
     for tick in range(60, 100):
-        made.hear_joints(Q + 1e-3 * tick, np.full(7, 0.3), PERIOD * tick)
+        made.update_joints(Q + 1e-3 * tick, np.full(7, 0.3), PERIOD * tick)
         order = made.order(PERIOD * tick)
         expected = STILL if interface == "velocity" else Q + 0.06
         np.testing.assert_array_equal(order.values, expected)
@@ -131,13 +131,13 @@ def test_without_samples_a_robot_with_a_servo_holds(interface):
 
 def test_it_comes_together_anew_where_both_are_then():
     law, made = follower()
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     made.order(0.0)
-    made.hear_joints(Q + 0.1, STILL, 1.0)
+    made.update_joints(Q + 0.1, STILL, 1.0)
     assert made.order(1.0).trouble
     far = pin.SE3(POSE.rotation, POSE.translation + 1.0)
-    made.hear_target(far, np.zeros(6), 1.0)
+    made.update_target(far, np.zeros(6), 1.0)
     order = made.order(1.0)
     assert order.trouble == ""
     np.testing.assert_allclose(order.values, law.resting(Q + 0.1), atol=1e-9)
@@ -146,10 +146,10 @@ def test_it_comes_together_anew_where_both_are_then():
 
 def test_the_contact_is_told_in_the_axes_of_the_world():
     law, made = follower(has_sensor=True)
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     own = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
-    made.hear_wrench(own, 0.0)
+    made.update_wrench(own, 0.0)
     rotation = pose_of(law, Q).rotation
     expected = np.r_[rotation @ own[:3], rotation @ own[3:]]
     np.testing.assert_allclose(made.order(0.0).contact, expected, atol=1e-14)
@@ -174,14 +174,14 @@ def test_a_contact_is_the_same_in_whatever_axes_it_is_measured(frame):
     told = np.r_[axes.inv().apply(contact[:3]), axes.inv().apply(contact[3:])]
     if frame != "tool":
         # Where the point is, is not known yet.
-        made.hear_wrench(told, 0.0, frame)
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+        made.update_wrench(told, 0.0, frame)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     assert bool(made.order(0.0).trouble)
-    made.hear_wrench(told, 0.0, frame)
+    made.update_wrench(told, 0.0, frame)
     np.testing.assert_allclose(made.order(0.0).contact, contact, atol=1e-13)
     with pytest.raises(InvalidInputError, match="must be one of"):
-        made.hear_wrench(told, 0.0, "nonsense")
+        made.update_wrench(told, 0.0, "nonsense")
 
 
 def test_without_a_sensor_a_steady_contact_is_estimated():
@@ -190,8 +190,8 @@ def test_without_a_sensor_a_steady_contact_is_estimated():
     contact = np.array([5.0, -3.0, 8.0, 0.2, -0.1, 0.3])
     torque = law.resting(Q) - law.state(Q, STILL).point.jacobian.T @ contact
     for tick in range(1000):
-        made.hear_joints(Q, STILL, PERIOD * tick)
-        made.hear_target(POSE, np.zeros(6), PERIOD * tick)
+        made.update_joints(Q, STILL, PERIOD * tick)
+        made.update_target(POSE, np.zeros(6), PERIOD * tick)
         # As if the law had ordered what balances the push.
         made._torques = [torque, torque]
         order = made.order(PERIOD * tick)
@@ -201,11 +201,11 @@ def test_without_a_sensor_a_steady_contact_is_estimated():
 
 def test_a_target_that_jumps_does_not_pull_the_robot_along():
     law, made = follower(largest_error=0.1)
-    made.hear_joints(Q, STILL, 0.0)
-    made.hear_target(POSE, np.zeros(6), 0.0)
+    made.update_joints(Q, STILL, 0.0)
+    made.update_target(POSE, np.zeros(6), 0.0)
     made.order(0.0)
     far = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 0.11, 0.0]))
-    made.hear_target(far, np.zeros(6), PERIOD)
+    made.update_target(far, np.zeros(6), PERIOD)
     order = made.order(PERIOD)
     assert "too far" in order.trouble
     np.testing.assert_allclose(order.values, law.resting(Q), atol=1e-12)
@@ -215,7 +215,7 @@ def test_a_target_that_jumps_does_not_pull_the_robot_along():
     np.testing.assert_allclose(after.values, law.resting(Q), atol=1e-9)
     assert made.counts.slipped == 1
     near = pin.SE3(POSE.rotation, far.translation + np.array([0.0, 0.09, 0.0]))
-    made.hear_target(near, np.zeros(6), 3.0 * PERIOD)
+    made.update_target(near, np.zeros(6), 3.0 * PERIOD)
     assert made.order(3.0 * PERIOD).trouble == ""
 
 
@@ -224,8 +224,8 @@ def stretched(made, periods, start=0.0):
     near, orders = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 1e-3, 0.0])), []
     for tick in range(periods):
         time = start + PERIOD * tick
-        made.hear_joints(Q, STILL, time)
-        made.hear_target(POSE if made.counts.orders == 0 else near, np.zeros(6), time)
+        made.update_joints(Q, STILL, time)
+        made.update_target(POSE if made.counts.orders == 0 else near, np.zeros(6), time)
         orders.append(made.order(time).values)
     return np.array(orders)
 
@@ -254,8 +254,8 @@ def test_an_observer_keeps_its_estimate_when_its_rate_changes():
     for tick in range(40):
         if tick == 20:
             made.tune(Tuning(law.gains, 200.0), PERIOD * tick)
-        made.hear_joints(Q, STILL, PERIOD * tick)
-        made.hear_target(POSE, np.zeros(6), PERIOD * tick)
+        made.update_joints(Q, STILL, PERIOD * tick)
+        made.update_target(POSE, np.zeros(6), PERIOD * tick)
         made._torques = [torque, torque]
         told.append(made.order(PERIOD * tick).contact)
     share = 1.0 - np.array([one @ contact for one in told]) / (contact @ contact)
@@ -320,4 +320,4 @@ def test_settings_that_are_none_are_refused():
             FollowerSettings(**changed)
     _, made = follower()
     with pytest.raises(InvalidInputError, match="7 finite numbers"):
-        made.hear_joints(np.full(7, np.nan), STILL, 0.0)
+        made.update_joints(np.full(7, np.nan), STILL, 0.0)

@@ -55,9 +55,9 @@ def driven(payload, swing_speed, interface="effort"):
     begin = pin.SE3(pose.rotation, pose.translation - np.array([0.0, 0.0, 0.002]))
     for tick in range(2000):
         time = PERIOD * tick
-        follower.hear_joints(moved.q, moved.v, time)
-        follower.hear_target(begin if tick == 0 else pose, np.zeros(6), time)
-        follower.hear_wrench(np.zeros(6), time)
+        follower.update_joints(moved.q, moved.v, time)
+        follower.update_target(begin if tick == 0 else pose, np.zeros(6), time)
+        follower.update_wrench(np.zeros(6), time)
         order = follower.order(time)
         moved.advance(torque, 2)
         torque = order.values

@@ -146,12 +146,12 @@ def test_changes_alone_are_told_and_a_handle_that_is_gone_is_released() -> None:
     actor = StandInActor()
     output = ButtonOutput(actor)  # type: ignore[arg-type]
     for time_ns, pressed in enumerate(((), (False, True), (False, True), (True, True), (), ())):
-        output.tell(pressed, time_ns)
+        output.publish(pressed, time_ns)
     assert told(actor.sent) == [[0, 1], [1, 1], [0, 0]]
     assert [message.header.stamp.nanosec for message in actor.sent] == [1, 3, 4]
     # Once a second for whoever comes late.
     for time_ns in (NANOSECONDS, NANOSECONDS + 4, NANOSECONDS + 5, 2 * NANOSECONDS + 4):
-        output.tell((), time_ns)
+        output.publish((), time_ns)
     assert [message.header.stamp.sec for message in actor.sent[3:]] == [1, 2]
 
 

@@ -28,7 +28,7 @@ from hapticmech_ros.nodes.bags.recorded_topic import BagSpool, RecordedTopic
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, QuietEventsNode, StopRequest
 from hapticmech_ros.nodes.sources import Info
-from hapticmech_ros.readiness import say_ready
+from hapticmech_ros.readiness import report_ready
 from hapticmech_ros.times import nanoseconds
 from hapticmech_ros.wire.topics import Rate, topic_of
 
@@ -277,7 +277,7 @@ def _record(
             if not ready and len(node.received) == known and node.receives:
                 ready = late or not node.silent()
                 if ready:
-                    say_ready()
+                    report_ready()
         inbox.gather()
     # On a busy machine it is behind.
     inbox.drain(DRAIN_S)
