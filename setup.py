@@ -90,6 +90,8 @@ setup(
         # Unpacks chunks of bags; rosbags needs it as well.
         "lz4>=4",
         "matplotlib>=3.6",
+        # Records of mcap files.
+        "mcap>=1.2",
         # Puts compiled kernels into memory; numba, which compiles them, needs it as well.
         "llvmlite>=0.44",
         "numba>=0.61",

@@ -23,7 +23,7 @@ PACKAGE = "hapticmech_ros"
 # Modules that packages of other names may bring: ROS has Pinocchio and Coal without pip's metadata.
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
 # No node needs these.
-OF_COMMANDS = frozenset({"matplotlib", "rich", "rosbags", "typer"})
+OF_COMMANDS = frozenset({"matplotlib", "mcap", "rich", "rosbags", "typer"})
 
 
 def refuse_unmet(

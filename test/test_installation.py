@@ -24,7 +24,13 @@ NEEDED = [
     one for one in map(Requirement, requires(PACKAGE) or ()) if "extra" not in str(one.marker)
 ]
 # pip's names of what ROS and Ubuntu have by others.
-ELSEWHERE = {"pin": "pinocchio", "PyYAML": "python3-yaml", "lz4": None, "rosbags": None}
+ELSEWHERE = {
+    "pin": "pinocchio",
+    "PyYAML": "python3-yaml",
+    "lz4": None,
+    "mcap": None,
+    "rosbags": None,
+}
 IN_CONDA = {"pin": "pinocchio", "PyYAML": "pyyaml", "matplotlib": "matplotlib-base"}
 
 
@@ -195,7 +201,9 @@ def test_what_comes_from_pypi_on_ubuntu_has_the_same_versions():
         text = (ROOT / name).read_text(encoding="utf-8").replace("\\\n", " ")
         (line,) = re.findall(r"\.venv/bin/pip install .*'numba.*", text)
         wanted = [Requirement(one) for one in re.findall(r"'([^']+)'", line)]
-        assert {one.name for one in wanted} == {"numba", "pydantic", "rosbags", "typer"}, name
+        assert {one.name for one in wanted} == {"mcap", "numba", "pydantic", "rosbags", "typer"}, (
+            name
+        )
         for one in wanted:
             assert lowest(one) == by_name[one.name], name
 

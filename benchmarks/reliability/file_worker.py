@@ -25,8 +25,7 @@ import numpy as np
 
 from benchmarks.reliability.file_seeds import sidecar, write_seeds
 from benchmarks.reliability.mutants import mutated
-from hapticmech_ros.bag.check import check
-from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.repair import repair_in_child
 from hapticmech_ros.contact.hull import read_mesh
 from hapticmech_ros.errors import HapticMechError

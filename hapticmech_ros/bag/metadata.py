@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from io import StringIO
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
     Qos,
     QosDurability,
     QosHistory,
@@ -27,18 +26,15 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.metadata import dump_qos_v9, parse_qos
 from ruamel.yaml import YAML
 
+from hapticmech_ros.bag.storage import LATEST_NS, NO_DEFINITION, DamageError, StoredTopic
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import read_text
 from hapticmech_ros.yaml_text import read_yaml
 
 # "For ever" as rmw and rosbag2 write it: the largest count of nanoseconds in 64 bits.
 INFINITE = QosTime(9223372036, 854775807)
-# Of history depths and seconds.
-_LARGEST = 2**63 - 1
 
 
 def _offered(depth: int, durability: QosDurability) -> Qos:
@@ -84,7 +80,7 @@ def read_offers(said: object) -> tuple[Qos, ...]:
         said: a list of mappings, or text: YAML of such a list.
 
     Raises:
-        ReaderError: not profiles as rosbag2 writes them.
+        DamageError: not profiles as rosbag2 writes them.
     """
     try:
         items = read_yaml(said, "offered_qos_profiles") if isinstance(said, str) else said
@@ -92,15 +88,48 @@ def read_offers(said: object) -> tuple[Qos, ...]:
             return ()
         if not isinstance(items, list):
             raise TypeError("not a list")
-        found = tuple(parse_qos(items))
+        found = tuple(map(_offer, items))
     except (FileError, TypeError, KeyError, AttributeError, ValueError) as error:
-        raise ReaderError(f"offered_qos_profiles cannot be read ({error})") from None
+        raise DamageError(f"offered_qos_profiles cannot be read ({error})") from None
     for offer in found:
         times = (offer.deadline, offer.lifespan, offer.liveliness_lease_duration)
         numbers = [offer.depth, *(part for time in times for part in (time.sec, time.nsec))]
-        if not all(type(number) is int and 0 <= number <= _LARGEST for number in numbers):
-            raise ReaderError(f"offered_qos_profiles have a number out of range ({offer})")
+        if not all(type(number) is int and 0 <= number <= LATEST_NS for number in numbers):
+            raise DamageError(f"offered_qos_profiles have a number out of range ({offer})")
     return found
+
+
+_KINDS = {
+    "history": QosHistory,
+    "reliability": QosReliability,
+    "durability": QosDurability,
+    "liveliness": QosLiveliness,
+}
+
+
+def _offer(item: Any) -> Qos:
+    """Return a profile of any version: kinds are names, and were numbers before version 9."""
+    found = {name: item[name] for name in ("depth", "avoid_ros_namespace_conventions")}
+    for name, kind in _KINDS.items():
+        said = item.get(name, "unknown")
+        try:
+            found[name] = kind(said) if isinstance(said, int) else kind[said.upper()]
+        except (KeyError, ValueError):
+            found[name] = kind["UNKNOWN"]
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        found[name] = QosTime(item[name]["sec"], item[name]["nsec"])
+    return Qos(**found)
+
+
+def offers_as_data(offers: Iterable[Qos]) -> list[dict[str, Any]]:
+    """Return profiles as version 9 has them; :func:`read_offers` reads them."""
+    return [{name: _plain(value) for name, value in one._asdict().items()} for one in offers]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.name.lower()
+    return value._asdict() if isinstance(value, QosTime) else value
 
 
 VERSION: Literal[9] = 9
@@ -111,8 +140,6 @@ ROOT = "rosbag2_bagfile_information"
 UNFINISHED = ("recording", "unfinished")
 # Key in custom_data of how many messages a recording has lost; of one topic with its name behind.
 LOST, UNKNOWN = "lost", "unknown"
-# rosbag2's starting time of a bag, or file, that has no message.
-NEVER_NS = 2**63 - 1
 # Bytes of the file; one of a thousand files and a hundred topics has 300 kB.
 SIZE_LIMIT = 8_000_000
 
@@ -131,8 +158,8 @@ def in_folder(name: str) -> str:
     return name
 
 
-_Count = Annotated[int, Field(strict=True, ge=0, le=NEVER_NS)]
-_Number = Annotated[int, Field(strict=True, ge=-NEVER_NS - 1, le=NEVER_NS + 1)]
+_Count = Annotated[int, Field(strict=True, ge=0, le=LATEST_NS)]
+_Number = Annotated[int, Field(strict=True, ge=-LATEST_NS - 1, le=LATEST_NS + 1)]
 _Text = Annotated[str, Field(strict=True)]
 _FileName = Annotated[_Text, AfterValidator(in_folder)]
 
@@ -193,7 +220,7 @@ class FileSpan:
     """What one storage file holds: times of its first and last message, ns, and their number."""
 
     name: str
-    start_ns: int = NEVER_NS
+    start_ns: int = LATEST_NS
     end_ns: int = 0
     count: int = 0
 
@@ -207,7 +234,7 @@ class FileSpan:
 def bag_information(
     storage: str,
     files: Sequence[FileSpan],
-    topics: Iterable[tuple[Connection, int]],
+    topics: Iterable[StoredTopic],
     finished: bool,
 ) -> dict[str, Any]:
     """Return the fields below ``rosbag2_bagfile_information``.
@@ -218,10 +245,10 @@ def bag_information(
     Args:
         storage: ``mcap`` or ``sqlite3``.
         files: in the order they were written.
-        topics: connection and number of messages of each topic.
+        topics: with the number of their messages.
         finished: False while there is more to come.
     """
-    start = min((file.start_ns for file in files), default=NEVER_NS)
+    start = min((file.start_ns for file in files), default=LATEST_NS)
     end = max((file.end_ns for file in files), default=0)
     return {
         "version": VERSION,
@@ -229,7 +256,7 @@ def bag_information(
         "duration": _duration(start, end),
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(file.count for file in files),
-        "topics_with_message_count": [_topic(connection, n) for connection, n in topics],
+        "topics_with_message_count": [_topic(topic) for topic in topics],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
@@ -288,6 +315,22 @@ def read_metadata(folder: Path) -> dict[str, Any]:
         return load_metadata(folder)
     except FileError:
         return {}
+
+
+def topics_of(information: Mapping[str, Any]) -> list[StoredTopic]:
+    """Return the topics that the fields of metadata tell of, with the counts of their messages.
+
+    Raises:
+        DamageError: profiles that cannot be read.
+    """
+    found = []
+    for number, one in enumerate(information["topics_with_message_count"]):
+        told = one["topic_metadata"]
+        type_hash = told.get("type_description_hash", "")
+        offered = read_offers(told.get("offered_qos_profiles") or [])
+        kinds = told["name"], told["type"], NO_DEFINITION, type_hash, offered
+        found.append(StoredTopic(number, *kinds, one["message_count"]))
+    return found
 
 
 def is_unfinished(information: Mapping[str, Any]) -> bool:
@@ -353,15 +396,14 @@ def _duration(start_ns: int, end_ns: int) -> dict[str, int]:
     return {"nanoseconds": max(0, end_ns - start_ns)}
 
 
-def _topic(connection: Connection, count: int) -> dict[str, Any]:
-    extra = cast(ConnectionExtRosbag2, connection.ext)
+def _topic(topic: StoredTopic) -> dict[str, Any]:
     return {
         "topic_metadata": {
-            "name": connection.topic,
-            "type": connection.msgtype,
-            "serialization_format": extra.serialization_format,
-            "offered_qos_profiles": dump_qos_v9(list(extra.offered_qos_profiles)),
-            "type_description_hash": connection.digest,
+            "name": topic.name,
+            "type": topic.type,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": offers_as_data(topic.offered),
+            "type_description_hash": topic.type_hash,
         },
-        "message_count": count,
+        "message_count": topic.count,
     }

@@ -15,17 +15,30 @@ import heapq
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, Nodetype, Qos
+from rosbags.interfaces import MessageDefinitionFormat, Nodetype, Qos
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from hapticmech_ros.bag.metadata import is_recording
-from hapticmech_ros.bag.storage import COMPRESSED, SUFFIXES
-from hapticmech_ros.bag.wanted import any_reader, number_of_files
+from hapticmech_ros.bag.mcap_file import McapReader
+from hapticmech_ros.bag.metadata import is_recording, load_metadata, topics_of
+from hapticmech_ros.bag.sqlite_file import SqliteReader
+from hapticmech_ros.bag.storage import (
+    COMPRESSED,
+    LATEST_NS,
+    NO_DEFINITION,
+    SUFFIXES,
+    DamageError,
+    StoredTopic,
+    unpack_file,
+    unpacked,
+)
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
 from hapticmech_ros.times import NANOSECONDS
@@ -131,7 +144,13 @@ def refuse_former_topics(bag: BagReader) -> None:
 
 # How far messages of one file may be older than the last ones of the file before it.
 OVERLAP_NS = 2_000_000_000
-Raw = tuple[Connection, int, bytes]
+# Of the definitions of all topics, which the library understands at some 30 us a line.
+DEFINITIONS_SIZE, DEFINITIONS_LINES = 4_000_000, 200_000
+# What stands before each part of a definition in IDL, where there are several.
+_IDL = "=" * 80 + "\nIDL: "
+StorageReader = McapReader | SqliteReader
+_READERS: dict[str, type[StorageReader]] = {"mcap": McapReader, "sqlite3": SqliteReader}
+Raw = tuple[StoredTopic, int, bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,25 +197,23 @@ class BagReader:
             raise BagError(f"no bag at {self.path}")
         if self.path.is_dir():
             self._check_folder()
+        self._stack = ExitStack()
+        self._files: list[StorageReader] = []
+        self._is_packed = False
         try:
-            self._reader = any_reader(self.path)
-            self._reader.open()
+            self._stored = tuple(self._open_folder() if self.path.is_dir() else self._open_file())
+            self._types = _typestore(self._stored)
         except Exception as error:  # Decoders of three formats raise anything on damaged bytes.
+            self._stack.close()
             raise _damaged(self.path, error) from error
-        self._files = number_of_files(self._reader)
-        self._is_open = True
-        self.topics: dict[str, BagTopic] = {
-            name: _topic(info.msgtype, info.connections)
-            for name, info in sorted(self._reader.topics.items())
-        }
+        self.topics = topics_by_name(self._stored)
 
     @property
     def span_ns(self) -> tuple[int, int]:
         """Times of the first and the last message in the files, ns; zeros for an empty bag."""
-        first, end = self._reader.start_time, self._reader.end_time
-        if self._reader.message_count == 0 or end <= first:
-            return 0, 0
-        return first, end - 1
+        first = min((file.span[0] for file in self._files), default=LATEST_NS)
+        end = max((file.span[1] for file in self._files), default=0)
+        return (first, end - 1) if end > first else (0, 0)
 
     def messages(self, *names: str) -> Iterator[BagMessage]:
         """Yield the messages of topics in order of reception, in one pass; of all if none given.
@@ -204,12 +221,12 @@ class BagReader:
         Raises:
             BagError: topic not in the bag, or bytes that cannot be decoded.
         """
-        for connection, time_ns, data in self._raw(names):
+        for topic, time_ns, data in self._raw(names):
             try:
-                message = self._reader.deserialize(data, connection.msgtype)
+                message = self._types.deserialize_cdr(data, topic.type)
             except Exception as error:  # See __init__.
-                raise _damaged(self.path, error, connection.topic) from error
-            yield BagMessage(connection.topic, time_ns, message)
+                raise _damaged(self.path, error, topic.name) from error
+            yield BagMessage(topic.name, time_ns, message)
 
     def serialized(
         self, *names: str, start_ns: int | None = None, stop_ns: int | None = None
@@ -223,8 +240,8 @@ class BagReader:
             start_ns: leave out what was received earlier.
             stop_ns: leave out what was received then or later.
         """
-        for connection, time_ns, data in self._raw(names, start_ns, stop_ns):
-            yield connection.topic, time_ns, bytes(data)
+        for topic, time_ns, data in self._raw(names, start_ns, stop_ns):
+            yield topic.name, time_ns, data
 
     def decode(self, name: str, data: bytes) -> Any:
         """Return the message of CDR bytes of a topic.
@@ -235,7 +252,7 @@ class BagReader:
         if name not in self.topics:
             raise BagError(f"bag {self.path}: no topic {name}")
         try:
-            return self._reader.deserialize(data, self.topics[name].type)
+            return self._types.deserialize_cdr(data, self.topics[name].type)
         except Exception as error:  # See __init__.
             raise _damaged(self.path, error, name) from error
 
@@ -248,7 +265,7 @@ class BagReader:
         if name not in self.topics:
             raise BagError(f"bag {self.path}: no topic {name}")
         msgtype = self.topics[name].type
-        _, fields = self._reader.typestore.fielddefs.get(msgtype, ((), ()))
+        _, fields = self._types.fielddefs.get(msgtype, ((), ()))
         kind, detail = fields[0][1] if fields else (None, "")
         return stamp_reader(msgtype, str(detail) if kind == Nodetype.NAME else "")
 
@@ -262,19 +279,65 @@ class BagReader:
             rule = "it is still being recorded, or its recording was cut short"
             raise BagError(f"bag {self.path} is unfinished: {rule}{hint}")
 
+    def _open_file(self) -> Iterable[StoredTopic]:
+        if self.path.suffix not in SUFFIXES:
+            raise DamageError(f"files of bags are {' or '.join(SUFFIXES)}")
+        file = self._opened(SUFFIXES[self.path.suffix], self.path)
+        if isinstance(file, SqliteReader):
+            file.count()
+        return file.topics
+
+    def _open_folder(self) -> Iterable[StoredTopic]:
+        """Open all files that the metadata name, from which counts are taken as well."""
+        said = load_metadata(self.path)
+        storage, mode = said["storage_identifier"], str(said.get("compression_mode") or "none")
+        if storage not in _READERS:
+            raise DamageError(f"storage {storage!r} is not supported")
+        if mode.lower() != "none" and said.get("compression_format") != "zstd":
+            raise DamageError(f"compression {said.get('compression_format')!r} is not supported")
+        topics = said["topics_with_message_count"]
+        others = {str(one["topic_metadata"]["serialization_format"]) for one in topics} - {"cdr"}
+        if others:
+            raise DamageError(f"serialization {sorted(others)} is not supported")
+        paths = [self.path / PurePosixPath(name).name for name in said["relative_file_paths"]]
+        missing = [path.name for path in paths if not exists(path)]
+        if missing:
+            raise DamageError(f"files are missing: {missing}")
+        self._is_packed = mode.lower() == "message"
+        if mode.lower() == "file":
+            paths = _plain(paths, Path(self._stack.enter_context(TemporaryDirectory())))
+        for path in paths:
+            self._opened(storage, path)
+        definitions = {
+            topic.type: topic.definition
+            for file in reversed(self._files)
+            for topic in reversed(file.topics)
+            if topic.definition.format is not MessageDefinitionFormat.NONE
+        }
+        return [
+            replace(topic, definition=definitions.get(topic.type, NO_DEFINITION))
+            for topic in topics_of(said)
+        ]
+
+    def _opened(self, storage: str, path: Path) -> StorageReader:
+        file = _READERS[storage](path)
+        self._stack.callback(file.close)
+        self._files.append(file)
+        return file
+
     def _raw(
         self, names: tuple[str, ...], start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[Raw]:
         unknown = [name for name in names if name not in self.topics]
         if unknown:
             raise BagError(f"bag {self.path}: no topic {', '.join(unknown)}")
-        chosen = [c for c in self._reader.connections if not names or c.topic in names]
-        if not chosen:
-            return
-        stream = self._guarded(chosen, start_ns, stop_ns)
-        read = dict.fromkeys((connection.topic for connection in chosen), 0)
-        for item in stream if self._files == 1 else _in_order(stream):
-            read[item[0].topic] += 1
+        chosen = [topic for topic in self._stored if not names or topic.name in names]
+        start = -LATEST_NS if start_ns is None else start_ns
+        stop = LATEST_NS + 1 if stop_ns is None else stop_ns
+        stream = self._guarded(chosen, start, stop)
+        read = {topic.name: 0 for topic in chosen}
+        for item in stream if len(self._files) == 1 else _in_order(stream):
+            read[item[0].name] += 1
             yield item
         if start_ns is None and stop_ns is None:
             self._refuse_less(read)
@@ -292,24 +355,30 @@ class BagReader:
                 hint = f"`hapticmech bag repair {self.path}` recovers what can be read"
                 raise MissingMessagesError(f"bag {self.path} (topic {name}): {rule}; {hint}")
 
-    def _guarded(
-        self, chosen: list[Connection], start_ns: int | None, stop_ns: int | None
-    ) -> Iterator[Raw]:
-        stream = self._reader.messages(connections=chosen, start=start_ns, stop=stop_ns)
-        while True:
-            try:
-                item = next(stream, None)
-            except Exception as error:  # See __init__.
-                raise _damaged(self.path, error) from error
-            if item is None:
-                return
-            yield item
+    def _guarded(self, chosen: Iterable[StoredTopic], start: int, stop: int) -> Iterator[Raw]:
+        """Yield messages file by file.
+
+        Topics are those of the files by name and type: what metadata say of their QoS may have been
+        edited.
+        """
+        known = {(topic.name, topic.type): topic for topic in chosen}
+        try:
+            for file in self._files:
+                wanted = {
+                    topic.number: known[topic.name, topic.type]
+                    for topic in file.topics
+                    if (topic.name, topic.type) in known
+                }
+                if wanted:
+                    for number, time_ns, data in file.messages(wanted.keys(), start, stop):
+                        plain = unpacked(data, "zstd") if self._is_packed else data
+                        yield wanted[number], time_ns, plain
+        except Exception as error:  # See __init__.
+            raise _damaged(self.path, error) from error
 
     def close(self) -> None:
         """Close the bag; does nothing the second time."""
-        if self._is_open:
-            self._is_open = False
-            self._reader.close()
+        self._stack.close()
 
     def __enter__(self) -> BagReader:
         return self
@@ -334,18 +403,74 @@ def read_topic(path: str | os.PathLike[str], name: str) -> Iterator[tuple[int, A
             yield item.time_ns, item.message
 
 
-def _topic(msgtype: str | None, connections: list[Connection]) -> BagTopic:
-    offered = (
-        profile
-        for connection in connections
-        if isinstance(connection.ext, ConnectionExtRosbag2)
-        for profile in connection.ext.offered_qos_profiles
-    )
+def types_of(topic: StoredTopic) -> dict[str, Any]:
+    """Return the types that the definition of a topic's type has, as the library takes them.
+
+    Raises:
+        Exception: of the library; the definition cannot be read.
+    """
+    text = topic.definition.data
+    if topic.definition.format is MessageDefinitionFormat.MSG:
+        return get_types_from_msg(text, topic.type)
+    found = {}
+    for part in text.split(_IDL):
+        # The first line of all but a definition alone is a name.
+        found.update(get_types_from_idl(part.partition("\n")[2] if _IDL in text else part))
+    return found
+
+
+def _typestore(topics: Iterable[StoredTopic]) -> Any:
+    """Return a store of the types of topics.
+
+    Raises:
+        DamageError: definitions that take long to understand, or a hash of another definition.
+        Exception: of the library; a definition cannot be read.
+    """
+    defined = [one for one in topics if one.definition.format is not MessageDefinitionFormat.NONE]
+    texts = [topic.definition.data for topic in defined]
+    size, lines = sum(map(len, texts)), sum(text.count("\n") for text in texts)
+    if size > DEFINITIONS_SIZE or lines > DEFINITIONS_LINES:
+        rule = f"at most {DEFINITIONS_SIZE} characters in {DEFINITIONS_LINES} lines"
+        raise DamageError(f"its types' definitions have {size} in {lines}: {rule}")
+    if not defined:
+        return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.EMPTY)
+    types: dict[str, Any] = {}
+    for topic in {(one.type, one.definition): one for one in defined}.values():
+        types.update(types_of(topic))
+    store.register(types)
+    for msgtype, said in {one.type: one.type_hash for one in defined if one.type_hash}.items():
+        if (found := store.hash_rihs01(msgtype)) != said:
+            raise DamageError(f"the hash of type {msgtype} is {found}, not {said}")
+    return store
+
+
+def _plain(paths: Iterable[Path], folder: Path) -> list[Path]:
+    """Return files that were compressed as a whole, unpacked into a folder."""
+    found = []
+    for path in paths:
+        found.append(folder / path.stem)
+        trouble = unpack_file(path, found[-1])
+        if trouble:
+            raise DamageError(f"{path.name} {trouble}")
+    return found
+
+
+def topics_by_name(stored: Iterable[StoredTopic]) -> dict[str, BagTopic]:
+    """Return topics by name, in order of their names; of one name several become one."""
+    by_name: dict[str, list[StoredTopic]] = {}
+    for topic in sorted(stored, key=lambda topic: topic.name):
+        by_name.setdefault(topic.name, []).append(topic)
+    return {name: _topic(found) for name, found in by_name.items()}
+
+
+def _topic(found: list[StoredTopic]) -> BagTopic:
+    types = {topic.type for topic in found}
     return BagTopic(
-        msgtype or "several types",
-        sum(connection.msgcount for connection in connections),
-        tuple(offered),
-        next((connection.digest for connection in connections if connection.digest), ""),
+        types.pop() if len(types) == 1 else "several types",
+        sum(topic.count for topic in found),
+        tuple(offer for topic in found for offer in topic.offered),
+        next((topic.type_hash for topic in found if topic.type_hash), ""),
     )
 
 

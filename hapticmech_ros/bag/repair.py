@@ -3,125 +3,39 @@
 """Makes a new, complete bag from what can be read of a damaged or unfinished one.
 
 A child process with limits reads it: nobody knows what became of its bytes.
-
-Reads an SQLite storage file whose writer may have been killed, without touching the original.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import re
-import shutil
-import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import closing
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
-from rosbags.rosbag2 import ReaderError
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.typesys import Stores, get_typestore
 
+from hapticmech_ros.bag.mcap_file import McapScan
 from hapticmech_ros.bag.metadata import is_unfinished, read_metadata
-from hapticmech_ros.bag.scan import (
+from hapticmech_ros.bag.reader import types_of
+from hapticmech_ros.bag.sqlite_file import SqliteScan
+from hapticmech_ros.bag.storage import (
+    COMPRESSED,
     FILE_RATIO,
+    SUFFIXES,
     UNPACKED_LIMIT,
-    Found,
-    FoundTopic,
-    Scan,
+    DamageError,
+    StoredTopic,
     unpack_file,
     unpacked,
-)
-from hapticmech_ros.bag.scan_mcap import McapScan
-from hapticmech_ros.bag.storage import COMPRESSED, SUFFIXES
-from hapticmech_ros.bag.tables import (
-    HEAD,
-    ROW,
-    STEPS_AT_ONCE,
-    Steps,
-    checked_message,
-    page_size,
-    refuse_strange_tables,
-    stored_topics,
 )
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.cage import CageError, Limits, caged
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import check_file, exists, is_file
-
-JOURNALS = ("-wal", "-journal")
-
-
-class SqliteScan:
-    """See :class:`hapticmech_ros.bag.scan.Scan`.
-
-    Opening a database whose writer died changes it and its journal: a copy is opened.
-
-    Args:
-        path: of the file.
-        scratch: folder for the copy.
-    """
-
-    def __init__(self, path: Path, scratch: Path) -> None:
-        self.path = path
-        self._scratch = scratch
-        self.trouble = ""
-        self.lost_bytes = 0
-
-    def __iter__(self) -> Iterator[Found]:
-        """Yield topics, each before its first message, and messages."""
-        size = check_file(self.path)
-        with TemporaryDirectory(dir=self._scratch) as folder:
-            copy = Path(folder) / self.path.name
-            shutil.copyfile(self.path, copy)
-            _drop_cut_page(copy)
-            for suffix in JOURNALS:
-                journal = self.path.with_name(self.path.name + suffix)
-                if exists(journal):
-                    size += check_file(journal)
-                    shutil.copyfile(journal, copy.with_name(copy.name + suffix))
-            read = 0
-            try:
-                with closing(sqlite3.connect(copy)) as database:
-                    database.set_progress_handler(Steps(size).too_many, STEPS_AT_ONCE)
-                    for found in _rows(database):
-                        read += ROW + len(found.data) if found.data is not None else 0
-                        if read > size:
-                            raise ReaderError("it has more messages than there is room for in it")
-                        yield found
-            except (sqlite3.Error, ReaderError, UnicodeDecodeError) as error:
-                self.trouble = f"cannot be read to its end ({error})"
-                self.lost_bytes = max(0, size - read)
-
-
-def _drop_cut_page(path: Path) -> None:
-    """Take away a page that was cut: SQLite would read zeros where its messages' bytes are gone."""
-    with path.open("r+b") as file:
-        head = file.read(HEAD)
-        size = file.seek(0, io.SEEK_END)
-        page = page_size(head) if len(head) == HEAD else 0
-        if page and size % page:
-            file.truncate(size - size % page)
-
-
-def _rows(database: sqlite3.Connection) -> Iterator[Found]:
-    refuse_strange_tables(database.execute)
-    topics = {number: topic for number, (topic, _) in stored_topics(database.execute).items()}
-    for topic in topics.values():
-        yield Found(topic)
-    # In order of writing, not through the index, which may be what is damaged.
-    query = "SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id"
-    for row in database.execute(query):
-        try:
-            number, time_ns, data = checked_message(row)
-        except ReaderError:
-            continue
-        if number in topics:
-            yield Found(topics[number], time_ns, data)
-
 
 # With what a compressed message begins; a serialized one with 0.
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -277,7 +191,7 @@ def _copy(
             if file.suffix == COMPRESSED:
                 plain = Path(folder) / file.stem
                 trouble = unpack_file(file, plain)
-            scan: Scan = McapScan(plain) if storage == "mcap" else SqliteScan(plain, Path(folder))
+            scan = McapScan(plain) if storage == "mcap" else SqliteScan(plain, Path(folder))
             writer.split()
             for topic, time_ns, data in scan:
                 _announce(writer, topic, refused)
@@ -286,7 +200,7 @@ def _copy(
                 is_packed = data.startswith(_ZSTD) if packed is None else packed
                 try:
                     plain_data = unpacked(data, "zstd") if is_packed else data
-                except ReaderError as error:
+                except DamageError as error:
                     trouble, lost = (
                         f"holds a message that cannot be read ({error})",
                         lost + len(data),
@@ -299,31 +213,24 @@ def _copy(
     return FileRepair(file.name, messages, trouble or scan.trouble, lost + scan.lost_bytes)
 
 
-def _announce(writer: BagWriter, topic: FoundTopic, refused: dict[str, str]) -> None:
+def _announce(writer: BagWriter, topic: StoredTopic, refused: dict[str, str]) -> None:
     if topic.name in writer.counts or topic.name in refused:
         return
-    text = topic.definition
+    given = None
+    if topic.definition.format is not MessageDefinitionFormat.NONE:
+        given = topic.definition, topic.type_hash or _hash(topic)
     try:
-        if text.format is MessageDefinitionFormat.NONE:
-            writer.add_topic(topic.name, topic.type, offered=topic.offered)
-        else:
-            digest = topic.type_hash or _hash(topic.type, text)
-            writer.add_topic(
-                topic.name, topic.type, offered=topic.offered, definition=(text, digest)
-            )
+        writer.add_topic(topic.name, topic.type, offered=topic.offered, definition=given)
     except BagError as error:
         refused[topic.name] = str(error)
 
 
-def _hash(msgtype: str, definition: MessageDefinition) -> str:
-    """Return the hash of a type's definition, or nothing if the definition cannot be read."""
+def _hash(topic: StoredTopic) -> str:
+    """Return the hash of a topic's type, or nothing if its definition cannot be read."""
     store = get_typestore(Stores.EMPTY)
     try:
-        if definition.format is MessageDefinitionFormat.MSG:
-            store.register(get_types_from_msg(definition.data, msgtype))
-        else:
-            store.register(get_types_from_idl(definition.data))
-        return str(store.hash_rihs01(msgtype))
+        store.register(types_of(topic))
+        return store.hash_rihs01(topic.type)
     except Exception:  # noqa: BLE001 - parsers raise anything on damaged text; a hash may be missing.
         return ""
 

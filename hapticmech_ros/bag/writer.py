@@ -8,20 +8,15 @@ import os
 import sqlite3
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-    MessageDefinitionFormat,
-    Qos,
-)
-from rosbags.rosbag2.metadata import dump_qos_v9
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Qos
 from rosbags.typesys import Stores, TypesysError, get_typestore
 
+from hapticmech_ros.bag.mcap_file import McapFile
 from hapticmech_ros.bag.metadata import (
     VERSION,
     FileSpan,
@@ -29,13 +24,17 @@ from hapticmech_ros.bag.metadata import (
     bag_information,
     losses_as_data,
     offered_qos,
+    offers_as_data,
     write_metadata,
 )
-from hapticmech_ros.bag.storage import STORAGE_FILES, Messages, StorageFile
+from hapticmech_ros.bag.sqlite_file import SqliteFile
+from hapticmech_ros.bag.storage import Messages, StoredTopic
 from hapticmech_ros.errors import BagError
 
 # What is older than this, by the messages' times, a killed writer leaves on disk.
 FLUSH_NS = 500_000_000
+StorageFile = McapFile | SqliteFile
+STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": SqliteFile}
 _FAILURES = (OSError, sqlite3.Error)
 
 
@@ -74,7 +73,7 @@ class BagWriter:
         self._storage = storage
         self._split_bytes, self._split_ns = split_bytes, split_ns
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._connections: dict[str, Connection] = {}
+        self._topics: dict[str, StoredTopic] = {}
         self._counts: dict[str, int] = {}
         self._files: list[FileSpan] = []
         self._flushed_ns: int | None = None
@@ -116,24 +115,16 @@ class BagWriter:
         profiles = [offered_qos(qos_name)] if offered is None else list(offered)
         with self._lock:
             self._check_open()
-            if name in self._connections:
+            if name in self._topics:
                 raise BagError(f"bag {self.path}: topic {name} is already there")
-            text, digest = definition or self._definition(name, msgtype)
-            connection = Connection(
-                id=len(self._connections) + 1,
-                topic=name,
-                msgtype=msgtype,
-                msgdef=text,
-                digest=digest,
-                msgcount=0,
-                ext=ConnectionExtRosbag2("cdr", profiles),
-                owner=self,
-            )
+            text, type_hash = definition or self._definition(name, msgtype)
+            number = len(self._topics) + 1
+            topic = StoredTopic(number, name, msgtype, text, type_hash, tuple(profiles))
             try:
-                self._announce(connection)
+                self._announce(topic)
             except _FAILURES as error:
                 raise BagError(f"cannot write bag {self.path}: {error}") from error
-            self._connections[name] = connection
+            self._topics[name] = topic
             self._counts[name] = 0
             self._stale = True
 
@@ -157,14 +148,14 @@ class BagWriter:
             return
         with self._lock:
             self._check_open()
-            connection = self._connections.get(name)
-            if connection is None:
+            topic = self._topics.get(name)
+            if topic is None:
                 raise BagError(f"bag {self.path}: topic {name} was not announced")
             time_ns = messages[0][0]
             try:
                 if self._is_full(time_ns):
                     self._next_file()
-                self._file.write_many(connection, messages)
+                self._file.write_many(topic.number, messages)
                 self._counts[name] += len(messages)
                 self._files[-1].add([time_ns for time_ns, _ in messages])
                 if self._flushed_ns is None:
@@ -237,13 +228,11 @@ class BagWriter:
             raise BagError(f"bag {self.path}: {msgtype!r} of {name}: {rule}") from None
         return MessageDefinition(MessageDefinitionFormat.MSG, text), digest
 
-    def _announce(self, connection: Connection) -> None:
-        extra = connection.ext
-        profiles = extra.offered_qos_profiles if isinstance(extra, ConnectionExtRosbag2) else []
-        if connection.msgtype not in self._types_in_file:
-            self._types_in_file.add(connection.msgtype)
-            self._file.add_msgtype(connection)
-        self._file.add_connection(connection, _offered_yaml(tuple(profiles)))
+    def _announce(self, topic: StoredTopic) -> None:
+        if topic.type not in self._types_in_file:
+            self._types_in_file.add(topic.type)
+            self._file.add_type(topic)
+        self._file.add_topic(topic, _offered_yaml(topic.offered))
 
     def _is_full(self, time_ns: int) -> bool:
         span = self._files[-1]
@@ -258,8 +247,8 @@ class BagWriter:
         self._file: StorageFile = STORAGE_FILES[self._storage](self.path, stem)
         self._types_in_file: set[str] = set()
         self._files.append(FileSpan(self._file.path.name))
-        for connection in self._connections.values():
-            self._announce(connection)
+        for topic in self._topics.values():
+            self._announce(topic)
 
     def _next_file(self) -> None:
         self._file.close(VERSION, as_yaml(self._information(finished=True)))
@@ -276,7 +265,7 @@ class BagWriter:
         write_metadata(self.path, self._information(finished=False))
 
     def _information(self, finished: bool) -> dict[str, object]:
-        topics = [(c, self._counts[name]) for name, c in self._connections.items()]
+        topics = [replace(one, count=self._counts[name]) for name, one in self._topics.items()]
         return bag_information(self._storage, self._files, topics, finished)
 
     def _check_open(self) -> None:
@@ -298,4 +287,4 @@ class BagWriter:
 @lru_cache(maxsize=256)
 def _offered_yaml(profiles: tuple[Qos, ...]) -> str:
     """Return what publishers offer as a storage keeps it; a graph has few different ones."""
-    return as_yaml(dump_qos_v9(list(profiles)))
+    return as_yaml(offers_as_data(profiles))

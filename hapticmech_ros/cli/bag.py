@@ -148,7 +148,7 @@ def info(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Say what is in a bag."""
-    from hapticmech_ros.bag.info import inspect_bag
+    from hapticmech_ros.bag.check import inspect_bag
     from hapticmech_ros.cli.bag_tables import show_info
 
     found = inspect_bag(bag)

@@ -7,9 +7,8 @@ from __future__ import annotations
 from datetime import datetime, timezone
 
 from hapticmech_ros.analysis.study import Sheet
-from hapticmech_ros.bag.check import BagCheck
+from hapticmech_ros.bag.check import BagCheck, BagInfo
 from hapticmech_ros.bag.compare import BagComparison
-from hapticmech_ros.bag.info import BagInfo
 from hapticmech_ros.bag.repair import RepairReport
 from hapticmech_ros.cli.console import console
 

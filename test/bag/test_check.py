@@ -14,8 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from hapticmech_ros.bag import BagWriter
-from hapticmech_ros.bag.check import absent, check
-from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.check import absent, check, inspect_bag
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import TOPICS
 

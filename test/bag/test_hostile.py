@@ -15,12 +15,11 @@ from pathlib import Path
 import lz4.frame
 import pytest
 
-from hapticmech_ros.bag import BagReader, BagWriter, scan
-from hapticmech_ros.bag.check import check
-from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag import BagReader, BagWriter, storage
+from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.metadata import load_metadata
 from hapticmech_ros.bag.repair import repair, repair_in_child
-from hapticmech_ros.bag.scan import unpack_file, unpacked
+from hapticmech_ros.bag.storage import unpack_file, unpacked
 from hapticmech_ros.errors import BagError, FileError, HapticMechError
 
 if sys.version_info >= (3, 14):
@@ -112,7 +111,7 @@ def test_frames_are_unpacked_as_they_were(compression: str) -> None:
 
 
 def test_a_file_is_unpacked_to_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan, "UNPACKED_LIMIT", 1 << 20)
+    monkeypatch.setattr(storage, "UNPACKED_LIMIT", 1 << 20)
     file = tmp_path / "bag.mcap.zstd"
     file.write_bytes(zstd.compress(bytes(8 << 20)))
     assert "becomes more than" in unpack_file(file, tmp_path / "plain")

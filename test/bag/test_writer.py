@@ -17,7 +17,7 @@ from rosbags.interfaces import QosDurability, QosReliability, QosTime
 from rosbags.rosbag2 import Reader
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.check import inspect_bag
 from hapticmech_ros.bag.metadata import load_metadata, losses_of
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import TOPICS

@@ -19,8 +19,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag import BagReader, BagWriter
-from hapticmech_ros.bag.check import check
-from hapticmech_ros.bag.info import inspect_bag
+from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.errors import BagError
 from sampling import sampled

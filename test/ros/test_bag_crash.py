@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.bag.repair import SqliteScan, repair
-from hapticmech_ros.bag.scan import Scan
-from hapticmech_ros.bag.scan_mcap import McapScan
+from hapticmech_ros.bag.mcap_file import McapScan
+from hapticmech_ros.bag.repair import repair
+from hapticmech_ros.bag.sqlite_file import SqliteScan
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.cdr import decode
 from ros.bag_processes import bag_command, steady_publisher
@@ -28,7 +28,7 @@ WAIT_S = 60.0
 def messages_on_disk(folder: Path, storage: str, scratch: Path) -> int:
     count = 0
     for file in folder.glob("*.mcap" if storage == "mcap" else "*.db3"):
-        scan: Scan = McapScan(file) if storage == "mcap" else SqliteScan(file, scratch)
+        scan = McapScan(file) if storage == "mcap" else SqliteScan(file, scratch)
         count += sum(found.data is not None for found in scan)
     return count
 

@@ -27,7 +27,7 @@ TIMEOUT_S = 300.0
 # Ubuntu 24.04 has these, of these versions.
 OLD = ["pydantic==1.10.14", "rich==13.7.1", "setuptools==68.1.2", "typer==0.9.0"]
 # It has none of these, or nobody there needs them.
-MISSING = {"apsw", "backports-zstd", "llvmlite", "lz4", "numba", "rosbags"}
+MISSING = {"apsw", "backports-zstd", "llvmlite", "lz4", "mcap", "numba", "rosbags"}
 NEWER = {"annotated-doc", "annotated-types", "pydantic-core", "shellingham", "typing-inspection"}
 NOT_RUN = ("source /opt", "sudo ", "rosdep ")
 CLONE = "git clone <this repository> "
@@ -96,11 +96,11 @@ def test_the_system_alone_has_what_is_too_old(system: Path) -> None:
     program = SEE_SYSTEM.format(str(system)) + (
         "\nimport importlib.util, pydantic, rclpy"
         "\nprint(pydantic.VERSION, rclpy.__file__)"
-        "\nprint(*map(importlib.util.find_spec, ['numba', 'rosbags']))"
+        "\nprint(*map(importlib.util.find_spec, ['mcap', 'numba', 'rosbags']))"
     )
     versions, missing = run(PYTHON, "-c", program, cwd=system).splitlines()
     assert versions.startswith(f"1.10.14 {system}")
-    assert missing == "None None"
+    assert missing == "None None None"
 
 
 def in_terminal(workspace: Path, command: str, **extra: str) -> str:

@@ -30,9 +30,9 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.bag.schedule import Cut, Message, Timeline, cut_of, latched_first, stream
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer
+from hapticmech_ros.nodes.bags.schedule import Cut, Message, Timeline, cut_of, latched_first, stream
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
     QuietEventsNode,
