@@ -11,7 +11,7 @@ from pathlib import Path
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # Files that include each other, and includes of a file and of those that it includes.
-DEEP, INCLUDE_LIMIT = 10, 100
+DEEPEST, INCLUDE_LIMIT = 10, 100
 # Versions of the format in which axes are those of the model.
 OF_MODEL = ("1.0", "1.2", "1.3", "1.4")
 SCHEME = "model://"
@@ -74,8 +74,8 @@ class _Includes:
             raise source.error(uri, uri.text.strip(), rule)
         if path.resolve() in {file.resolve() for file in files}:
             raise source.error(uri, uri.text.strip(), "files include each other in a circle")
-        if len(files) > DEEP:
-            rule = f"at most {DEEP} files that include each other"
+        if len(files) > DEEPEST:
+            rule = f"at most {DEEPEST} files that include each other"
             raise source.error(uri, uri.text.strip(), rule)
         found = Source(path, source, depth).root
         models = found.all("model")
