@@ -21,7 +21,7 @@ from hapticmech_ros.cli import app
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
 from hapticmech_ros.scene import document_of
-from hapticmech_ros.session.run import run_layout
+from hapticmech_ros.session.sample import run_layout
 from hapticmech_ros.wire.table import markdown
 
 ROOT = Path(__file__).resolve().parents[1]

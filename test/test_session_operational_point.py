@@ -9,7 +9,7 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.grasp import grasped
+from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.mechanism import Origin
 

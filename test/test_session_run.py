@@ -17,7 +17,7 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.saturation import limited
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.run import CONTROL
+from hapticmech_ros.session.sample import CONTROL
 from hapticmech_ros.simulation import Simulator
 from oracles.control import ReadableControl
 from oracles.device.hand import hand_law

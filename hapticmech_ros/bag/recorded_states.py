@@ -22,7 +22,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateColumns, StateLayout, coordinate_names

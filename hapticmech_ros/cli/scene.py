@@ -73,7 +73,7 @@ def check(
     from hapticmech_ros.cli.scene_tables import show_check
     from hapticmech_ros.formats import left_out
     from hapticmech_ros.loading import find_scene, load_scene
-    from hapticmech_ros.plan.scene_check import check_scene
+    from hapticmech_ros.plan.scene_plan import check_scene
 
     ends = time.monotonic() + seconds
     loaded = load_scene(scene, changes=changes or ())

@@ -15,8 +15,7 @@ from hapticmech_ros.cli.console import console
 from hapticmech_ros.formats import LeftOut
 from hapticmech_ros.mechanism.tolerances import NEAR_SINGULAR
 from hapticmech_ros.offline.assembly_search import AssemblySearch, LoopResidual, initial_state
-from hapticmech_ros.plan.scene_check import SceneCheck
-from hapticmech_ros.plan.scene_plan import ClosurePlan, ScenePlan
+from hapticmech_ros.plan.scene_plan import ClosurePlan, SceneCheck, ScenePlan
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, StepChoices
 from hapticmech_ros.scene import Scene
 

@@ -42,8 +42,8 @@ from hapticmech_ros.contact.step_kernels import (
     advance_period,
 )
 from hapticmech_ros.mechanism.careful import branch_projection
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     IMPLICIT,

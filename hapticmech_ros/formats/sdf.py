@@ -33,8 +33,7 @@ from hapticmech_ros.formats.model import (
     Point,
     Solid,
 )
-from hapticmech_ros.formats.sdf_frames import HERE, Frames, Scope, opened
-from hapticmech_ros.formats.sdf_include import OF_MODEL
+from hapticmech_ros.formats.sdf_frames import HERE, OF_MODEL, Frames, Scope, opened
 from hapticmech_ros.formats.sdf_shapes import solid_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 from hapticmech_ros.scene.part import LARGEST

@@ -23,8 +23,7 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.haply.link import WEBSOCKETS
-from hapticmech_ros.haply.messages import INVERSE3, LONGEST_FRAME
+from hapticmech_ros.haply.messages import INVERSE3, LONGEST_FRAME, WEBSOCKETS
 from hapticmech_ros.installation import refuse_unmet
 from hapticmech_ros.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene

@@ -13,9 +13,9 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.haply.link import Link
 from hapticmech_ros.haply.messages import (
     Cursor,
+    Link,
     cursor_of,
     force_command,
     found_in,

@@ -16,9 +16,10 @@ import pinocchio as pin
 
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.haply.link import Link, LinkError
 from hapticmech_ros.haply.messages import (
     Cursor,
+    Link,
+    LinkError,
     cursor_of,
     force_command,
     found_in,

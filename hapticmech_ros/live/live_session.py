@@ -41,8 +41,7 @@ from hapticmech_ros.live.commands import (
 from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import Active, flat_grasps
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
 from hapticmech_ros.session import Sample, SharedSession
 from hapticmech_ros.times import nanoseconds

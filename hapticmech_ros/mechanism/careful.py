@@ -3,16 +3,38 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.singular`). So
+stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.careful`). So
 none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
 what a stage needs there is that of an interpolation. The step is divided until its energy account
 closes.
+
+Which branch of the motion is taken at a singular position.
+
+Where closures lose rank, several branches of the mechanism's motion cross, and to first order it is
+free to move between them as well. An acceleration found there leads off all of them; put back onto
+the closures row by row, the mechanism may end on a branch that no force drives, or stop where the
+branches meet. Of all branches Gauss's principle of least constraint picks the one that the free
+motion is nearest to in the mass metric (T10 of docs/derivations.md): what is along it stays, and so
+the work done is the energy gained.
+
+A branch there is known from points beside it. Where branches cross, and within rounding of that,
+the closures' rows do not say which directions are along a branch: an error of φ turns them by φ/σ².
+The branch itself is smooth there. Its points, the projection P onto its tangents in the mass
+metric, and the acceleration Ṗ v that keeps a motion on it, are smooth functions along it, and
+beside the crossing the rows give them. What the branch has at the crossing follows by interpolation
+of degree 5 between three points on each side (T10b of docs/derivations.md).
+
+Which coordinates the closures of a mechanism move, loop by loop.
+
+A closure is about the joints on the path from one of its frames to the other, a coupling about its
+two joints. Closures that share none of these have nothing to do with each other, and nothing else
+changes φ: a branch of the motion is one of these coordinates, whatever the others do.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -21,23 +43,370 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.constraint_space import Closing
+from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, solve_lower
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
-from hapticmech_ros.mechanism.projection import project, refuse_flipped, refuse_open
+from hapticmech_ros.mechanism.projection import Projected, project, refuse_flipped, refuse_open
 from hapticmech_ros.mechanism.refinement import Balance
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.mechanism.singular import (
-    REACH,
-    Branch,
-    Loops,
-    branch_along,
-    free_change,
-    loops_of,
-    near_singular,
-    nearest_branch,
-)
-from hapticmech_ros.mechanism.tolerances import SINGULAR
+from hapticmech_ros.mechanism.tolerances import DETERMINED, SINGULAR, SOLVER_RANK_TOLERANCE
+
+
+class Loops:
+    """Coordinates of some closures that are connected.
+
+    Args:
+        mechanism: whose.
+        rates: (nv,) True for each of these coordinates.
+        rows: of W, of these closures.
+    """
+
+    def __init__(self, mechanism: Mechanism, rates: Array, rows: Sequence[int]) -> None:
+        self._mechanism = mechanism
+        self._others = np.flatnonzero(~rates)
+        self.rates = rates
+        self.rows = list(rows)
+
+    def part(self, change: Array) -> Array:
+        """Return a change (nv,) without what other coordinates do, rad or m.
+
+        Args:
+            change: (nv,) rad or m; or rates, rad/s or m/s.
+        """
+        return np.where(self.rates, change, 0.0) if self._others.size else change
+
+    def span(self, change: Array) -> float:
+        """Return the largest component of these coordinates' change, rad, or m over the length.
+
+        Args:
+            change: (nv,) rad or m.
+        """
+        return self._mechanism.span(self.part(change))
+
+    def size(self, space: ConstraintSpace, change: Array) -> float:
+        """Return the length of a change in the mass metric, the least that others leave of it.
+
+        What these coordinates do carries others along: minₓ |Lᵀ (change + x)| over x that do not
+        move these.
+
+        Args:
+            space: the closures' terms.
+            change: (nv,) rad or m; or rates, rad/s or m/s.
+        """
+        if not self._others.size:
+            return space.size(change)
+        turned = space.factor.T
+        basis, _ = np.linalg.qr(turned[:, self._others])
+        whole = turned @ change
+        return float(np.linalg.norm(whole - basis @ (basis.T @ whole)))
+
+    def singular_values(self, closing: Closing) -> Array:
+        """Return (k,) σ of these closures alone, descending; see ``ConstraintSpace.sigma``.
+
+        Args:
+            closing: the closures' terms.
+        """
+        units = closing.active_set.model.units
+        scaled = closing.jacobian[self.rows] / units[self.rows, None]
+        sigma = np.linalg.svd(solve_lower(closing.space.factor, scaled.T), compute_uv=False)
+        return np.asarray(sigma)
+
+
+def loops_of(mechanism: Mechanism, active: Active) -> list[Loops]:
+    """Return the loops that the active closures form.
+
+    Args:
+        mechanism: whose closures.
+        active: per closure, whether it is closed.
+    """
+    groups: list[tuple[Array, list[int]]] = []
+    first = 0
+    for index, loop in enumerate(mechanism.closures):
+        if not active[index]:
+            continue
+        rates, rows = mechanism.rates_in(index), list(range(first, first + loop.rows))
+        first += loop.rows
+        apart = []
+        for others, theirs in groups:
+            if (others & rates).any():
+                rates, rows = rates | others, theirs + rows
+            else:
+                apart.append((others, theirs))
+        groups = [*apart, (rates, rows)]
+    return [Loops(mechanism, rates, rows) for rates, rows in groups]
+
+
+def near_singular(
+    mechanism: Mechanism, loops: Sequence[Loops], here: Closing, beside: Closing | None
+) -> Loops:
+    """Return those loops together that are next to a singular position; all, if none is.
+
+    Args:
+        mechanism: whose.
+        loops: of it.
+        here: the closures' terms at the position.
+        beside: and next to it, if known; where a loop has more rank there, it is at one here.
+    """
+    chosen = [one for one in loops if _is_near(one, here, beside)] if len(loops) > 1 else []
+    chosen = chosen or list(loops)
+    # Without closures nothing is singled out.
+    rates = np.full(mechanism.nv, not chosen)
+    for one in chosen:
+        rates |= one.rates
+    return Loops(mechanism, rates, [row for one in chosen for row in one.rows])
+
+
+def _is_near(loops: Loops, here: Closing, beside: Closing | None) -> bool:
+    sigma = loops.singular_values(here)
+    largest = here.space.sigma.max(initial=0.0)
+    kept = sigma[sigma > SOLVER_RANK_TOLERANCE * largest]
+    if kept.size and kept[-1] < SINGULAR * largest:
+        return True
+    if beside is None:
+        return False
+    there = loops.singular_values(beside)
+    most = beside.space.sigma.max(initial=0.0)
+    return bool(np.count_nonzero(there > SOLVER_RANK_TOLERANCE * most) > kept.size)
+
+
+# Where the points are, in multiples of the distance between two of them, and what each counts.
+PLACES = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0)
+SHARES = (0.75, 0.75, -0.3, -0.3, 0.05, 0.05)
+# Distances, rad, or m over the length, in the order in which they are tried. Interpolation is off
+# by their sixth power over 20, times the sixth derivative; rows by rounding over their square.
+REACHES = (4e-3, 1.2e-2, 4e-2, 1.2e-3)
+# Points are looked for anew in the direction that they have shown until it changes by less than
+# this share: put back onto the closures from aside they would not lie evenly.
+ALIGNED, ALIGNMENTS = 1e-4, 4
+# A direction is a branch's if the closures turn it by less than this share; and bend it by less
+# than the other, over the distance.
+STRAIGHT, BENT = 0.02, 0.2
+
+
+class Branch:
+    """A branch of the motion through a configuration, or next to it.
+
+    Attributes:
+        q: (nq,) the branch's point there.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, q: Array, active: Active, points: Sequence[Projected]
+    ) -> None:
+        self._mechanism = mechanism
+        self._active = active
+        self._points = points
+        changes = [mechanism.difference(q, point.q) for point in points]
+        self.q = mechanism.integrate(q, _interpolated(changes))
+
+    def closed_rates(self, rates: Array) -> Array:
+        """Return the rates P ``rates`` (nv,) along the branch that are nearest, in the mass metric.
+
+        Args:
+            rates: (nv,) rad/s or m/s; or a change, rad or m.
+        """
+        return _interpolated([point.closing.space.closed_rates(rates) for point in self._points])
+
+    def bend(self, v: Array) -> Array:
+        """Return Ṗ v (nv,), rad/s² or m/s²: what the closures add to a motion along the branch.
+
+        Args:
+            v: (nv,) rates along the branch, rad/s or m/s.
+        """
+        mechanism, found = self._mechanism, []
+        for point in self._points:
+            along = point.closing.space.closed_rates(v)
+            terms = mechanism.evaluate(point.q, along, self._active, point.closing)
+            found.append(-point.closing.space.correction(terms.closure_bias))
+        return _interpolated(found)
+
+
+def branch_along(
+    mechanism: Mechanism,
+    q: Array,
+    active: Active,
+    space: ConstraintSpace,
+    direction: Array,
+    loops: Loops,
+) -> Branch | None:
+    """Return the branch through q in a direction; None if there is none, or it stays singular.
+
+    Beside q it is looked for along the loops' coordinates alone: what else moves, and be it faster
+    by far, does not change which directions these have.
+
+    Args:
+        mechanism: whose closures.
+        q: (nq,) a configuration next to the closures.
+        active: which closures are closed.
+        space: their terms at q.
+        direction: (nv,) of any length.
+        loops: whose branch it is.
+    """
+    along, size = loops.part(direction), space.size
+    for reach in REACHES:
+        for _ in range(ALIGNMENTS):
+            span = mechanism.span(along)
+            if not span > 0.0:
+                return None
+            points = _points_beside(mechanism, q, active, space, along * (reach / span))
+            if points is None:
+                break
+            branch = Branch(mechanism, q, active, points)
+            before, along = along, loops.part(branch.closed_rates(along))
+            if size(along - before) <= ALIGNED * size(along):
+                return branch
+    return None
+
+
+def _points_beside(
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, away: Array
+) -> list[Projected] | None:
+    """Return points of a branch; None where rows are not well determined, or it is not straight."""
+    points: list[Projected] = []
+    still = np.zeros(away.size)
+    for place in PLACES:
+        there = mechanism.integrate(q, place * away)
+        try:
+            point = _closest(mechanism, project(mechanism, there, still, active), active)
+        except ClosureError:
+            return None
+        beside = point.closing.space
+        if beside.least_kept < DETERMINED or (points and beside.rank != points[0].closing.rank):
+            return None
+        points.append(point)
+    size = space.size(away)
+    for ahead, behind, place in zip(points[::2], points[1::2], PLACES[::2], strict=True):
+        forth = mechanism.difference(q, ahead.q) - place * away
+        back = mechanism.difference(q, behind.q) + place * away
+        turned, bent = space.size(forth - back), space.size(forth + back)
+        if turned > 2.0 * STRAIGHT * place * size or bent > 2.0 * BENT * place * size:
+            return None
+    return points
+
+
+def _closest(mechanism: Mechanism, point: Projected, active: Active) -> Projected:
+    """Return a point on the closures to rounding, if another step of the projection leads there."""
+    closing = point.closing
+    q = mechanism.integrate(point.q, -closing.space.correction(closing.residual))
+    again = mechanism.closing_terms(q, active)
+    return Projected(q, point.v, again.error, again) if again.error < point.error else point
+
+
+def _interpolated(values: Sequence[Array]) -> Array:
+    """Return (nv,) the value between those at ``PLACES``."""
+    return np.asarray(sum(share * value for share, value in zip(SHARES, values, strict=True)))
+
+
+# How far from the singular position branches are looked for, rad, or m over the length: far enough
+# that their closures are well determined, near enough that they are straight.
+REACH = 1e-3
+# A branch that takes up this share of the free motion is the one the mechanism is on already.
+SURE = 0.999
+# Branches are looked for in the direction of the free motion, and in so many others for each
+# direction that is free. The same ones each time: results repeat to the bit.
+TRIES = 8
+MOST_TRIES = 64
+# Corrections of the direction towards the nearest one on its branch.
+ROUNDS = 4
+
+
+def nearest_branch(
+    mechanism: Mechanism,
+    q: Array,
+    active: Active,
+    space: ConstraintSpace,
+    change: Array,
+    loops: Loops,
+) -> Array | None:
+    """Return the direction (nv,) of the branch through q that ``change`` is nearest to.
+
+    Args:
+        mechanism: whose closures.
+        q: (nq,) a singular position.
+        active: which closures are closed.
+        space: the closures' terms at q.
+        change: (nv,) the free motion, rad or m.
+        loops: which of its closures are singular there.
+
+    Returns:
+        None where no branch takes up any of the change.
+    """
+    whole = loops.size(space, change)
+    best, found = 1e-6 * whole, None
+    for start in _directions(space, change):
+        along = start
+        for _ in range(ROUNDS):
+            tried = _branch_towards(mechanism, q, active, space, loops.part(along))
+            if tried is None:
+                break
+            there, is_on_it = tried
+            size = loops.size(space, along)
+            may_be = is_on_it and along is not start and size > best
+            if may_be and branch_along(mechanism, q, active, space, along, loops) is not None:
+                best, found = size, along
+                break
+            along = there.closed_rates(change)
+            if not loops.size(space, along) > 1e-6 * whole:
+                break
+        if best > SURE * whole:
+            break
+    return found
+
+
+def without_rows_of(space: ConstraintSpace, columns: Array) -> Array:
+    """Return ``columns`` (nv,) without what the closures take that are well determined.
+
+    Args:
+        space: the closures' terms.
+        columns: (nv,) in the mass metric.
+    """
+    sigma = space.sigma
+    if not sigma.size:
+        return columns
+    basis = space.basis[:, sigma > SINGULAR * sigma[0]]
+    return np.asarray(columns - basis @ (basis.T @ columns))
+
+
+def free_change(space: ConstraintSpace, change: Array) -> Array:
+    """Return the part (nv,) of a change that well determined closures leave.
+
+    Args:
+        space: the closures' terms.
+        change: (nv,) rad or m.
+    """
+    return space.from_mass_metric(without_rows_of(space, space.factor.T @ change))
+
+
+def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
+    """Yield directions (nv,) that are free to first order, the change itself first."""
+    yield change
+    size = change.size
+    # No two of them are alike, and none is singled out by the mechanism.
+    for k in range(1, 1 + min(TRIES * (size - space.rank + 1), MOST_TRIES)):
+        anywhere = np.cos(np.sqrt(2.0) * k * np.arange(1.0, size + 1.0) ** 2)
+        yield space.from_mass_metric(without_rows_of(space, anywhere))
+
+
+def _branch_towards(
+    mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, direction: Array
+) -> tuple[ConstraintSpace, bool] | None:
+    """Return the closures' terms where a small motion that way is put back onto the closures.
+
+    Also return whether it was nearly on them before: where a branch keeps to a singular position,
+    directions seem free that it does not have.
+    """
+    span = mechanism.span(direction)
+    if not span > 0.0:
+        return None
+    away = direction * (REACH / span)
+    there = mechanism.integrate(q, away)
+    try:
+        put_back = project(mechanism, there, np.zeros(direction.size), active)
+    except ClosureError:
+        return None
+    moved = mechanism.difference(there, put_back.q)
+    return put_back.closing.space, space.size(moved) < STRAIGHT * space.size(away)
+
 
 # Parts of the step move no joint of a loop next to a singular position further, rad, or m over the
 # length...

@@ -21,7 +21,6 @@ import pinocchio as pin
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv, singular_joint
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import (
     NO_SVD,
@@ -32,6 +31,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     lift_rates,
     solve_motion,
 )
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import TERMS_TAIL, Data, views_of
 from hapticmech_ros.mechanism.model import TreeModel
 

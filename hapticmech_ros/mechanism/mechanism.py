@@ -31,9 +31,8 @@ from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation, Point
 from hapticmech_ros.mechanism.elements import Elements, bind_spring, chosen_integrator
 from hapticmech_ros.mechanism.fitting import Fit, fitted
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
-from hapticmech_ros.mechanism.kernels.layout import sparse_or_dense
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet, sparse_or_dense
 from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS, Constants
 from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
 from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row

@@ -15,7 +15,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene.mechanism import Simulation

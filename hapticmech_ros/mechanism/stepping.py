@@ -19,9 +19,9 @@ from hapticmech_ros.errors import InaccurateStepError
 from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import (
     APART,
     BAUMGARTE_RATE,

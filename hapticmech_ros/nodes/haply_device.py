@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from hapticmech_ros.device.real_device import RealDevice
 from hapticmech_ros.haply.inverse3 import Inverse3
-from hapticmech_ros.haply.link import Link
+from hapticmech_ros.haply.messages import Link
 from hapticmech_ros.nodes.parameters import HaplyParameters
 from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
 

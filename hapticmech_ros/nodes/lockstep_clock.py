@@ -40,7 +40,7 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes.loop import (
     LONGEST_WAIT_S,
     QuietEventsNode,

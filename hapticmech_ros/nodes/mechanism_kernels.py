@@ -34,8 +34,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
-from hapticmech_ros.session.data import SessionData
-from hapticmech_ros.session.tick_kernels import move_mechanism
+from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 
 # The next deadline and the period, ns, by the node's time; how long a command stands, ns, 0 for

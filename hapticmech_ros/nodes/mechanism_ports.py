@@ -19,8 +19,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.closures import flat_grasp, flat_grasps, grasp_posed
 from hapticmech_ros.mechanism.constraint_space import PointKinematics
-from hapticmech_ros.mechanism.grasp import flat_grasp, flat_grasps, grasp_posed
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.exchange import Outlet

@@ -16,7 +16,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.loop_layout import COMMANDED
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
-from hapticmech_ros.mechanism.grasp import grasp_written
+from hapticmech_ros.mechanism.closures import grasp_written
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes import lane_kernels as kernels
@@ -40,9 +40,16 @@ from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Pub
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.session.data import PARTS, TIMES, TOTALS, session_data
 from hapticmech_ros.session.sample import LeftState, totals_of
-from hapticmech_ros.session.tick_kernels import AT, CLOCK_SIZE, KNOWN
+from hapticmech_ros.session.tick_kernels import (
+    AT,
+    CLOCK_SIZE,
+    KNOWN,
+    PARTS,
+    TIMES,
+    TOTALS,
+    session_data,
+)
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds

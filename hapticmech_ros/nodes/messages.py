@@ -39,7 +39,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import BagError, InvalidInputError, OutputError
 from hapticmech_ros.quaternions import quaternion_of
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of

@@ -11,7 +11,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
+from hapticmech_ros.mechanism.closures import flat_grasp, grasp_of
 from hapticmech_ros.nodes import analysis_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, Host

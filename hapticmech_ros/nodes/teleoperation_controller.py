@@ -23,7 +23,7 @@ from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.device.motion_kernels import MOTION
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.layout import OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.grasp import GRASP_SIZE
+from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, Host

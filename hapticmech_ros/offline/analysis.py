@@ -18,8 +18,7 @@ from hapticmech_ros.bag.recorded_states import RecordedStates
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_of
+from hapticmech_ros.mechanism.closures import Active, flat_grasp, grasp_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import ConstraintCounter
 from hapticmech_ros.times import NANOSECONDS

@@ -32,8 +32,8 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation, failure
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.operational.observation import Observation, observation_layout
@@ -192,7 +192,8 @@ class Analyser:
         index: of it in the scene's order.
         rows: (t,) rows of a six-vector that the task space has.
         metric: of the task space there.
-        constants: of the analysis, see :func:`~hapticmech_ros.operational.kernels.metric_of`.
+        constants: of the analysis, see
+            :func:`~hapticmech_ros.operational.observe_kernels.metric_of`.
         layout: of observations.
 
     Raises:
@@ -233,7 +234,7 @@ class Analyser:
             active: which closures are closed.
             closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
             before: (1 + nv,) how long ago, s, and the rates that were, rad/s or m/s; see
-                :mod:`.kernels`.
+                :mod:`.observe_kernels`.
 
         Raises:
             HapticMechError: D is not positive definite, or an SVD did not converge.
@@ -264,7 +265,7 @@ class Analyser:
     def compensated(
         self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
     ) -> CompensatedResponse:
-        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.kernels`.
+        """Return X_τ and a_τ for a loop with delay τ; see :mod:`.observe_kernels`.
 
         Args:
             terms: of Eq. 1 at a state.

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Device, mechanism, analysis and control in one process, without ROS."""
 
-from hapticmech_ros.session.run import Run
-from hapticmech_ros.session.sample import Sample
+from hapticmech_ros.session.sample import Run, Sample
 from hapticmech_ros.session.session import Session
 from hapticmech_ros.session.shared_session import SharedSession
 

@@ -45,8 +45,8 @@ from hapticmech_ros.device.kernels import DEVICE_MODEL
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.grasp import grasped
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
+from hapticmech_ros.mechanism.closures import grasped
+from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
@@ -54,11 +54,9 @@ from hapticmech_ros.operational.observation import ConstraintCounter, Observatio
 from hapticmech_ros.operational.results import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.data import PARTS, TOTALS, SessionData, session_data
-from hapticmech_ros.session.run import Run, run_layout
-from hapticmech_ros.session.sample import LeftState, Sample, totals_of
+from hapticmech_ros.session.sample import LeftState, Run, Sample, run_layout, totals_of
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -73,6 +71,7 @@ from hapticmech_ros.session.tick_kernels import (
     MECHANISM,
     OBSERVATION_FAILED,
     OBSERVE,
+    PARTS,
     PHASES,
     RECEIVE,
     RECORDED,
@@ -81,9 +80,12 @@ from hapticmech_ros.session.tick_kernels import (
     SENSE,
     TICK,
     TICKS,
+    TOTALS,
     WHY,
     WORK,
+    SessionData,
     run_ticks,
+    session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
@@ -375,7 +377,7 @@ class Session:
             origin: where in it; its own origin if left out.
 
         Raises:
-            InvalidInputError: as :func:`~hapticmech_ros.mechanism.grasp.grasped`.
+            InvalidInputError: as :func:`~hapticmech_ros.mechanism.closures.grasped`.
         """
         point = grasped(self.simulator.scene, self._analyser.point.name, frame, origin)
         state = self.mechanism

@@ -19,8 +19,7 @@ from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coupling, transmission
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.run import Run
-from hapticmech_ros.session.sample import Sample
+from hapticmech_ros.session.sample import Run, Sample
 from hapticmech_ros.session.session import Session, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.times import nanoseconds
@@ -177,7 +176,7 @@ class SharedSession:
 
         Raises:
             InvalidInputError: a point that is not held; and as
-                :func:`~hapticmech_ros.mechanism.grasp.grasped`.
+                :func:`~hapticmech_ros.mechanism.closures.grasped`.
         """
         self.user(point).set_operational_point(frame, origin)
         self._contact_wrenches = ContactWrenches(self.simulator.mechanism)

@@ -39,8 +39,8 @@ from hapticmech_ros.layout import (
     Layout,
 )
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import GRASP_SIZE
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.mechanism.closures import GRASP_SIZE
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.simulation import MechanismState
 from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of

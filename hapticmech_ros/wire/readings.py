@@ -17,7 +17,7 @@ import numpy as np
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation, PastRates
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import Bounds, SixBounds, twist_bounds
 from hapticmech_ros.wire.kernels import COUNT, MODEL, write_operational_model
 from hapticmech_ros.wire.layouts import (

@@ -23,8 +23,7 @@ from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import WRENCH, Field, Layout
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import Active
-from hapticmech_ros.mechanism.grasp import GRASP_SIZE
+from hapticmech_ros.mechanism.closures import GRASP_SIZE, Active
 from hapticmech_ros.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.layouts import FLAG, GRASP_FIELD, STAMP, checked_values

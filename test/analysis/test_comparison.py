@@ -9,10 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis import rendering_methods
-from hapticmech_ros.analysis.comparison import compare, side_by_side
-from hapticmech_ros.analysis.experience import directions
-from hapticmech_ros.analysis.rendering_methods import (
+from hapticmech_ros.analysis import comparison
+from hapticmech_ros.analysis.comparison import (
     FREE,
     FULL,
     GAIN_MARGIN,
@@ -20,9 +18,12 @@ from hapticmech_ros.analysis.rendering_methods import (
     SOFT,
     STIFF,
     ProxyControl,
+    compare,
+    side_by_side,
     stiffest_gains,
     stiffest_proxy,
 )
+from hapticmech_ros.analysis.experience import directions
 from hapticmech_ros.cli import app
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.errors import InvalidInputError
@@ -88,7 +89,7 @@ def test_what_cannot_be_compared_is_refused():
 
 def test_the_command_writes_table_file_and_picture(tmp_path, monkeypatch):
     # What it measures is another test's.
-    monkeypatch.setattr(rendering_methods, "WATCHED_S", 0.2)
+    monkeypatch.setattr(comparison, "WATCHED_S", 0.2)
     short = ["--set", "experiment.duration=0.2"]
     words = ["feel", "compare", "two_link", "--processes", "1", *short, "--out", str(tmp_path)]
     found = CliRunner().invoke(app, words)

@@ -21,7 +21,7 @@ from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.metadata import as_yaml, offered_qos, read_metadata
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.nodes.bags.schedule import cut_of
+from hapticmech_ros.nodes.bags.bag_player import cut_of
 from hapticmech_ros.offline import states_from_bag
 
 STRING = "std_msgs/msg/String"

@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.nodes.bags.schedule import Timeline, cut_of, latched_first, stream
+from hapticmech_ros.nodes.bags.bag_player import Timeline, cut_of, latched_first, stream
 
 UINT8 = "std_msgs/msg/UInt8"
 SECOND = 1_000_000_000

@@ -22,7 +22,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.session import session as session_module
-from hapticmech_ros.session.data import SessionData
+from hapticmech_ros.session.tick_kernels import SessionData
 from sampling import sampled
 
 LADDER, PAIRS = ladder(), pairs()

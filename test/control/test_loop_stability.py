@@ -10,7 +10,7 @@ from hapticmech_ros.analysis.impedance import alone
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import LoopTerms, loop_margins, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 
 T = 1e-3
 

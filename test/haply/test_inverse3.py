@@ -15,7 +15,7 @@ from haply_service import SCENE, served
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.haply.emulator import START, Faults
 from hapticmech_ros.haply.inverse3 import Inverse3
-from hapticmech_ros.haply.link import Link
+from hapticmech_ros.haply.messages import Link
 
 # A relaxed arm holds it: it goes nowhere in whatever time a test takes.
 ARM = {"kind": "arm", "start_delay": 0.0, "waypoints": [{"time": 0.0}]}

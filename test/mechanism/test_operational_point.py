@@ -11,7 +11,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import (
+from hapticmech_ros.mechanism.closures import (
     flat_grasp,
     flat_grasps,
     grasp_of,

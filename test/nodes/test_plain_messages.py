@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import Host
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes import device_kernels, lane_kernels
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module

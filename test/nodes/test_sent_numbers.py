@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from hapticmech_ros.errors import OutputError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.messages import check_finite, set_stamp
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, device_bounds

@@ -13,7 +13,7 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.offline import RecordedStates, analyse_states, states_from_bag
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.wire.cdr import FlatArray

@@ -11,7 +11,7 @@ from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import Analyser, analyse
 from hapticmech_ros.operational.observation import rigid_count
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import scene_from_document
 from oracles.implementations import pair_of
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 
 FIVE_BAR = document_of(load_scene("five_bar"))

@@ -8,7 +8,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 
 from hapticmech_ros import analyse, load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.wire.layouts import unpack_operational_model

@@ -17,7 +17,7 @@ from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, Point
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.measurements import InFlight, operational_model_of
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Controller

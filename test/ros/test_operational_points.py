@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasp, grasp_written
+from hapticmech_ros.mechanism.closures import flat_grasp, grasp_written
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from hapticmech_ros.wire.layouts import unpack_operational_model

@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy
 from visualization_msgs.msg import Marker
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneOutputs

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray, String, UInt8
 from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.nodes.messages import set_stamp
 from hapticmech_ros.view import Placer

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hapticmech_ros.cli import app
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.device import Device, device_presets
 from hapticmech_ros.scene.hand import ARM_IMPEDANCES, ArmHand, Waypoint

@@ -8,7 +8,7 @@ from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.rules import check_limits
 from hapticmech_ros.wire.bounds import FIXED
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS, OPERATIONAL_MODEL_FIELDS

@@ -11,7 +11,7 @@ import pytest
 
 from hapticmech_ros import load_scene
 from hapticmech_ros.loading import shipped_scenes
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from oracles.sessions import SessionRun
 from sampling import sampled
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians

@@ -11,7 +11,7 @@ from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.operational.observation import rigid_count
-from hapticmech_ros.plan.scene_check import check_scene
+from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.kinematics import rotation_of_quaternion, skew
 from oracles.sessions import SessionRun

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 
 

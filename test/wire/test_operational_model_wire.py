@@ -10,7 +10,7 @@ from hapticmech_ros.control import PointMeasurement
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates

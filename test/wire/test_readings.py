@@ -9,7 +9,7 @@ import pytest
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
 from hapticmech_ros.control.measurements import flat_device, flat_operational_model
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.layouts import (
     DEVICE_FIELDS,

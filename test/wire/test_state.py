@@ -8,7 +8,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
 from oracles.generator import random_mechanism

@@ -10,7 +10,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 
 from hapticmech_ros.errors import InvalidInputError, OutputError
-from hapticmech_ros.scene.limits import Limits
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.wrench import decode_wrench, encode_wrench
 

@@ -3,21 +3,77 @@
 """Which path a set of closures takes: dense, or sparse in an order that keeps its band narrow.
 
 Rates that many closures share, such as those of a platform on its legs, are left to a border.
+
+A set of active closures: the model that kernels take, dense, and sparse where it is quicker.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.arrays import Array
-from hapticmech_ros.mechanism.kernels.active_set import ActiveSet
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants, views_of
+from hapticmech_ros.mechanism.kernels.model import (
+    SPARSE,
+    Constants,
+    Model,
+    data_size,
+    pack,
+    views_of,
+)
+
+
+class ActiveSet:
+    """What a set of active closures fixes, for one kind of factorisation.
+
+    Attributes:
+        known: the mechanism's constants, with these closures.
+        constants: these, packed.
+        model: views of the packed ones.
+        m: number of closure rows.
+        size: length of a packed array.
+        dense: the same closures with a dense factorisation; itself, if it is dense.
+        redundant: of a sparse one, whether rows follow from others.
+    """
+
+    def __init__(
+        self, known: Constants, dense: ActiveSet | None = None, redundant: bool = False
+    ) -> None:
+        self.known = known
+        self.constants: tuple[Array, Array] = pack(known)
+        self.model = Model(*self.constants)
+        self.m = known.m
+        self.size = data_size(self.model)
+        self.dense: ActiveSet = self if dense is None else dense
+        self.redundant = redundant
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether the factorisation is sparse, and may have to be done again by the dense one."""
+        return self.dense is not self
+
+    @cached_property
+    def scratch(self) -> Array:
+        """A packed array (size,) for terms that are not kept."""
+        return np.empty(self.size)
+
+    def first_terms(self, known: Array | None, steps: int) -> Array:
+        """Return the packed terms (size,) that a kernel begins with: known, or to be filled.
+
+        Args:
+            known: (size,) or None; it is copied for many steps, which change it.
+            steps: that the kernel does.
+        """
+        if known is None:
+            return np.empty(self.size)
+        return known if steps == 1 else known.copy()
+
 
 # Products that take as long as: a sweep over one rate; one inside a band; one of an SVD, which goes
 # over all pairs of rows several times; one of a dense QR, also that of a border.

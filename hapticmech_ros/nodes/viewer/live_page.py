@@ -35,7 +35,7 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.live.settings import VISER, checked_address
-from hapticmech_ros.mechanism.grasp import flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.nodes.actor import Host
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from hapticmech_ros.arrays import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.grasp import flat_grasps, grasp_of
+from hapticmech_ros.mechanism.closures import flat_grasps, grasp_of
 from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, deserialized, read_pose, read_wrench
@@ -303,7 +303,7 @@ class SceneSubscriber(ClockedActor[P]):
         """Put operational points where the mechanism says that they are.
 
         Args:
-            grasps: (points, 7) see :func:`~hapticmech_ros.mechanism.grasp.flat_grasps`.
+            grasps: (points, 7) see :func:`~hapticmech_ros.mechanism.closures.flat_grasps`.
 
         Returns:
             Whether they were elsewhere before.
