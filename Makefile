@@ -109,15 +109,15 @@ clean:
 	@printf '%s\n' "$(CURDIR)" "$(PYTHON)" > $@
 
 .venv/requirements: .venv/made $(REQUIREMENTS)
-	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros]'
+	$(PIP) install --quiet 'setuptools>=70.1,<80' '.[ros,mjcf]'
 	@touch $@
 
 .venv/bench-requirements: .venv/requirements
-	$(PIP) install --quiet '.[ros,bench]'
+	$(PIP) install --quiet '.[ros,mjcf,bench]'
 	@touch $@
 
 .venv/docs-requirements: .venv/requirements
-	$(PIP) install --quiet '.[ros,docs]'
+	$(PIP) install --quiet '.[ros,mjcf,docs]'
 	@touch $@
 
 .venv/test-requirements: .venv/requirements

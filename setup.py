@@ -24,7 +24,8 @@ EXECUTABLES = [
 ]
 
 DOCS = ["myst-parser>=4", "sphinx>=8"]
-LIVE = ["viser>=1.1"]
+MJCF = ["mujoco>=4"]
+LIVE = ["viser>=1.1", *MJCF]
 CLUSTER = ["distributed>=2024.5"]
 HAPLY = ["websockets>=13"]
 
@@ -117,7 +118,7 @@ setup(
         "bench": [
             "exudyn>=1.13",
             "iceoryx2>=0.10",
-            "mujoco>=4",
+            *MJCF,
         ],
         # One more of them, of 220 MB with what it brings.
         "drake": ["drake>=1.51"],
@@ -127,9 +128,9 @@ setup(
         "haply": HAPLY,
         # The documentation as a site.
         "docs": DOCS,
-        # Inertias of meshes in MJCF files, by MuJoCo's compiler.
-        "mjcf": ["mujoco>=4"],
-        # The page of `hapticmech live`, which asks for the same version.
+        # Reads MJCF files.
+        "mjcf": MJCF,
+        # The page of `hapticmech live`, which asks for the same version, and its MJCF files.
         "live": LIVE,
         # Tests of what is read from files read these robots, 130 MB of them, where they are.
         "robots": ["example-robot-data>=6"],
@@ -152,7 +153,7 @@ setup(
             # The live page is served to a browser.
             *LIVE,
             # Tests check that our motions equal its.
-            "mujoco>=4",
+            *MJCF,
             "mypy>=1.10",
             "pytest>=7.4",
             "pytest-cov",

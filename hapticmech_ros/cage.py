@@ -163,5 +163,8 @@ def _limit(limits: Limits, real_seconds: int) -> None:
         resource.RLIMIT_CORE: 0,
     }
     for kind, value in most.items():
-        resource.setrlimit(kind, (value, value))
+        # Whoever started this may have set less, as by `ulimit -v`.
+        set_before = resource.getrlimit(kind)[1]
+        if set_before == resource.RLIM_INFINITY or value < set_before:
+            resource.setrlimit(kind, (value, value))
     signal.alarm(real_seconds)

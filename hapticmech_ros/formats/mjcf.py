@@ -1,45 +1,53 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""MJCF: bodies in bodies, the joints in each, and the equalities that close their loops."""
+"""MJCF: bodies in bodies, the joints in each, and the equalities that close their loops.
+
+MuJoCo reads it (see ``mjcf_compiled``): here its bodies, joints and geoms become a model.
+"""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.mjcf_classes import Context, settings
-from hapticmech_ros.formats.mjcf_equalities import (
-    INACTIVE,
-    WHY_INACTIVE,
-    Equalities,
-    read_keyframes,
-)
-from hapticmech_ros.formats.mjcf_include import WHY as WHY_REPLICAS
-from hapticmech_ros.formats.mjcf_include import open_replicas
-from hapticmech_ros.formats.mjcf_inertias import WHY as WHY_ROTORS
-from hapticmech_ros.formats.mjcf_inertias import body_of, shape_of, with_rotors
-from hapticmech_ros.formats.mjcf_shapes import collides, solid_of
+from hapticmech_ros.formats.mjcf_compiled import SEEN, Compiled, pose
+from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.model import (
     DRAWN,
     SENSED,
+    WHY_ELSEWHERE,
     WORLD,
     Body,
+    Document,
     Joint,
+    Keyframe,
     Model,
     Note,
     Point,
     Solid,
     State,
 )
+from hapticmech_ros.formats.shapes import find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.xml_nodes import Node, Source
+from hapticmech_ros.mjcf_compiler import TINY
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
+# MuJoCo's shape -> a scene's.
+SHAPES = {
+    **{kind: kind for kind in ("sphere", "capsule", "cylinder", "box", "mesh")},
+    "plane": "half_space",
+}
+COLLIDES = "geom that collides"
 RIGID = "bodies are rigid"
+INACTIVE = "inactive equality of a joint or tendon"
+LEFT_OUT = "reference from a replica to what is not in it"
+OF_TENDON, ELSEWHERE = "armature of a tendon", "armature of an actuator on no hinge or slide"
+CURVED = "damping or stiffness that is no number"
 WHY = {
     "geom": "drawn only; its inertia is taken where the file says so",
     "actuator": "nothing drives a joint but the hand and what the scene says; armature is read",
@@ -50,7 +58,6 @@ WHY = {
     "camera": DRAWN,
     "light": DRAWN,
     "armature of a free joint": "a body that floats has no rotor",
-    "springdamper": "say stiffness and damping",
     "solref or solimp of an equality": "loops are closed exactly",
     "mocap": "the body stays where it is",
     "align": "frames stay where the file has them",
@@ -59,26 +66,18 @@ WHY = {
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
-    INACTIVE: WHY_INACTIVE,
-    **WHY_REPLICAS,
-    **WHY_ROTORS,
+    CURVED: "only the linear part is read",
+    INACTIVE: "say locked joints and couplings in a scene file",
+    LEFT_OUT: "left out, as by MuJoCo's compiler",
+    OF_TENDON: WHY_ELSEWHERE,
+    ELSEWHERE: WHY_ELSEWHERE,
 }
-UNKNOWN = "not of a mechanism, or not known"
-READ = (
-    "compiler",
-    "option",
-    "size",
-    "visual",
-    "statistic",
-    "asset",
-    "default",
-    "worldbody",
-    "keyframe",
+# Sections of which nothing is said: they are read, or nobody feels them.
+SILENT = (
+    *("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody"),
+    *("keyframe", "equality"),
 )
-WRITE_OUT = "is not read: give the file with its bodies written out"
-IN_BODIES = ("body", "frame", "joint", "freejoint", "geom", "site", "inertial", "camera", "light")
-# Element, the frame it is in as one of the body's, and the class for such elements.
-Part = tuple[Node, pin.SE3, str]
+UNKNOWN = "not of a mechanism, or not known"
 
 
 def read_mjcf(source: Source) -> Model:
@@ -87,190 +86,53 @@ def read_mjcf(source: Source) -> Model:
     Joints have the file's coordinates, ``ref`` included: a scene starts where the file draws it.
 
     Raises:
-        SceneError: it breaks a rule; names line, element, value and rule.
+        SceneError: MuJoCo refuses it, or it breaks a rule; names line, element, value and rule.
     """
-    reader = _Reader(source, Context(source))
-    open_replicas(reader.context, reader.notes)
-    return reader.read()
+    return _Reader(Compiled(source)).read()
 
 
-@dataclass
 class _Reader:
-    source: Source
-    context: Context
-    bodies: dict[str, Body] = field(default_factory=dict)
-    hinges: list[Joint] = field(default_factory=list)
-    nodes: dict[tuple[str, str], Node] = field(default_factory=dict)
-    refs: dict[str, float] = field(default_factory=dict)
-    free: dict[str, list[float]] = field(default_factory=dict)
-    sites: dict[str, tuple[str, pin.SE3]] = field(default_factory=dict)
-    solids: list[Solid] = field(default_factory=list)
-    visuals: list[Solid] = field(default_factory=list)
-    notes: Counter[str] = field(default_factory=Counter)
-    # kg: of all bodies, if the compiler is told; and of those that do not move.
-    _total: float = -1.0
-    _standing: float = 0.0
+    def __init__(self, compiled: Compiled) -> None:
+        self._compiled, self._source, self._said = compiled, compiled.source, compiled.said
+        self._notes: Counter[str] = Counter()
+        self._kinds = {name: kind for name, _, kind in compiled.elements["joint"] if name}
+        self._rotors = self._of_rotors()
+        self._named = set(compiled.said["names"])
+        self._moving = set(compiled.said["moving"])
+        self._bodies: dict[str, Body] = {}
+        # By number; joints that fix a body to its parent have none.
+        self._names = [WORLD]
+        self._joints: list[Joint] = []
+        self._hinges: list[Joint] = []
+        self._start: dict[str, State] = {}
+        self._where: dict[tuple[str, str], str] = {}
 
     def read(self) -> Model:
-        source, compiler = self.source, self.context.compiler
-        if compiler.attributes.get("coordinate", "local").strip() != "local":
-            raise source.error(
-                compiler, compiler.attributes["coordinate"], "coordinate is not read"
-            )
-        self._total = source.value(compiler, "settotalmass", -1.0)
-        world = settings(source.root, "worldbody")
-        if not source.root.all("worldbody"):
-            raise source.error(source.root, None, "needs a <worldbody>")
-        self.poses = {WORLD: pin.SE3.Identity()}
-        self._named = {node.attributes.get("name", "") for node in source.root.walk()}
-        self._children(world, WORLD, "", moving=False)
-        self._weigh()
-        hinges = with_rotors(self.context, self.hinges, self.notes)
-        start: dict[str, State] = {name: ref for name, ref in self.refs.items() if ref}
-        start |= self.free
-        equalities = Equalities(self.context, self.poses, self.sites, self.refs, hinges, self.notes)
-        equalities.read()
-        hinges = equalities.locked()
+        for number, name in enumerate(self._compiled.names("body")):
+            if number:
+                self._body(number, name)
+        equalities = Equalities(self._compiled, self._names, self._joints)
+        self._notes[INACTIVE] += equalities.inactive
+        sites = enumerate(self._compiled.names("site"))
+        root, path = self._source.root, self._source.path
+        solids, visuals = self._geoms()
         return Model(
-            source.root.attributes.get("model") or source.path.stem,
-            self.bodies,
-            hinges,
+            root.attributes.get("model") or path.stem,
+            self._bodies,
+            [equalities.locked(hinge) for hinge in self._hinges],
             equalities.loop_joints,
             equalities.couplings,
-            [Point(name, *place) for name, place in self.sites.items()],
-            self.solids,
-            self._gravity(),
-            notes=self._notes(),
-            visuals=self.visuals,
-            start=start,
+            [Point(name, *self._place("site", number)) for number, name in sites if name],
+            solids,
+            tuple(self._said["gravity"]),
+            notes=self._all_notes(),
+            visuals=visuals,
+            start=self._start,
             floating="a <freejoint/> makes a body float",
-            keyframes=read_keyframes(source, hinges, start),
-            where={key: source.where(node) for key, node in self.nodes.items()},
+            keyframes=self._keyframes(),
+            where=self._where,
             locks=equalities.reasons,
         )
-
-    def _weigh(self) -> None:
-        """Give all bodies together, also those that stand, the mass that the compiler is told."""
-        if self._total <= 0.0:
-            return
-        mass = self._standing + sum(body.mass for body in self.bodies.values())
-        if self.context.has_compiled or not mass > 0.0:
-            rule = "settotalmass needs bodies of simple shapes or with an <inertial>"
-            raise self.source.error(self.context.compiler, self._total, rule)
-        share = self._total / mass
-        for name, body in self.bodies.items():
-            mass, inertia = share * body.mass, share * body.inertia
-            self.bodies[name] = replace(body, mass=mass, inertia=inertia)
-
-    def _gravity(self) -> tuple[float, float, float]:
-        option = settings(self.source.root, "option")
-        x, y, z = self.source.values(option, "gravity", (0.0, 0.0, -9.81))
-        for flag in option.all("flag"):
-            if flag.attributes.get("gravity", "enable").strip() == "disable":
-                x = y = z = 0.0
-            off = [key for key, value in flag.attributes.items() if value.strip() == "disable"]
-            self.notes["flag"] += len(set(off) - {"gravity"})
-        flowing = self.context.padded(option, "wind", (0.0, 0.0, 0.0))
-        density, viscosity = (
-            self.source.value(option, key, 0.0) for key in ("density", "viscosity")
-        )
-        self.notes["fluid"] += any((*flowing, density, viscosity))
-        return x, y, z
-
-    def _notes(self) -> list[Note]:
-        for node in self.source.root.children:
-            if node.tag == "equality":
-                soft = [n for n in node.children if {"solref", "solimp"} & n.attributes.keys()]
-                self.notes["solref or solimp of an equality"] += len(soft)
-            elif node.tag not in READ:
-                self.notes[node.tag] += max(len(node.children), 1)
-        found = self.notes.items()
-        return [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in found if count]
-
-    def _parts(self, node: Node, place: pin.SE3, childclass: str) -> Iterator[Part]:
-        """Yield what is in a body, frames opened."""
-        for child in node.children:
-            if child.tag not in IN_BODIES:
-                raise self.source.error(child, child.tag, WRITE_OUT)
-            if child.tag == "frame":
-                called = child.attributes.get("childclass", childclass)
-                yield from self._parts(child, place * self.context.place(child), called)
-            else:
-                yield child, place, childclass
-
-    def _children(self, node: Node, name: str, childclass: str, moving: bool) -> None:
-        """Read what is in the world or a body."""
-        geoms, inertial = [], None
-        for part, place, called in self._parts(node, pin.SE3.Identity(), childclass):
-            if part.tag == "body":
-                self._body(part, name, place, called, moving)
-                continue
-            if part.tag in ("camera", "light"):
-                self.notes[part.tag] += 1
-            elif part.tag == "geom":
-                geom = self.context.full(part, called)
-                geoms.append((geom, place))
-                if collides(self.context, geom):
-                    self.solids.append(solid_of(self.context, geom, place, name))
-                else:
-                    self.notes["geom"] += 1
-                    self.visuals.append(solid_of(self.context, geom, place, name))
-            elif part.tag == "inertial":
-                if inertial is not None:
-                    raise self.source.error(part, name, "one <inertial> is enough")
-                inertial = part
-            elif part.tag == "site":
-                full = self.context.full(part, called)
-                self._site(full, name, place * shape_of(self.context, full)[1])
-            elif name == WORLD and part.tag in ("joint", "freejoint"):
-                raise self.source.error(part, part.tag, "the world does not move")
-        if moving:
-            found = body_of(self.context, name, inertial, geoms)
-            self.bodies[name] = replace(found, gravcomp=self.bodies[name].gravcomp)
-        elif self._total > 0.0 and name != WORLD:
-            self._standing += body_of(self.context, name, inertial, geoms).mass
-
-    def _site(self, node: Node, body: str, place: pin.SE3) -> None:
-        name = node.attributes.get("name", "").strip()
-        if name in self.sites:
-            rule = "names of sites must be unique"
-            raise self.source.twice(node, name, self.nodes["site", name], rule)
-        if name:
-            self.nodes["site", name] = node
-            self.sites[name] = (body, place)
-
-    def _body(self, node: Node, parent: str, frame: pin.SE3, childclass: str, moving: bool) -> None:
-        given = node.attributes.get("name", "").strip()
-        name = given or self._new(f"body{len(self.bodies) + 1}")
-        if name in self.poses:
-            rule = "names of bodies must be unique, and not 'world'"
-            raise self.source.twice(node, name, self.nodes.get(("link", name)), rule)
-        self.nodes["link", name] = node
-        childclass = node.attributes.get("childclass", childclass)
-        place = frame * self.context.place(node)
-        self.poses[name] = self.poses[parent] * place
-        self.bodies[name] = Body(name, gravcomp=self.source.value(node, "gravcomp", 0.0))
-        self.notes["mocap"] += self.context.flag(node, "mocap")
-        joints = [
-            (self.context.full(part, called) if part.tag == "joint" else part, within)
-            for part, within, called in self._parts(node, pin.SE3.Identity(), childclass)
-            if part.tag in ("joint", "freejoint")
-        ]
-        if not joints:
-            self.hinges.append(Joint(self._new(f"{name}_base"), "fixed", parent, name, place))
-        for step, (joint, within) in enumerate(joints):
-            last = step == len(joints) - 1
-            child = name if last else self._new(f"{name}_{step}")
-            if not last:
-                self.bodies[child] = Body(child)
-            alone = self._new(f"{name}_joint{step if len(joints) > 1 else ''}")
-            hinge = self._hinge(joint, alone, parent, child, place, within)
-            if hinge.type == "free" and (len(joints) > 1 or parent != WORLD):
-                rule = "a free joint is the only one of a body in the world"
-                raise self.source.error(joint, hinge.name, rule)
-            self.hinges.append(hinge)
-            parent, place = child, pin.SE3.Identity()
-        self._children(node, name, childclass, moving or bool(joints))
 
     def _new(self, name: str) -> str:
         """Return a name that the file has not."""
@@ -279,48 +141,78 @@ class _Reader:
         self._named.add(name)
         return name
 
-    def _hinge(
-        self, node: Node, name: str, parent: str, child: str, place: pin.SE3, within: pin.SE3
-    ) -> Joint:
-        source, context = self.source, self.context
-        name = node.attributes.get("name", "").strip() or name
-        kind = context.word(node, "type", "hinge") if node.tag == "joint" else "free"
-        if kind not in JOINT_TYPES:
-            raise source.error(node, kind, f"type must be one of {sorted(JOINT_TYPES)}")
-        if ("joint", name) in self.nodes:
-            raise source.twice(
-                node, name, self.nodes["joint", name], "names of joints must be unique"
-            )
-        self.nodes["joint", name] = node
-        self.notes["springdamper"] += any(source.values(node, "springdamper", (0.0, 0.0)))
-        self.notes["align"] += kind == "free" and node.attributes.get("align") == "true"
-        damping, armature = (source.value(node, key, 0.0) for key in ("damping", "armature"))
+    def _body(self, number: int, given: str) -> None:
+        """Read a body that is not the world, and its joints."""
+        compiled = self._compiled
+        name = given or self._new(f"body{len(self._bodies) + 1}")
+        self._where["link", name] = self._source.where(compiled.node("body", number))
+        parent = self._names[int(compiled["body_parentid"][number])]
+        place = compiled.place("body", number)
+        self._names.append(name)
+        self._bodies[name] = self._weighed(number, name)
+        joints = np.flatnonzero(compiled["jnt_bodyid"] == number).tolist()
+        if not joints:
+            self._hinges.append(Joint(self._new(f"{name}_base"), "fixed", parent, name, place))
+        for step, joint in enumerate(joints):
+            last = step == len(joints) - 1
+            child = name if last else self._new(f"{name}_{step}")
+            if not last:
+                self._bodies[child] = Body(child)
+            alone = f"{name}_joint{step if len(joints) > 1 else ''}"
+            self._hinges.append(self._joint(joint, alone, parent, child, place))
+            self._joints.append(self._hinges[-1])
+            parent, place = child, pin.SE3.Identity()
+
+    def _weighed(self, number: int, name: str) -> Body:
+        """Return a body with its inertia; one that is part of the world has none."""
+        compiled = self._compiled
+        carried = float(compiled["body_gravcomp"][number])
+        if number not in self._moving:
+            return Body(name, gravcomp=carried)
+        mass, moments = compiled["body_mass"][number], compiled["body_inertia"][number]
+        if number in self._said["bare"]:
+            mass, moments = (np.where(x > 2.0 * TINY, x, 0.0) for x in (mass, moments))
+        inside = pose(compiled["body_ipos"][number], compiled["body_iquat"][number])
+        inertia = (inside.rotation * moments) @ inside.rotation.T
+        # MuJoCo has some centre of what has no mass.
+        com = inside.translation.copy() if mass > 0.0 else np.zeros(3)
+        return Body(name, float(mass), com, inertia, carried)
+
+    def _joint(self, number: int, alone: str, parent: str, child: str, place: pin.SE3) -> Joint:
+        """Return a joint from where its body is in the parent."""
+        compiled, identity = self._compiled, pin.SE3.Identity()
+        given, _, kind = compiled.elements["joint"][number]
+        name = given or self._new(alone)
+        self._where["joint", name] = self._source.where(compiled.node("joint", number))
+        first, at = (int(compiled[f"jnt_{key}adr"][number]) for key in ("dof", "qpos"))
+        damping, friction, armature = (
+            float(compiled[f"dof_{key}"][first]) for key in ("damping", "frictionloss", "armature")
+        )
+        stiffness = float(compiled["jnt_stiffness"][number])
+        bent = (*compiled["dof_dampingpoly"][first], *compiled["jnt_stiffnesspoly"][number])
+        self._notes[CURVED] += any(bent)
+        if kind in ("ball", "free"):
+            self._notes["stiffness of a ball or free joint"] += stiffness != 0.0
+            self._notes["frictionloss of a ball or free joint"] += friction != 0.0
         if kind == "free":
-            self._without(node, kind)
-            self.notes["armature of a free joint"] += armature != 0.0
-            self.free[name] = [float(x) for x in pin.SE3ToXYZQUAT(place)]
-            return Joint(name, "free", parent, child, pin.SE3.Identity(), damping=damping)
-        anchor = pin.SE3.Identity()
-        anchor.translation = within.act(np.array(source.values(node, "pos", (0.0,) * 3)))
+            self._notes["armature of a free joint"] += armature != 0.0
+            self._start[name] = [float(x) for x in pin.SE3ToXYZQUAT(place)]
+            return Joint(name, "free", parent, child, identity, damping=damping)
+        anchor, back = pin.SE3.Identity(), pin.SE3.Identity()
+        anchor.translation = compiled["jnt_pos"][number]
         if kind == "ball":
-            self._without(node, kind)
-            at = place * anchor
-            back = anchor.inverse()
-            joint = Joint(name, "spherical", parent, child, at, back, damping=damping)
-            return replace(joint, armature=armature)
-        axis = within.rotation @ np.array(source.values(node, "axis", (0.0, 0.0, 1.0)))
-        size = float(np.linalg.norm(axis))
-        if not size > 0.0:
-            raise source.error(node, node.attributes["axis"], "an axis must not be zero")
-        axis /= size
-        scale = context.angle if kind == "hinge" else float
-        ref = scale(source.value(node, "ref", 0.0))
-        self.refs[name] = ref
-        back = pin.SE3.Identity()
+            self._notes["range of a ball"] += bool(any(compiled["jnt_range"][number]))
+            joint = Joint(name, "spherical", parent, child, place * anchor, anchor.inverse())
+            return replace(joint, damping=damping, armature=armature)
+        axis, ref = compiled["jnt_axis"][number], float(compiled["qpos0"][at])
+        if ref:
+            self._start[name] = ref
         if kind == "hinge":
             back.rotation = pin.AngleAxis(-ref, axis).matrix()
         else:
             back.translation = -ref * axis
+        lower, upper = (float(x) for x in compiled["jnt_range"][number])
+        upper = lower if number in self._said["locked"] else upper
         return Joint(
             name,
             JOINT_TYPES[kind],
@@ -330,31 +222,127 @@ class _Reader:
             anchor.inverse(),
             axis,
             damping,
-            source.value(node, "frictionloss", 0.0),
-            source.value(node, "stiffness", 0.0),
-            scale(source.value(node, "springref", 0.0)),
-            armature,
-            self._limits(node, scale),
+            friction,
+            stiffness,
+            float(compiled["qpos_spring"][at]),
+            armature + self._rotors.get(name, 0.0),
+            (lower, upper) if compiled["jnt_limited"][number] else None,
         )
 
-    def _without(self, node: Node, kind: str) -> None:
-        """Note what acts in a joint of several coordinates, and does not here."""
-        for key in ("stiffness", "frictionloss"):
-            self.notes[f"{key} of a ball or free joint"] += self.source.value(node, key, 0.0) != 0.0
-        self.notes["range of a ball"] += kind == "ball" and "range" in node.attributes
+    def _of_rotors(self) -> dict[str, float]:
+        """Return by joint what rotors of actuators add: gear ratio squared times theirs."""
+        found: dict[str, float] = {}
+        self._notes[OF_TENDON] += int(np.count_nonzero(self._compiled["tendon_armature"]))
+        for joint, gear, armature in self._said["rotors"]:
+            if self._kinds.get(joint) in ("hinge", "slide"):
+                found[joint] = found.get(joint, 0.0) + gear * gear * armature
+            else:
+                self._notes[ELSEWHERE] += 1
+        return found
 
-    def _limits(self, node: Node, scale: Callable[[float], float]) -> tuple[float, float] | None:
-        lower, upper = self.source.values(node, "range", (0.0, 0.0), math.inf)
-        limited = self.context.word(node, "limited", "auto")
-        if limited not in ("auto", "true", "false"):
-            raise self.source.error(node, limited, "limited must be auto, true or false")
-        if limited == "auto" and "range" in node.attributes:
-            if not self.context.flag(self.context.compiler, "autolimits", "true"):
-                rule = "without autolimits a range needs limited"
-                raise self.source.error(node, node.attributes["range"], rule)
-            limited = "true" if (lower, upper) != (0.0, 0.0) else "false"
-        if limited != "true":
-            return None
-        if lower > upper:
-            raise self.source.error(node, (lower, upper), "lower must not be above upper")
-        return scale(lower), scale(upper)
+    def _place(self, kind: str, number: int) -> tuple[str, pin.SE3]:
+        """Return the body of a site or geom, and where it is in it."""
+        body = self._names[int(self._compiled[f"{kind}_bodyid"][number])]
+        return body, self._compiled.place(kind, number)
+
+    def _geoms(self) -> tuple[list[Solid], list[Solid]]:
+        """Return the geoms that collide, and the others."""
+        found: tuple[list[Solid], list[Solid]] = [], []
+        for number, (kind, mesh, collides) in enumerate(self._said["geoms"]):
+            shape = SHAPES.get(kind, kind)
+            if mesh and kind != "mesh":
+                shape = f"{kind} about a mesh"
+            name, (body, place) = self._compiled.names("geom")[number], self._place("geom", number)
+            read = partial(self._shape, number, shape, place)
+            found[0 if collides else 1].append(Solid(name, body, shape, COLLIDES, read))
+        self._notes["geom"] += len(found[1])
+        return found
+
+    def _shape(self, number: int, shape: str, place: pin.SE3) -> tuple[pin.SE3, Document]:
+        node = self._compiled.node("geom", number)
+        if shape not in SHAPES.values():
+            raise refused_kind(self._source, node, shape)
+        radius, half, _ = (float(x) for x in self._compiled["geom_size"][number])
+        sizes: Document = {}
+        if shape == "mesh":
+            mesh = int(self._compiled["geom_dataid"][number])
+            if mesh >= 0:  # MuJoCo has it where its mass is
+                parts = (self._compiled[f"mesh_{part}"][mesh] for part in ("pos", "quat"))
+                place = place * pose(*parts).inverse()
+            within, sizes = self._mesh(node, self._said["geoms"][number][1])
+            place = place * within
+        elif shape == "box":
+            sizes = {"size": (2.0 * self._compiled["geom_size"][number]).tolist()}
+        elif shape != "half_space":
+            sizes = {"radius": radius}
+            if shape != "sphere":
+                sizes["length"] = 2.0 * half
+        return place, {"kind": shape, **sizes}
+
+    def _mesh(self, geom: Node, name: str) -> tuple[pin.SE3, Document]:
+        """Return a mesh's frame in its geom's, and the mesh: v becomes S R' (v - p)."""
+        source, mesh = self._source, self._said["meshes"].get(name)
+        if mesh is None:
+            raise source.error(geom, name, "no such mesh in <asset>")
+        asset = self._compiled.at(mesh["line"])
+        if not mesh["file"]:
+            raise source.error(asset, None, "a mesh for contacts needs a file")
+        scale = np.array(not_zero(source, asset, mesh["scale"]))
+        turn = pose(np.zeros(3), mesh["refquat"] / np.linalg.norm(mesh["refquat"])).rotation
+        turned = not np.allclose(turn, np.eye(3), rtol=0.0, atol=1e-12)
+        if turned and np.ptp(scale) > 0.0:
+            rule = "with refquat a mesh for contacts needs one scale for all its axes"
+            raise source.error(asset, scale.tolist(), rule)
+        within = pin.SE3(turn.T, -scale * (turn.T @ np.array(mesh["refpos"])))
+        file = find_mesh(source, asset, mesh["file"], source.path.parent)
+        return within, {"file": str(file), "scale": scale.tolist()}
+
+    def _all_notes(self) -> list[Note]:
+        notes, said, root = self._notes, self._said, self._source.root
+        for what in ("mocap", "align", "fluid", "flag"):
+            notes[what] += said[what]
+        notes[LEFT_OUT] += self._compiled.left_out()
+        for node in root.children:
+            if node.tag == "equality":
+                soft = [
+                    one for one in node.children if {"solref", "solimp"} & one.attributes.keys()
+                ]
+                notes["solref or solimp of an equality"] += len(soft)
+            elif node.tag == "worldbody":
+                notes.update(one.tag for one in node.walk() if one.tag in SEEN)
+            elif node.tag not in SILENT:
+                notes[node.tag] += max(len(node.children), 1)
+        return [Note(what, count, WHY.get(what, UNKNOWN)) for what, count in notes.items() if count]
+
+    def _keyframes(self) -> dict[str, Keyframe]:
+        """Return keyframes by name; those without one are called by their place, from 0."""
+        compiled, found = self._compiled, dict[str, Keyframe]()
+        for number, (has_q, has_v) in enumerate(self._said["keys"]):
+            q, v = dict(self._start), dict[str, State]()
+            for joint, hinge in enumerate(self._joints):
+                at, first = (int(compiled[f"jnt_{key}adr"][joint]) for key in ("qpos", "dof"))
+                if has_q:
+                    q[hinge.name] = _position(hinge.type, compiled["key_qpos"][number, at:])
+                if has_v:
+                    rates = compiled["key_qvel"][number, first:]
+                    v[hinge.name] = _rate(hinge.type, rates, q.get(hinge.name))
+            found[compiled.names("key")[number] or str(number)] = Keyframe(q, v)
+        return found
+
+
+def _position(kind: str, numbers: np.ndarray) -> State:
+    """Return a joint's position: quaternions end with w instead of beginning with it."""
+    if kind in ("revolute", "prismatic"):
+        return float(numbers[0])
+    *place, w, x, y, z = map(float, numbers[: 7 if kind == "free" else 4])
+    return [*place, x, y, z, w]
+
+
+def _rate(kind: str, numbers: np.ndarray, position: State | None) -> State:
+    """Return a joint's rates: a free one's velocity is in its own axes, not the world's."""
+    if kind in ("revolute", "prismatic"):
+        return float(numbers[0])
+    if kind == "spherical" or not isinstance(position, Sequence):
+        return [float(x) for x in numbers[:3]]
+    rotation = pin.Quaternion(np.array(position[3:])).matrix()
+    return [float(x) for x in (*(rotation.T @ numbers[:3]), *numbers[3:6])]

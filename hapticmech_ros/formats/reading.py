@@ -40,7 +40,8 @@ from hapticmech_ros.scene.validation import problems_of, written_document
 # What reads a file, by its outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 # A joint of MJCF has elements of that name wherever it is driven or sensed.
-LIMITS = {"link": LINK_LIMIT, "body": LINK_LIMIT, "model": LINK_LIMIT, "joint": 10 * LINK_LIMIT}
+LIMITS = dict.fromkeys(("link", "body", "model", "default"), LINK_LIMIT)
+LIMITS["joint"] = 10 * LINK_LIMIT
 WIDER = "model: {{joints: {{{}: {{locked: false, limits: null}}}}}} lets it move"
 # Nobody holds it but who takes it.
 NO_HAND: Document = {"kind": "constant_wrench"}

@@ -61,7 +61,7 @@ def huge_files():
         "at most 1000",
     )
     classes = "".join(f'<default class="c{k}"/>' for k in range(60_000))
-    yield "xml", f"<mujoco><default>{classes}</default><worldbody/></mujoco>", "1000 classes"
+    yield "xml", f"<mujoco><default>{classes}</default><worldbody/></mujoco>", "elements <default>"
     entities = "".join(f'<!ENTITY a{k + 1} "{f"&a{k};" * 10}">' for k in range(20))
     laughs = f'<!DOCTYPE robot [<!ENTITY a0 "ha">{entities}]>'
     yield "urdf", f"{laughs}<robot name='&a20;'/>", "entities are not read"

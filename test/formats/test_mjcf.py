@@ -12,9 +12,10 @@ import pytest
 from formats.imports import Read, notes_in
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
-from hapticmech_ros.formats import mjcf_classes, read_model
+from hapticmech_ros.formats import mjcf_compiled, read_model
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.mjcf_compiler import compiled
 from hapticmech_ros.operational.analysis import analyse
 
 # Of the largest entry: rounding. MuJoCo keeps inertias as principal moments and quaternions, each
@@ -113,6 +114,9 @@ TREES = {
     "total mass": f"""<compiler settotalmass="14"/><worldbody><geom size=".3"/>
         <body name="still"><geom size=".2"/></body><body name="a"><joint name="j" axis="0 1 0"/>
         {BALL}<geom size=".1 .2 .3" type="box" pos="1 0 0"/></body></worldbody>""",
+    "total mass with a mesh": f"""<compiler settotalmass="14"/><worldbody><body name="a">
+        <joint name="j" axis="0 1 0"/>{BALL}</body><body name="still">
+        <geom type="mesh" mesh="m"/></body></worldbody>""",
     "shell": """<worldbody><body name="a"><joint name="j" axis="0 1 0"/>
         <geom type="box" size=".1 .2 .3" pos="1 0 0" shellinertia="true"/></body></worldbody>""",
     "replicas": f"""<compiler eulerseq="XYZ"/><default><default class="x"><geom size=".2"/>
@@ -239,7 +243,8 @@ def test_a_scene_file_may_start_elsewhere_in_part(tmp_path):
 ACTING = """<compiler autolimits="true"/><worldbody><body name="a"><joint name="j" stiffness="3"
     springref="30" damping="2" frictionloss=".3" range="-40 50" ref="10" axis="0 1 0"/>{ball}
     <body name="b"><joint name="k" type="slide" stiffness="2" springref=".4" range="-.1 .2"
-    limited="true" ref=".05"/>{ball}<body name="c"><joint name="l" limited="false" range="0 1"/>
+    limited="true" ref=".05"/>{ball}<body name="c"><joint name="l" limited="false" range="0 1"
+    springdamper=".5 .7"/>
     {ball}</body></body></body></worldbody>"""
 
 
@@ -384,7 +389,7 @@ def test_what_a_scene_does_not_have_is_noted(tmp_path):
     found = {note.what: note.count for note in notes_in(imported)}
     assert found == {
         **dict.fromkeys(("sensor", "contact", "custom", "light", "camera", "tendon"), 1),
-        **dict.fromkeys(("mocap", "springdamper", "align", "fluid"), 1),
+        **dict.fromkeys(("mocap", "align", "fluid"), 1),
         **dict.fromkeys(("armature of a free joint", "armature of a tendon"), 1),
         "armature of an actuator on no hinge or slide": 1,
         "actuator": 2,
@@ -497,95 +502,110 @@ BROKEN = {
     "key's size": (
         '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
         '<keyframe><key qpos="1 2"/></keyframe>',
-        "qpos must be 1",
+        "invalid qpos size, expected 1, got 2",
     ),
     "keys twice": (
         '<worldbody><body><joint/><geom size="1"/></body></worldbody>'
         '<keyframe><key name="x"/><key name="x"/></keyframe>',
-        "names of keyframes must be unique",
+        "repeated name 'x' in key",
     ),
-    "no world": ("<option/>", "needs a <worldbody>"),
-    "replicate": ("<worldbody><replicate/></worldbody>", "needs count"),
+    "replicate": ("<worldbody><replicate/></worldbody>", "attribute missing: 'count'"),
     "composite": ('<worldbody><body><composite type="cable"/></body></worldbody>', "written out"),
-    "type": ('<worldbody><body><joint type="screw"/></body></worldbody>', "type must be one of"),
-    "axis": ('<worldbody><body><joint axis="0 0 0"/></body></worldbody>', "must not be zero"),
-    "quat": ('<worldbody><body quat="0 0 0 0"><joint/></body></worldbody>', "must not be zero"),
-    "zaxis": ('<worldbody><body zaxis="0 0 0"/></worldbody>', "must not be zero"),
-    "xyaxes": ('<worldbody><body xyaxes="1 0 0 2 0 0"/></worldbody>', "must not be zero"),
-    "two turns": ('<worldbody><body zaxis="0 0 1" euler="1 2 3"/></worldbody>', "one way"),
+    "type": (
+        '<worldbody><body><joint type="screw"/></body></worldbody>',
+        "invalid keyword: 'screw'",
+    ),
+    "axis": ('<worldbody><body><joint axis="0 0 0"/></body></worldbody>', "axis too small"),
+    "quat": ('<worldbody><body quat="0 0 0 0"><joint/></body></worldbody>', "zero quaternion"),
+    "zaxis": ('<worldbody><body zaxis="0 0 0"/></worldbody>', "zaxis too small"),
+    "xyaxes": (
+        '<worldbody><body xyaxes="1 0 0 2 0 0"/></worldbody>',
+        "yaxis too small",
+    ),
+    "two turns": (
+        '<worldbody><body zaxis="0 0 1" euler="1 2 3"/></worldbody>',
+        "multiple orientation",
+    ),
     "sequence": (
         '<compiler eulerseq="xyw"/><worldbody><body euler="1 2 3"/></worldbody>',
-        "eulerseq must be",
+        "euler sequence can only",
     ),
     "mesh": (
         '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>',
         "give the body an <inertial>",
     ),
-    "size": ('<worldbody><body><joint/><geom type="box" size="1"/></body></worldbody>', "3 size"),
+    "size": (
+        '<worldbody><body><joint/><geom type="box" size="1"/></body></worldbody>',
+        "size 1 must be positive",
+    ),
     "fromto": (
         '<worldbody><body><joint/><geom type="box" size="1" fromto="0 0 0 0 0 0"/></body>'
         "</worldbody>",
-        "must have a length",
+        "points too close",
     ),
     "density": ('<worldbody><body><joint/><geom size="1" density="-1"/></body></worldbody>', "neg"),
     "pos": (
         '<worldbody><body><joint/><inertial mass="1" diaginertia="1 1 1"/></body></worldbody>',
-        "needs pos",
+        "attribute missing: 'pos'",
     ),
-    "class": ('<worldbody><body><joint class="gone"/></body></worldbody>', "no such class"),
+    "class": (
+        '<worldbody><body><joint class="gone"/></body></worldbody>',
+        "unknown default class name 'gone'",
+    ),
     "classes": (
         '<default><default class="a"/><default class="a"/></default><worldbody/>',
-        "must be unique",
+        "repeated default class",
     ),
-    "bodies": ('<worldbody><body name="a"/><body name="a"/></worldbody>', "must be unique"),
-    "world": ('<worldbody><body name="world"/></worldbody>', "and not 'world'"),
+    "bodies": ('<worldbody><body name="a"/><body name="a"/></worldbody>', "repeated name 'a'"),
+    "world": ('<worldbody><body name="world"/></worldbody>', "repeated name 'world'"),
     "joints": (
         '<worldbody><body><joint name="a"/><joint name="a"/></body></worldbody>',
-        "must be unique",
+        "repeated name 'a' in joint",
     ),
     "balls": (
         '<worldbody><body><joint name="a" type="ball"/><joint name="a"/></body></worldbody>',
-        "must be unique",
+        "repeated name 'a' in joint",
     ),
     "free joints": (
         '<worldbody><body><freejoint name="a"/></body><body><freejoint name="a"/></body>'
         "</worldbody>",
-        "must be unique",
+        "repeated name 'a' in joint",
     ),
-    "world joint": ("<worldbody><joint/></worldbody>", "the world does not move"),
-    "free": ("<worldbody><body><freejoint/><joint/></body></worldbody>", "a free joint"),
+    "world joint": ("<worldbody><joint/></worldbody>", "World body cannot have joints"),
+    "free": ("<worldbody><body><freejoint/><joint/></body></worldbody>", "more than 6 dofs"),
     "free within": (
         "<worldbody><body><joint/><body><freejoint/></body></body></worldbody>",
-        "a free joint",
+        "free joint can only be used on top level",
     ),
     "range": (
         '<worldbody><body><joint range="2 1"/></body></worldbody>',
-        "lower must not be above",
+        "range[0] must not be above range[1]",
     ),
     "autolimits": (
         '<compiler autolimits="false"/><worldbody><body><joint range="1 2"/></body></worldbody>',
-        "a range needs limited",
+        "has `range` but not `limited`",
     ),
     "polycoef": (
         '<worldbody><body><joint name="j"/></body></worldbody><equality>'
         '<joint joint1="j" joint2="j" polycoef="0 1 2 3 4 5"/></equality>',
         "polycoef",
     ),
-    "equality": ("<worldbody/><equality><flex/></equality>", "connect, weld, joint or tendon"),
+    "equality": ("<worldbody/><equality><flex/></equality>", "attribute missing: 'flex'"),
     "long tendon": (
         '<worldbody><body><joint name="j"/></body></worldbody><tendon><fixed name="t">'
         '<joint joint="j" coef="1"/></fixed></tendon><equality><tendon tendon1="t"/></equality>',
         "a fixed tendon of two joints",
     ),
-    "site": ('<worldbody/><equality><weld site1="a" site2="b"/></equality>', "no such site"),
-    "one site": ('<worldbody/><equality><weld site1="a"/></equality>', "needs site1 and site2"),
-    "body": ('<worldbody/><equality><weld body1="a"/></equality>', "no such body"),
-    "total mass": (
-        '<compiler settotalmass="3"/><worldbody><body><joint/><geom type="mesh" mesh="m"/></body>'
-        "</worldbody>",
-        "settotalmass needs bodies of simple shapes",
+    "site": ('<worldbody/><equality><weld site1="a" site2="b"/></equality>', "unknown element 'a'"),
+    "one site": (
+        '<worldbody/><equality><weld site1="a"/></equality>',
+        "one of ('site1', 'site2'), 'body1' must",
     ),
-    "global": ('<compiler coordinate="global"/><worldbody/>', "coordinate is not read"),
+    "body": ('<worldbody/><equality><weld body1="a"/></equality>', "unknown element 'a'"),
+    "global": (
+        '<compiler coordinate="global"/><worldbody/>',
+        "global coordinates no longer",
+    ),
 }
 
 
@@ -603,32 +623,62 @@ def test_errors_name_line_element_and_rule(tmp_path, text, rule):
     (problem,) = caught.value.problems
     assert rule in problem.rule
     assert str(path) in str(caught.value)
-    where = "line 1, <mujoco>" if rule.startswith("needs a <w") else "line 2, <"
-    assert problem.key_path.startswith(where)
+    # MuJoCo has no lines of keys.
+    assert problem.key_path.startswith("line 1, <mujoco>" if "qpos" in rule else "line 2, <")
 
 
-def test_meshes_that_count_need_mujoco_or_an_inertia(tmp_path, monkeypatch):
-    path = written(tmp_path, TREES["mesh"])
-    monkeypatch.setattr(mjcf_classes, "find_spec", lambda name: None)
-    with pytest.raises(
-        SceneError, match=r"line 3, <geom>: .*give the body an <inertial>; .*\[mjcf\]"
-    ):
+def test_without_mujoco_a_file_is_refused_with_the_line_that_installs_it(tmp_path, monkeypatch):
+    path = written(tmp_path, TREES["nested"])
+    monkeypatch.setattr(mjcf_compiled, "find_spec", lambda name: None)
+    with pytest.raises(SceneError, match=r"not installed: pip install 'hapticmech_ros\[mjcf\]'"):
         load_scene(path)
 
 
-def test_a_file_that_mujoco_refuses_is_told_with_its_reason(tmp_path):
-    text = '<worldbody><body><joint/><geom type="mesh" mesh="gone"/></body></worldbody>'
-    with pytest.raises(SceneError, match=r"give the body an <inertial>; .*gone"):
-        load_scene(written(tmp_path, text))
+MISSING = """<asset><texture name="t" type="2d" file="gone.png"/><material name="s" texture="t"/>
+    <hfield name="h" file="gone.png" size="1 1 1 1"/><mesh name="g" file="gone.stl"/></asset>
+    <worldbody><geom type="hfield" hfield="h"/><geom type="mesh" mesh="g"/><body name="a">
+    <joint name="j"/>{}<geom type="mesh" mesh="g" material="s"/></body></worldbody>"""
+
+
+def test_files_that_are_missing_are_asked_for_where_an_inertia_comes_from_them(tmp_path):
+    assert Read(written(tmp_path, MISSING.format(INERTIAL))).model.nv == 1
+    with pytest.raises(SceneError, match=r"line 5, <geom>: .*gone\.stl.*give the body an"):
+        load_scene(written(tmp_path, MISSING.format(BALL)))
 
 
 def test_warnings_of_mujoco_leave_no_file(tmp_path, monkeypatch):
-    text = (
-        '<compiler settotalmass="3"/><worldbody><body><joint/><geom size="1"/></body></worldbody>'
+    text = '<mujoco><worldbody><body pos="nan 0 0"><joint/>{}</body></worldbody></mujoco>'
+    monkeypatch.chdir(tmp_path)
+    said = compiled({"text": text.format(BALL), "folder": str(tmp_path)})
+    assert said["elements"]["joint"] == [["", 1, "hinge"]]
+    assert not list(tmp_path.iterdir())
+
+
+UNUSUAL = {
+    "mass": '<body><joint/><geom size="1"/><body name="a"><joint/>{}</body></body>',
+    "number": '<body name="a" pos="nan 0 0"><joint/>{}<geom size="1"/></body>',
+    "size": '<body name="a" pos="1e31 0 0"><joint/>{}<geom size="1"/></body>',
+}
+
+
+@pytest.mark.parametrize("inside", ["", '<inertial mass="0" pos="0 0 0" diaginertia="0 0 0"/>'])
+def test_a_body_without_mass_is_one(tmp_path, inside):
+    imported = read_model(
+        written(tmp_path, f"<worldbody>{UNUSUAL['mass']}</worldbody>".format(inside))
     )
-    path = written(tmp_path, text)
-    (tmp_path / "where").mkdir()
-    monkeypatch.chdir(tmp_path / "where")
-    ((_, mass, *_),) = mjcf_classes.bodies_of(str(path))
-    assert mass == pytest.approx(3.0)
-    assert not list((tmp_path / "where").iterdir())
+    inertial = imported.document["links"][1]["inertial"]
+    assert inertial["mass"] == 0.0
+    assert not any(inertial["inertia"].values())
+
+
+@pytest.mark.parametrize("name", ["number", "size"])
+def test_numbers_that_mujoco_takes_and_a_scene_does_not_are_named(tmp_path, name):
+    with pytest.raises(SceneError, match=r"line 2, <body>: pos must be finite, and not above"):
+        read_model(written(tmp_path, f"<worldbody>{UNUSUAL[name]}</worldbody>".format("")))
+
+
+@pytest.mark.parametrize("attribute", ['range="30 30"', 'range="30 30" limited="true"'])
+def test_a_joint_whose_stops_leave_no_travel_is_locked_there(tmp_path, attribute):
+    text = f'<worldbody><body><joint name="j" {attribute}/>{BALL}<body><joint/>{BALL}</body></body>'
+    note = read_model(written(tmp_path, f"{text}</worldbody>")).notes[0]
+    assert str(note) == f"joint j: lower = upper (1 x): locked at {np.deg2rad(30):g}"

@@ -115,7 +115,7 @@ WRONG = {
     ),
     "element": (
         {"model.xml": ONE, "one.xml": '<m>\n<joint/>\n<joint axis="0 0 0"/></m>'},
-        "one.xml", "line 3, <joint>", "must not be zero",
+        "one.xml", "line 3, <joint>", "axis too small",
     ),
     "default": (
         {"model.xml": ONE.replace("<worldbody>", '<include file="two.xml"/><worldbody>'),

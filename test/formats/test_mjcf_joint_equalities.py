@@ -171,13 +171,13 @@ operational_points: [{name: foot, link: foot}]
 
 BALL = 'type="ball"'
 REFUSED = {
-    "a lock of a ball": (BALL, LOCK, "ball joint, and only hinge and slide joints"),
+    "a lock of a ball": (BALL, LOCK, "only HINGE and SLIDE joint allowed"),
     "a curve to a ball": (
         BALL,
         '<equality><joint joint1="s" joint2="k" polycoef="0 1 1"/></equality>',
         "hold its body by <weld>",
     ),
-    "nobody": (HINGE, LOCK.replace('"k"', '"kk"'), "must be a hinge or slide joint of the file"),
+    "nobody": (HINGE, LOCK.replace('"k"', '"kk"'), "unknown element 'kk'"),
     "two places": (HINGE, LOCK + LOCK.replace("0.3", "0.4"), "locked at 0.5 already"),
     "a leader of a locked joint": (
         HINGE,
