@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from hapticmech_ros.errors import SceneError, SceneProblem, nearest
 from hapticmech_ros.formats.mjcf import read_mjcf
-from hapticmech_ros.formats.mjcf_include import open_includes
+from hapticmech_ros.formats.mjcf_compiled import open_includes
 from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
 from hapticmech_ros.formats.sdf import read_sdf
 from hapticmech_ros.formats.sdf_frames import open_includes as open_sdf_includes
