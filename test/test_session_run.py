@@ -19,9 +19,7 @@ from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import CONTROL
 from hapticmech_ros.simulation import Simulator
-from oracles.control import ReadableControl
-from oracles.device.hand import hand_law
-from oracles.devices import readable_device_for
+from oracles.devices import law_of
 
 PUSH = np.array([0.4, -0.2, 0.1, 0.0, 0.01, 0.02])
 UNEVEN = Connection(delay=0.004, jitter=0.5, loss=0.1, seed=2)
@@ -213,18 +211,16 @@ class Halved(ControlArchitecture):
         return found
 
 
-@pytest.mark.parametrize("kind", [Same, ReadableControl])
 @pytest.mark.parametrize("scene", [load_scene("five_bar"), connected("five_bar")])
-def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene, kind):
-    given, own = Session(scene), Session(scene, control=kind(scene))
+def test_a_control_law_in_python_takes_the_place_of_the_scenes(scene):
+    given, own = Session(scene), Session(scene, control=Same(scene))
     expected, run = given.run(400, hand_wrench=PUSH), own.run(400, hand_wrench=PUSH)
     assert np.abs(run["on_hand"] - expected["on_hand"]).max() < 1e-9
     assert np.abs(run["q"] - expected["q"]).max() < 1e-12
     # Nothing but the wrench itself differs in the second tick: the first one's is zero.
-    if kind is Same:
-        halved = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)
-        second = halved["device_command"][1]
-        assert np.array_equal(second, 0.5 * run["device_command"][1])
+    halved = Session(scene, control=Halved(scene)).run(2, hand_wrench=PUSH)
+    second = halved["device_command"][1]
+    assert np.array_equal(second, 0.5 * run["device_command"][1])
 
 
 def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time():
@@ -311,7 +307,7 @@ def test_a_law_s_wrenches_are_limited_and_what_is_none_is_refused():
 
 def own_hand(scene, calls):
     """Return the scene's device, and its hand's law as one of one's own."""
-    law = hand_law(scene.hand)
+    law = law_of(scene.hand)
 
     def own_law(elapsed, pose, twist, held):
         calls.append(elapsed)
@@ -335,10 +331,10 @@ def test_a_hand_in_python_takes_the_place_of_the_scenes(scene):
 
 
 class Lent:
-    """A device of one's own: nothing but what a session asks of it, around the readable one."""
+    """A device of one's own: nothing but what a session asks of it, around a scene's."""
 
     def __init__(self, scene):
-        self._device = readable_device_for(scene)
+        self._device = device_for(scene)
         self.at_rest, self.step = self._device.at_rest, self._device.step
         self.compensation, self.sensed = self._device.compensation, self._device.sensed
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The linear copy of a session's loop, the rules of the literature, and the touch that decides."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
@@ -30,7 +28,6 @@ from hapticmech_ros.control.loop_stability import ON_CIRCLE, lead_gains, loop_te
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
-from oracles.rough_device import RoughDevice
 from sampling import sampled
 
 
@@ -178,10 +175,10 @@ def hum(stiffness, physical, friction, speed):
     step = 2e-5
     scene = load_scene("door")
     changes = {"damping": physical, "position_resolution": step, "substeps": 16}
+    changes["coulomb_friction"] = friction
     scene = scene.model_copy(update={"device": scene.device.model_copy(update=changes)})
     scene = with_constraint(without_channel(at_once(held_by_nobody(scene))), stiffness, 0.0)
-    device = partial(RoughDevice, friction=friction)
-    session = Setup(scene, delay=0, device=device).session()
+    session = Setup(scene, delay=0).session()
     # The door is held along z.
     push = np.array([0.0, 0.0, scene.device.mass * speed / session.period, 0.0, 0.0, 0.0])
     ticks = range(700)

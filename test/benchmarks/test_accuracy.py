@@ -18,8 +18,8 @@ from benchmarks.accuracy.crossings import app
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
 from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.simulation import MechanismState
-from oracles.mechanism.mechanism import ReadableMechanism
 
 from .conftest import G, falling
 
@@ -104,7 +104,7 @@ def test_units_are_metres_or_radians() -> None:
 
 def test_ranks_are_counted_and_compared_with_singular_times() -> None:
     case = replace(LIBRARY["n_four_bar_2"], singular_times=(0.0021,))
-    mechanism = ReadableMechanism(case.scene)
+    mechanism = Mechanism(case.scene)
     upright = np.array([np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2])
     watch = Watch(case, 1e-3, mechanism)
     for number, q in enumerate([upright, upright, 0.0 * upright, upright, upright, 0.0 * upright]):

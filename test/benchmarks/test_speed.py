@@ -37,9 +37,9 @@ from benchmarks.speed.problems import ASKED, NAMES, Problem, problems
 from benchmarks.speed.result import numbers_of, run_once
 from benchmarks.speed.scaling import chain
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
-from oracles.mechanism.mechanism import ReadableMechanism
-from oracles.mechanism.stepping import ReadableSimulator
+from hapticmech_ros.simulation import Simulator
 from sampling import sampled
 
 PROBLEMS = {problem.name: problem for problem in problems()}
@@ -145,8 +145,8 @@ def test_a_converted_scene_has_our_inertia(name: str) -> None:
 def test_closures_are_met_where_they_start() -> None:
     # Authored positions, not projected ones: the six legs reach the platform to rounding.
     scene = stewart_platform()
-    mechanism = ReadableMechanism(scene)
-    state = ReadableSimulator(scene).initial_state()
+    mechanism = Mechanism(scene)
+    state = Simulator(scene).initial_state()
     assert mechanism.nv == 24
     assert mechanism.closing_terms(state.q, state.active).space.rank == 18
     assert state.q[:3] == pytest.approx([0.0, 0.0, 0.35], abs=1e-12)

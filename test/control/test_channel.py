@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
+from hapticmech_ros.control.kernels import STREAM, drawn, mixed
 from hapticmech_ros.control.rendering_controller import Channel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
-from oracles.delay_line import DelayLine
 
 MS = 1_000_000
 
@@ -29,16 +29,39 @@ def received(connection, messages, direction=0):
     return found, line
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_random_numbers_are_those_that_are_published():
+    """SplitMix64's first ones from 0, of Vigna's splitmix64.c."""
+    found = [int(mixed(number)) for number in range(4)]
+    assert found == [
+        0xE220A8397B1DCDAF,
+        0x6E789E6AA1B965F4,
+        0x06C45D188009454F,
+        0xF88BB8A8724C81EC,
+    ]
+    assert drawn(2, 1) == found[3] / 2.0**64
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
 @pytest.mark.parametrize("direction", [0, 1])
 @pytest.mark.parametrize("seed", [0, 5, 2**31 - 1])
-def test_it_is_the_readable_line_to_the_bit(seed, direction):
+def test_it_is_late_and_lossy_as_its_random_numbers_say(seed, direction):
     connection = Connection(delay=0.0231, jitter=0.7, loss=0.1, seed=seed)
     found, channel = received(connection, 5000, direction)
-    line = DelayLine(connection, direction)
+    stream = int(mixed(2 * seed + direction))
+    assert int(channel.state[STREAM].view(np.uint64)) == stream
+    due = {}
+    for number in range(5000):
+        if drawn(stream, 2 * number) >= 0.1:
+            late = 0.0231 * (1.0 + 0.7 * (2.0 * drawn(stream, 2 * number + 1) - 1.0))
+            arrives = -(-(number * MS + round(1e9 * late)) // MS)
+            due.setdefault(arrives, []).append(number)
+    newest = -1
     for tick, message in enumerate(found):
-        line.put(tick * MS, tick)
-        assert line.take(tick * MS) == message
-    assert channel.lost == line.lost > 0
+        new = max(due.get(tick, [-1]))
+        assert message == (new if new > newest else None)
+        newest = max(newest, new)
+    assert channel.lost == 5000 - sum(map(len, due.values())) > 0
 
 
 def test_more_messages_than_the_period_allows_are_refused():

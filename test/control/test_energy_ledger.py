@@ -86,6 +86,8 @@ def test_dampers_lose_what_their_force_does():
         error = np.array([speed * tick * PERIOD, 0, 0, 0, 0, 0])
         ledger.answered(error, projector, joint, CHANNELS, PERIOD)
     assert ledger.entry.dissipated == pytest.approx((30.0 + 10.0) * speed**2 * 0.5)
+    # Springs that stay as they are bring nothing.
+    assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
 
 
 def test_held_elsewhere_nothing_is_made_up():

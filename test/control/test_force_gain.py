@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.measurements import (
@@ -16,8 +16,7 @@ from hapticmech_ros.control.measurements import (
     predicted_twist,
 )
 from hapticmech_ros.control.passivity import corrected
-from oracles.control import ReadableControl
-from oracles.local_model import local_model
+from oracles.controllers import local_model
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
 NO_MEMORY = np.zeros(MEMORY_SIZE)
@@ -25,15 +24,19 @@ NO_MEMORY = np.zeros(MEMORY_SIZE)
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("time", [0.03, 5.0])
+@pytest.mark.parametrize("carried", [None, np.full(6, 0.01)])
 @pytest.mark.parametrize("name", ["five_bar", "spatial_arm", "door"])
-def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
+def test_it_is_the_answer_to_the_other_wrench(name, carried, time, beta):
     scene = load_scene(name)
     stiffened = scene.controller.joint_constraint.model_copy(update={"feedforward": beta})
-    gains = scene.controller.model_copy(update={"joint_constraint": stiffened})
-    control = ReadableControl(scene.model_copy(update={"controller": gains}))
+    force = scene.controller.force_channel.model_copy(update={"device_feedback": -0.2})
+    changed = {"joint_constraint": stiffened, "force_channel": force}
+    gains = scene.controller.model_copy(update=changed)
+    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
     sample = Session(scene).tick()
     model, pose = operational_model_of(sample.analysis), sample.point.pose
-    clutch = engage(0.0, pose, pose)
+    # Half of the springs at 0.03 s; after another grasp three quarters of all.
+    clutch = engage(0.0, pose, pose, 0.04, carried)
     rng = np.random.default_rng(1)
     first, second = rng.normal(scale=0.3, size=(2, 6)) * ([1.0] * 3 + [0.02] * 3)
     twist = rng.normal(scale=0.01, size=6)
@@ -41,13 +44,14 @@ def test_it_is_the_answer_to_the_other_wrench(name, time, beta):
     def measured(hand):
         return DeviceMeasurement(pose, twist, hand)
 
+    seen = PointMeasurement(pose, twist, np.zeros(6))
+
     def answer(hand):
-        seen = PointMeasurement(pose, twist, np.zeros(6))
         return control.compute(time, clutch, measured(hand), seen, model).device
 
-    gains = local_model(control, time, clutch, model)
+    gains = local_model(control, time, clutch, model, seen)
     then, now = flat_device(measured(first)), flat_device(measured(second))
-    found = corrected(answer(first), gains.numbers, then, now, NO_MEMORY, 1e-3)
+    found = corrected(answer(first), gains, then, now, NO_MEMORY, 1e-3)
     assert np.abs(found - answer(second)).max() < 1e-13
     # And it does correct something.
     assert np.abs(answer(second) - answer(first)).max() > 1e-3

@@ -11,18 +11,28 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from hapticmech_ros.control import OperationalModel
 from hapticmech_ros.control.architecture import FourChannel
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,
     ForceChannelGains,
     PositionChannelGains,
 )
-from oracles.control.four_channel import channel_wrenches
-from oracles.control.impedance import impedance_wrench
+from oracles.controllers import answered, control_of
 
 MASS, STIFFNESS, DAMPING, WALL = 0.5, 200.0, 6.0, 400.0
 GAINS = PositionChannelGains(stiffness=STIFFNESS, damping=DAMPING)
 FREE = np.zeros((6, 6))
+CONTROL = control_of("spatial_arm", position_channel={"stiffness": STIFFNESS, "damping": DAMPING})
+
+
+def channels_of(control, share, error, rate, hand, contact):
+    """Return the channels' wrenches on the hand and on the mechanism, which moves by none."""
+    model = OperationalModel(FREE, FREE, share, np.zeros(6))
+    found = answered(control, model, error, rate, hand, contact)
+    return found.four_channel, found.mechanism
+
+
 # Error that solve_ivp may make here; every comparison below is with an exact solution.
 ACCURACY = {"rtol": 1e-10, "atol": 1e-12, "method": "DOP853"}
 CLOSE = 1e-8
@@ -35,11 +45,9 @@ def along_x(value):
 def accelerations(state, push, contact):
     """Return (ẍ_h, ẍ_e) of a device and a mechanism of equal mass, joined by the channels."""
     x_h, v_h, x_e, v_e = state
-    channels = FourChannel(GAINS, ForceChannelGains())
-    out = channel_wrenches(
-        channels, FREE, along_x(x_h - x_e), along_x(v_h - v_e), along_x(push), along_x(contact)
-    )
-    return (push + out.device[0]) / MASS, (contact + out.mechanism[0]) / MASS
+    given = (x_h - x_e, v_h - v_e, push, contact)
+    device, mechanism = channels_of(CONTROL, FREE, *map(along_x, given))
+    return (push + device[0]) / MASS, (contact + mechanism[0]) / MASS
 
 
 def moved(start, until, push, wall):
@@ -98,52 +106,44 @@ def test_the_device_side_leaves_rigid_directions_to_the_joint_constraint():
     rng = np.random.default_rng(3)
     n, dual = rng.normal(size=(2, 6))
     share = np.outer(n, dual) / (n @ dual)
-    channels = FourChannel(GAINS, ForceChannelGains())
-    error, rate, hand, contact = rng.normal(size=(4, 6))
-    out = channel_wrenches(channels, share, error, rate, hand, contact)
+    given = rng.normal(size=(4, 6))
+    device, mechanism = channels_of(CONTROL, share, *given)
     # What is left of the coupling has no component along n: its pairing with n's dual is zero.
-    assert abs(dual @ (out.device - contact)) < 1e-12 * np.linalg.norm(out.device) * 10.0
+    assert abs(dual @ (device - given[3])) < 1e-12 * np.linalg.norm(device) * 10.0
     # The mechanism is pulled in full: its joints take what they constrain.
-    free = channel_wrenches(channels, FREE, error, rate, hand, contact)
-    assert np.array_equal(out.mechanism, free.mechanism)
+    assert np.array_equal(mechanism, channels_of(CONTROL, FREE, *given)[1])
 
 
-def test_force_channels_scale_what_they_carry():
-    channels = FourChannel(GAINS, ForceChannelGains(contact=0.25, hand=0.5))
-    hand, contact = np.arange(1.0, 7.0), np.arange(7.0, 13.0)
-    out = channel_wrenches(channels, FREE, np.zeros(6), np.zeros(6), hand, contact)
-    assert np.array_equal(out.device, 0.25 * contact)
-    assert np.array_equal(out.mechanism, 0.5 * hand)
-
-
-def test_channels_can_be_cut_and_forces_fed_back():
-    rng = np.random.default_rng(6)
-    error, rate, hand, contact = rng.normal(size=(4, 6))
-    position = PositionChannelGains(to_mechanism=0.0, to_device=0.5)
-    force = ForceChannelGains(contact=0.0, hand=0.25, mechanism_feedback=0.5)
-    out = channel_wrenches(FourChannel(position, force), FREE, error, rate, hand, contact)
-    whole = channel_wrenches(
-        FourChannel(PositionChannelGains(), force), FREE, error, rate, hand, contact
+def test_channels_can_be_cut_scaled_and_forces_fed_back():
+    given = np.random.default_rng(6).normal(size=(4, 6))
+    *_, hand, contact = given
+    force = {"contact": 0.25, "hand": 0.5, "mechanism_feedback": 0.125}
+    cut = control_of(
+        "spatial_arm",
+        position_channel={"to_mechanism": 0.0, "to_device": 0.5},
+        force_channel=force,
     )
-    assert np.array_equal(out.mechanism, 0.25 * hand + 0.5 * contact)
-    assert np.array_equal(out.device, 0.5 * whole.device)
+    device, mechanism = channels_of(cut, FREE, *given)
+    whole, _ = channels_of(control_of("spatial_arm", force_channel=force), FREE, *given)
+    assert mechanism == pytest.approx(0.5 * hand + 0.125 * contact, abs=1e-15)
+    assert device - 0.25 * contact == pytest.approx(0.5 * (whole - 0.25 * contact), rel=1e-12)
 
 
-@pytest.mark.parametrize("feedback", [-0.5, 0.0, 1.5])
+@pytest.mark.parametrize("feedback", [-0.5, -0.2, 0.0])
 def test_local_force_feedback_makes_both_sides_as_much_lighter(feedback):
     """C2 = C3 = 1 + C5 = 1 + C6: the two sides move alike, 1 / (1 + C6) times as heavy."""
     rng = np.random.default_rng(7)
     root = rng.normal(size=(6, 6))
-    x, inertia = root @ root.T, np.diag(rng.uniform(0.1, 2.0, size=6))
+    x, known = root @ root.T, 1.0 + feedback
     hand, contact = rng.normal(size=(2, 6))
-    known = 1.0 + feedback
-    answer = impedance_wrench(
-        inertia, x, FREE, np.zeros(6), hand + known * contact, 0.0, np.zeros(6), feedback * hand
-    )
-    # What contact adds beyond C2 of the channel is in F; the channel gives C2 F_c itself.
-    device = np.linalg.solve(inertia, hand + answer + known * contact)
+    back = {"mechanism_feedback": feedback, "device_feedback": feedback}
+    force = {"contact": known, "hand": known, **back}
+    control = control_of("spatial_arm", force_channel=force)
+    model = OperationalModel(x, FREE, FREE, np.zeros(6))
+    found = answered(control, model, hand=hand, contact=contact)
+    device = np.linalg.solve(control.device_inertia, hand + found.device)
     assert device == pytest.approx(x @ (known * hand + known * contact), rel=1e-9, abs=1e-9)
-    mechanism = x @ (known * hand + feedback * contact + contact)
+    mechanism = x @ (found.mechanism + contact)
     assert mechanism == pytest.approx(device, rel=1e-9, abs=1e-9)
 
 

@@ -6,14 +6,25 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Simulator, analyse, load_scene
+from hapticmech_ros.control import OperationalModel
+from hapticmech_ros.control.kernels import scale_within
 from hapticmech_ros.saturation import limited
-from hapticmech_ros.scene.controller import JointConstraintGains
-from oracles.control.joint_constraint import (
-    joint_constraint_wrench,
-    scaled_within,
-)
+from oracles.controllers import answered, control_of
 
-SOFT = JointConstraintGains(stiffness=100.0, damping=3.0, force_limit=1e9, torque_limit=1e9)
+SOFT = {"stiffness": 100.0, "damping": 3.0, "force_limit": 1e9, "torque_limit": 1e9}
+NONE, PLANE = np.zeros((6, 6)), np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def wrench_of(name, projector, error, rate, **gains):
+    """Return the joint constraint's wrench of a scene's control, on a mechanism without motion."""
+    model = OperationalModel(NONE, projector, NONE, np.zeros(6))
+    return answered(control_of(name, {**SOFT, **gains}), model, error, rate).joint_constraint
+
+
+def scaled_within(wrench, force_limit, torque_limit):
+    cut = wrench.copy()
+    scale_within(cut, force_limit, torque_limit)
+    return cut
 
 
 def analysed(name):
@@ -26,11 +37,11 @@ def analysed(name):
 def test_it_pushes_only_where_the_mechanism_gives_no_way(name, limit):
     found = analysed(name)
     rng = np.random.default_rng(1)
-    gains = SOFT.model_copy(update={"force_limit": limit, "torque_limit": 0.01 * limit})
+    limits = {"force_limit": limit, "torque_limit": 0.01 * limit}
     for _ in range(5):
         error, rate = np.zeros(6), np.zeros(6)
         error[[0, 1, 5]], rate[[0, 1, 5]] = rng.normal(size=(2, 3))
-        wrench = joint_constraint_wrench(gains, found.constraint_projector, error, rate)
+        wrench = wrench_of(name, found.constraint_projector, error, rate, **limits)
         assert np.linalg.norm(wrench) > 0.0
         # X n = 0 up to the rounding of X (entries below 1e4 1/(kg m²)) and of n.
         x = found.inverse_inertia
@@ -43,25 +54,26 @@ def test_it_pushes_only_where_the_mechanism_gives_no_way(name, limit):
 
 def test_nothing_is_rigid_on_a_generic_arm_in_space():
     found = analysed("spatial_arm")
-    wrench = joint_constraint_wrench(SOFT, found.constraint_projector, np.ones(6), np.ones(6))
+    wrench = wrench_of("spatial_arm", found.constraint_projector, np.ones(6), np.ones(6))
     assert np.array_equal(wrench, np.zeros(6))
 
 
 def test_an_error_that_the_mechanism_can_follow_meets_nothing():
     found = analysed("five_bar")
     following = found.inverse_inertia @ np.array([1.0, 2.0, 0, 0, 0, 0.1])
-    wrench = joint_constraint_wrench(SOFT, found.constraint_projector, following, following)
+    following /= np.linalg.norm(following)
+    wrench = wrench_of("five_bar", found.constraint_projector, following, following)
     # nᵀ X F = 0 to rounding, times gains of 100.
-    assert np.linalg.norm(wrench) < 1e-10 * np.linalg.norm(following) * SOFT.stiffness
+    assert np.linalg.norm(wrench) < 1e-10 * SOFT["stiffness"]
 
 
 def test_along_a_constrained_direction_the_gain_is_per_unit_of_the_metrics_mass():
     found = analysed("two_link")
     n = found.constraint_wrenches[:, 0]
     error = np.array([1e-3, 2e-3, 0, 0, 0, 0.01])
-    wrench = joint_constraint_wrench(SOFT, found.constraint_projector, error, np.zeros(6))
+    wrench = wrench_of("two_link", found.constraint_projector, error, np.zeros(6))
     # The link weighs 1 kg; n is normalised in the link's metric.
-    assert np.linalg.norm(wrench + SOFT.stiffness * n * (n @ error)) < 1e-12
+    assert np.linalg.norm(wrench + SOFT["stiffness"] * n * (n @ error)) < 1e-12
 
 
 def test_spring_and_damper_take_energy_from_the_hand():
@@ -69,19 +81,19 @@ def test_spring_and_damper_take_energy_from_the_hand():
     rng = np.random.default_rng(2)
 
     def held(error):
-        return 0.5 * SOFT.stiffness * error @ projector @ error
+        return 0.5 * SOFT["stiffness"] * error @ projector @ error
 
     for _ in range(10):
-        error, rate = rng.normal(size=(2, 6))
-        pull = joint_constraint_wrench(SOFT, projector, error, np.zeros(6))
-        step = 1e-6 * rng.normal(size=6)
+        error, rate = 0.5 * PLANE * rng.normal(size=(2, 6))
+        pull = wrench_of("five_bar", projector, error, np.zeros(6))
+        step = 1e-6 * PLANE * rng.normal(size=6)
         work = -pull @ step
         gain = held(error + step)
         gain -= held(error - step)
         # The energy is quadratic, so the central difference is exact but for cancellation of
         # terms of up to 1e3 J at 1e-16.
         assert abs(gain / 2.0 - work) < 1e-12
-        assert joint_constraint_wrench(SOFT, projector, np.zeros(6), rate) @ rate <= 0.0
+        assert wrench_of("five_bar", projector, np.zeros(6), rate) @ rate <= 0.0
 
 
 @pytest.mark.parametrize(

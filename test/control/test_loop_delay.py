@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_delay import (
     EVERY,
@@ -18,13 +19,14 @@ from hapticmech_ros.control.loop_delay import (
     compensated_loop_delay,
     jitter_allowance,
     made_for,
+    periods_before,
 )
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.layout import OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Connection
-from oracles.control import ReadableControl
 
 
 def over(connection, local=True, name="five_bar"):
@@ -125,10 +127,9 @@ def test_gains_made_for_a_delay_are_softer_only_where_they_cross_it():
     assert made_for(late, scene.device, period, 0.0).joint_constraint == late.joint_constraint
 
 
-@pytest.mark.parametrize("kind", [ControlArchitecture, ReadableControl])
-def test_gains_pass_to_another_delay_without_a_bump(kind):
+def test_gains_pass_to_another_delay_without_a_bump():
     scene = over(Connection())
-    control = kind(scene)
+    control = ControlArchitecture(scene)
     near = control.channels.held_stiffness[0]
     control.tune(1.0, scene.controller, 0.05)
     assert control.aim == (scene.controller, 0.05)
@@ -162,3 +163,29 @@ def test_only_what_crosses_a_connection_is_warned_of(delay):
         assert loop_warning(scene, scene.operational_points[0].name, scene.controller) == ""
     late = over(Connection(expected=delay), local=False)
     assert "over a connection" in loop_warning(late, "handle", late.controller)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_a_device_that_corrects_commands_is_ahead_of_the_mechanism_by_the_delay(delay):
+    scene = load_scene("five_bar")
+    period = scene.simulation.period
+    with_it, without = (
+        compensated_loop_delay(with_loop(scene, local), delay) for local in (True, False)
+    )
+    # Half a period for the hold of what acts, and of what the mechanism learns of the hand.
+    assert without == (delay + 0.5) * period
+    assert with_it == pytest.approx(2.0 * without, abs=1e-15)
+
+
+def test_a_negative_delay_is_refused():
+    with pytest.raises(InvalidInputError, match="0 or more periods"):
+        compensated_loop_delay(load_scene("five_bar"), -1)
+
+
+@pytest.mark.parametrize(
+    ("delay", "local", "periods"), [(0, False, 1), (1, False, 2), (1, True, 3)]
+)
+def test_past_rates_are_of_as_many_periods_ago_as_the_delay_has(delay, local, periods):
+    scene = with_loop(load_scene("five_bar"), local)
+    assert periods_before(scene, delay) == periods
+    assert periods_before(scene.with_(connection={"expected": 0.05}), delay) == 0

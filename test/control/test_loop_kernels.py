@@ -1,172 +1,280 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The loop's kernels do what readable implementations do, to rounding: every wrench and account."""
+"""The loop's kernels: what a sample is answered with, and what accounts of energy let through."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.kernels import displacement
-from hapticmech_ros.control.passivity import DeviceSide, PassivityController
+from hapticmech_ros.control.account_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.measurements import InFlight
+from hapticmech_ros.control.passivity import DeviceSide, PassivityController, corrected
+from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.device.safety import Reason
+from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection, Passivity
-from hapticmech_ros.scene.mechanism import Origin
-from oracles.local_model import displacement as readable_displacement
-from oracles.passivity import PassivityController as ReadablePassivity
-from oracles.rendering_loop import RenderingLoop as ReadableLoop
 
-# Of wrenches of some N and N m, and energies of some mJ: sums in another order.
-APART, ENERGY_APART = 1e-11, 1e-13
-PUSH = np.array([0.8, -0.3, 0.1, 0.01, 0.0, 0.02])
+PERIOD = 1e-3
+INERTIA = np.array([0.2] * 3 + [4e-4] * 3)
+TWIST, PUSH = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
+MOVED, CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 
 
-class Compared(Session):
-    """A session, and the readable loop, given the same."""
-
-    def __init__(self, scene, delay=1):
-        super().__init__(scene, command_delay=delay)
-        self.readable = ReadableLoop(scene, ControlArchitecture(scene), delay)
-        self.readable.envelope.place(self.device.published[:3])
-        self.ticks, self.most, self.apart, self.energies_apart = 0, 0.0, 0.0, 0.0
-
-    def set_operational_point(self, frame, origin=None):
-        super().set_operational_point(frame, origin)
-        self.readable.side.held_elsewhere()
-
-    def tune(self, gains):
-        super().tune(gains)
-        self.readable.side.control.tune(self.time, gains)
-
-    def tick(self, external_wrench=None, hand_wrench=None):
-        added = self.compensation
-        sample = super().tick(external_wrench, hand_wrench)
-        readable, own = self.readable, sample.device.published
-        measured = np.concatenate((own[:13], sample.hand_wrench))
-        expected = readable.tick(
-            sample.time, self.clutch, measured, own[19:], sample.seen.model, added
-        )
-        apart = np.abs(sample.acting - np.array(expected)).max()
-        rows = np.abs(sample.wrenches - readable.output.rows()).max()
-        self.apart = max(self.apart, rows, apart)
-        self.most = max(self.most, np.abs(sample.acting[0]).max())
-        pairs = [
-            *zip(self.energies, readable.side.ledger.entry, strict=True),
-            (self.controller.from_hand, readable.side.port.from_hand),
-            (self.passivity.actuators, readable.passivity.actuators),
-            (self.passivity.dissipated, readable.passivity.dissipated),
-        ]
-        self.energies_apart = max(self.energies_apart, *(abs(a - b) for a, b in pairs))
-        assert self.passivity.changed == readable.passivity.changed
-        assert self.controller.changed == readable.side.port.changed
-        assert self.envelope.counts == readable.envelope.counts
-        assert self.passivity.mechanism is None or readable.passivity.mechanism is not None
-        self.ticks += 1
-        return sample
+def wrench(rng):
+    return rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3)
 
 
-def with_controller(scene, **parts):
-    old = scene.controller
-    changed = {name: getattr(old, name).model_copy(update=to) for name, to in parts.items()}
-    return scene.model_copy(update={"controller": old.model_copy(update=changed)})
+def sample_of(rng):
+    """Return a device's sample (19,) some millimetres and a turn away."""
+    turn = pin.Quaternion(pin.exp3(0.4 * rng.normal(size=3)))
+    place = *(1e-3 * rng.normal(size=3)), *turn.coeffs()
+    return np.array((*place, *(0.05 * rng.normal(size=6)), *wrench(rng)))
+
+
+def way_of(start, end):
+    """Return the way (6,) between two samples."""
+    one, other = (pin.XYZQUATToSE3(sample[:7]) for sample in (start, end))
+    turn = pin.log3(other.rotation @ one.rotation.T)
+    return np.concatenate((other.translation - one.translation, turn))
+
+
+def model_of(rng):
+    """Return an operational model (139,): random, but for a place that is one."""
+    model = rng.normal(size=OPERATIONAL_MODEL.size)
+    place = slice(OPERATIONAL_MODEL.start("position"), MOVED.start)
+    model[place] = sample_of(rng)[:7]
+    return model
+
+
+def rendering(delay, slack=0.0):
+    scene = load_scene("five_bar")
+    bounds = scene.controller.passivity.model_copy(update={"slack": slack})
+    gains = scene.controller.model_copy(update={"passivity": bounds})
+    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
+    return RenderingController(control, PERIOD, scene.connection, delay)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 3])
-@pytest.mark.parametrize("name", ["five_bar", "door", "spatial_arm", "shared_payload"])
-def test_every_wrench_and_energy_is_that_of_the_readable_loop(name, delay):
-    session = Compared(load_scene(name), delay)
-    for tick in range(600):
-        session.tick(hand_wrench=PUSH if tick > 300 else None)
-    assert session.ticks == 600
-    assert session.most > 0.1
-    assert session.apart < APART
-    assert session.energies_apart < ENERGY_APART
+@pytest.mark.parametrize("time", [0.03, 5.0])
+def test_a_sample_is_answered_once_what_is_in_flight_has_acted(delay, time):
+    """And half a period of what measured forces command now."""
+    side, rng = rendering(delay), np.random.default_rng(3)
+    clutch = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity(), 0.04, wrench(rng))
+    force, task = side.control.gains.force_channel, side.control.task
+    sample, model = sample_of(rng), model_of(rng)
+    side.queue[:] = rng.normal(size=(delay, 6))
+    commanded = force.hand * sample[PUSH] + force.mechanism_feedback * model[CONTACT]
+    now = 0.5 * clutch.force_ramp(time) * task * commanded
+    flying = InFlight((delay + 0.5) * PERIOD, PERIOD * (side.queue.sum(axis=0) + now))
+    inputs = ControllerInput(time, 7, sample, model, 0.0, PERIOD)
+    for corrects, in_flight in ((True, flying), (False, None)):
+        found = side.tick(inputs, clutch, corrects)
+        expected = side.control.answer(time, clutch, sample, model, 0.0, in_flight)
+        assert np.abs(found.wrenches - expected).max() < 1e-12 * np.abs(expected).max()
+        assert np.array_equal(found.answered, sample)
+        assert found.is_modelled == corrects
 
 
-@pytest.mark.parametrize("force", [True, False])
-@pytest.mark.parametrize("joint", [True, False])
-def test_whatever_the_device_closes(force, joint):
-    local = {"force_channel": {"local": force}, "joint_constraint": {"local": joint}}
-    session = Compared(with_controller(load_scene("five_bar"), **local), 2)
-    for _ in range(400):
-        session.tick(hand_wrench=PUSH)
-    assert session.apart < APART
-    assert session.energies_apart < ENERGY_APART
+def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
+    rng, limited = np.random.default_rng(4), 0
+    side = rendering(0, slack=1e-3)
+    here = pin.SE3.Identity()
+    clutch, inertia = engage(0.0, here, here), np.diag(side.control.device_inertia)
+    gave = got = 0.0
+    before = acted = moved = None
+    for tick in range(200):
+        sample, model = sample_of(rng), model_of(rng)
+        model[MOVED] *= 0.01
+        inputs = ControllerInput(tick * PERIOD, tick, sample, model, 0.0, PERIOD)
+        answer = side.tick(inputs, clutch, corrects=True)
+        if before is not None:
+            gave += 0.5 * (before[PUSH] + sample[PUSH]) @ way_of(before, sample)
+            got += 0.5 * PERIOD * acted @ (moved + model[MOVED])
+        before, moved = sample, model[MOVED]
+        assert side.from_hand == pytest.approx(gave, abs=1e-12)
+        assert side.entry.to_mechanism == answer.to_mechanism == pytest.approx(got, abs=1e-12)
+        told = answer.wrenches[1]
+        sent, acted = side.command_mechanism()
+        # Without a delay.
+        assert np.array_equal(sent, acted)
+        if got - gave > 1e-3 and told @ moved > 0.0:
+            limited += 1
+            assert abs(sent @ moved) < 1e-12 * np.linalg.norm(told)
+            share = (told - sent) / (inertia * moved)
+            # A damper's on the device's inertia, against the motion.
+            assert share == pytest.approx(np.full(6, share[0]), rel=1e-6)
+            assert share[0] > 0.0
+        else:
+            assert np.array_equal(sent, told)
+    assert side.changed == limited
+    assert 20 < limited < 180
 
 
-@pytest.mark.parametrize("slack", [0.0, 1e-3])
-def test_over_a_connection_where_passivity_control_acts(slack):
-    scene = with_controller(
-        load_scene("five_bar"),
-        force_channel={"local": False},
-        joint_constraint={"local": False},
-        passivity={"allowance": 1e-5, "slack": slack},
-    )
-    connection = Connection(delay=0.03, jitter=0.3, loss=0.1, seed=3)
-    session = Compared(scene.model_copy(update={"connection": connection}))
-    for tick in range(800):
-        session.tick(hand_wrench=PUSH if tick % 200 < 100 else -PUSH)
-    assert session.passivity.changed > 20
-    assert session.apart < APART
-    assert session.energies_apart < ENERGY_APART
+def test_what_is_commanded_acts_later_by_the_delay():
+    side, rng = rendering(2), np.random.default_rng(5)
+    clutch = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())
+    sent = []
+    for tick in range(8):
+        side.tick(
+            ControllerInput(0.0, tick, sample_of(rng), model_of(rng), 0.0, PERIOD), clutch, True
+        )
+        now, acting = side.command_mechanism()
+        sent.append(now)
+        assert np.array_equal(acting, sent[tick - 2] if tick > 1 else np.zeros(6))
+        assert np.array_equal(side.past[: tick + 1], sent[::-1])
 
 
-def test_while_the_grasp_passes_and_gains_change():
-    session = Compared(load_scene("five_bar"))
-    for _ in range(200):
-        session.tick(hand_wrench=PUSH)
-    link = session.simulator.scene.operational_points[0].link
-    session.set_operational_point(link, Origin(xyz=(0.01, 0.02, 0.0)))
-    for _ in range(100):
-        session.tick(hand_wrench=PUSH)
-    softer = with_controller(session.scene, joint_constraint={"stiffness": 200.0}).controller
-    session.tune(softer)
-    for _ in range(500):
-        session.tick(hand_wrench=PUSH)
-    assert session.apart < APART
-    assert session.energies_apart < ENERGY_APART
+def given_by(command, twist, hand, ahead):
+    """Return what a held command gives, J, on a body that moves freely for ``ahead`` s."""
+    return command @ (ahead * twist + 0.5 * ahead**2 * (command + hand) / INERTIA)
+
+
+def parabola(function):
+    """Return the coefficients of a quadratic function, highest first."""
+    start, half, end = (function(share) for share in (0.0, 0.5, 1.0))
+    return np.array([2.0 * (start - 2.0 * half + end), 4.0 * half - 3.0 * start - end, start])
+
+
+def lowest(found):
+    """Return where in [0, 1] a convex parabola is lowest."""
+    return min(max(-0.5 * found[1] / found[0], 0.0), 1.0) if found[0] > 0.0 else 0.0
+
+
+def held_to(there, acting, twist, *motion):
+    """Return what is left of a command, and whether damping alone was enough of a change."""
+    hardest = 0.4 / PERIOD * INERTIA * twist
+    damped = parabola(lambda share: given_by(acting - share * hardest, twist, *motion))
+    roots = np.roots(damped - (0.0, 0.0, there))
+    roots = [root.real for root in roots if abs(root.imag) < 1e-9 and 0.0 < root.real <= 1.0]
+    if roots:
+        return acting - min(roots) * hardest, True
+    least = acting - lowest(damped) * hardest
+    shared = parabola(lambda share: given_by(share * least, twist, *motion))
+    share = lowest(shared)
+    if there > 0.0:
+        share = min(max(np.roots(shared - (0.0, 0.0, there)).real), 1.0)
+    return share * least, False
 
 
 @pytest.mark.parametrize("lag", [0.0, 2e-3])
 @pytest.mark.parametrize("filtered", [False, True])
-def test_commands_are_held_as_by_the_readable_account(lag, filtered):
-    rng = np.random.default_rng(4)
-    inertia, acts = np.array([0.2] * 3 + [4e-4] * 3), np.array([1.0, 1, 1, 1, 1, 0])
-    changed = 0
+def test_commands_are_held_to_what_there_is_by_the_least_damping(lag, filtered):
+    """With actuators that lag, and miss a direction; and twists that lag."""
+    rng, acts, limits = np.random.default_rng(4), np.array([1.0, 1, 1, 1, 1, 0]), (3.0, 0.1)
+    kept = lag / PERIOD * -np.expm1(-PERIOD / lag) if lag else 0.0
+    ahead, exact, shortened = PERIOD + lag, 0, 0
     for _ in range(20):
         bounds = Passivity(allowance=10.0 ** rng.uniform(-6, -3), slack=10.0 ** rng.uniform(-4, 0))
-        constants = (bounds, inertia, 1e-3, (3.0, 0.1), acts, filtered, lag)
-        found, expected = PassivityController(*constants), ReadablePassivity(*constants)
-        applied = np.zeros(6)
+        account = PassivityController(bounds, INERTIA, PERIOD, limits, acts, filtered, lag)
+        applied, added, before, work, spent = *np.zeros((2, 6)), None, 0.0, 0.0
+        account.set_mechanism_energy(0.0)
         for _ in range(100):
-            turn = rng.normal(size=4)
-            place = (*(1e-3 * rng.normal(size=3)), *(turn / np.linalg.norm(turn)))
-            sample = np.array((*place, *rng.normal(size=6), *rng.normal(size=6)))
-            sample[10:] *= 0.01
-            told = None if rng.uniform() < 0.05 else 1e-3 * rng.normal()
-            command, added = (rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3) for _ in range(2))
-            for account in (found, expected):
-                account.record(sample, applied)
-                account.set_mechanism_energy(told)
-            assert found.available == pytest.approx(expected.available, rel=1e-12)
-            one, two = (account.enforce(command, sample, added) for account in (found, expected))
+            sample, command = sample_of(rng), wrench(rng)
+            hand, twist = sample[PUSH], sample[TWIST]
+            rate, driven = np.zeros(6), applied - added
+            if before is not None:
+                way = way_of(before, sample)
+                work -= driven @ way
+                rate = way / PERIOD + 0.5 * PERIOD * (driven + hand) / INERTIA
+            account.record(sample, applied)
+            before, told = sample, work + 1e-3 * rng.normal()
+            account.set_mechanism_energy(told)
+            least = max(min(0.0, told) - bounds.allowance, told - bounds.slack)
+            assert account.actuators == pytest.approx(work, rel=1e-9, abs=1e-12)
+            assert account.available == pytest.approx(work - least, rel=1e-9, abs=1e-12)
+            added = wrench(rng)
+            changed, held = account.changed, account.enforce(command, sample, added)
+            acting = np.concatenate(
+                [
+                    part * min(1.0, most / np.linalg.norm(part))
+                    for part, most in zip((acts * command).reshape(2, 3), limits, strict=True)
+                ]
+            )
+            acting += kept * (driven - acting)
+            given = given_by(acting, twist, hand, ahead)
+            seen, other = twist, given_by(acting, rate, hand, ahead)
+            if filtered and other > given:
+                seen, given = rate, other
+            applied = held
+            if given <= account.available:
+                assert np.array_equal(held, command)
+                continue
+            assert account.changed == changed + 1
+            left = given_by(held, seen, hand, ahead)
+            spent += given - left
+            assert account.dissipated == pytest.approx(spent, rel=1e-9, abs=1e-12)
+            expected, damped = held_to(account.available, acting, seen, hand, ahead)
+            exact, shortened = exact + damped, shortened + (not damped)
             # Roots of a difference lose digits where it is near zero.
-            assert one == pytest.approx(two, rel=1e-7, abs=1e-10)
-            applied = one
-        assert found.changed == expected.changed
-        assert found.hand(sample) == pytest.approx(expected.hand(sample), rel=1e-9)
-        changed += found.changed
-    assert changed > 100
+            assert held == pytest.approx(expected, rel=1e-7, abs=1e-10)
+    assert exact > 20
+    assert shortened > 20
 
 
-def test_displacements_are_the_readable_ones():
-    rng, way = np.random.default_rng(2), np.empty(6)
-    for _ in range(200):
-        start, end = rng.normal(size=(2, 7))
-        for pose in (start, end):
-            pose[3:] /= np.linalg.norm(pose[3:])
-        displacement(start, end, way)
-        assert way == pytest.approx(readable_displacement(start, end), rel=1e-12, abs=1e-14)
+class Composed(Session):
+    """A session, and the same of its parts, as the nodes of a graph put them together."""
+
+    def __init__(self, scene, delay=1):
+        super().__init__(scene, command_delay=delay)
+        control = ControlArchitecture(scene)
+        self.side = RenderingController(control, self.period, scene.connection, delay)
+        self.end, self.hand = DeviceSide(scene), np.zeros(MEMORY_SIZE)
+        self.end.envelope.place(self.device.published[:3])
+        self.waiting, self.arrived, self.ticks, self.most = [None] * delay, None, 0, 0.0
+
+    def tick(self, external_wrench=None, hand_wrench=None):
+        added = self.compensation
+        sample = super().tick(external_wrench, hand_wrench)
+        own = sample.device.published
+        seen = np.concatenate((own[:13], sample.hand_wrench))
+        stamp = round(self.ticks * self.period * 1e9)
+        inputs = ControllerInput(sample.time, stamp, seen, sample.seen.model, 0.0, self.period)
+        self.arrived = self.side.tick(inputs, self.clutch, corrects=True) or self.arrived
+        self.waiting.append(self.arrived)
+        _, on_mechanism = self.side.command_mechanism()
+        now, command, told = self.waiting.pop(0), np.zeros(6), None
+        remember_wrench(self.hand, self.period, seen[PUSH])
+        if now is not None:
+            command, told = now.wrenches[0], now.to_mechanism
+            if now.is_modelled:
+                model = now.model, now.answered, seen, self.hand, self.period
+                command = corrected(command, *model)
+        on_hand = self.end.allow(command, seen, own[19:], told, added)
+        assert np.abs(sample.acting - (on_hand, on_mechanism)).max() < 1e-11
+        pairs = [
+            *zip(self.energies, self.side.entry, strict=True),
+            (self.controller.from_hand, self.side.from_hand),
+            (self.passivity.actuators, self.end.passivity.actuators),
+            (self.passivity.dissipated, self.end.passivity.dissipated),
+        ]
+        assert max(abs(one - other) for one, other in pairs) < 1e-13
+        assert self.passivity.changed == self.end.passivity.changed
+        assert self.envelope.counts == self.end.envelope.counts
+        self.ticks, self.most = self.ticks + 1, max(self.most, np.abs(on_hand).max())
+        return sample
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+@pytest.mark.parametrize("local", [False, True])
+@pytest.mark.parametrize("connection", [{}, {"delay": 0.03, "jitter": 0.3, "loss": 0.1, "seed": 3}])
+def test_a_session_is_its_parts_put_together(delay, local, connection):
+    scene = load_scene("five_bar")
+    gains, bounds = scene.controller, {"allowance": 1e-5, "slack": 1e-3}
+    parts = {
+        "passivity": gains.passivity.model_copy(update=bounds),
+        "joint_constraint": gains.joint_constraint.model_copy(update={"local": local}),
+        "force_channel": gains.force_channel.model_copy(update={"local": local}),
+    }
+    changed = {"controller": gains.model_copy(update=parts), "connection": Connection(**connection)}
+    session = Composed(scene.model_copy(update=changed), delay)
+    push = np.array([0.8, -0.3, 0.1, 0.01, 0.0, 0.02])
+    for tick in range(500):
+        session.tick(hand_wrench=push if tick % 200 < 100 else -push)
+    assert session.most > 0.1
+    assert local or not connection or session.passivity.changed > 20
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])

@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import SpringDamperHand, Waypoint
-from oracles.devices import KINDS, NOTHING, PERIOD, body_of, moving, run
+from oracles.devices import NOTHING, PERIOD, body_of, moving, run
 
 LIMIT, TURN_LIMIT = 0.25, 2e-3
 ROUGH = Device(mass=0.2, inertia=4e-4, coulomb_friction=LIMIT, angular_coulomb_friction=TURN_LIMIT)
@@ -17,16 +17,15 @@ def energy(device, twist):
     return 0.5 * (device.mass * twist[:3] @ twist[:3] + device.inertia * twist[3:] @ twist[3:])
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [1e-6, 0.5, 1.0 - 1e-9])
-def test_at_rest_it_stays_under_less_than_the_friction(kind, share):
+def test_at_rest_it_stays_under_less_than_the_friction(share):
     rng = np.random.default_rng(2)
     for _ in range(20):
         force, torque = rng.normal(size=(2, 3))
         push = np.concatenate(
             (share * LIMIT * force / np.linalg.norm(force), [0.0, 0.0, 0.0])
         ) + np.concatenate(([0.0] * 3, share * TURN_LIMIT * torque / np.linalg.norm(torque)))
-        states = run(body_of(kind, ROUGH), 20, push=push)
+        states = run(body_of(ROUGH), 20, push=push)
         for state in states:
             # To the bit: what friction holds has no speed at all.
             assert np.array_equal(state.twist, NOTHING)
@@ -35,18 +34,16 @@ def test_at_rest_it_stays_under_less_than_the_friction(kind, share):
             )
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_above_it_what_is_left_of_the_force_accelerates(kind):
+def test_above_it_what_is_left_of_the_force_accelerates():
     push = np.array([0.0, 1.25, 0.0, 0.0, 0.0, 6e-3])
-    end = run(body_of(kind, ROUGH), 100, push=push)[-1]
+    end = run(body_of(ROUGH), 100, push=push)[-1]
     # Momentum: constant forces, so the explicit step is exact but for rounding.
     assert end.twist[1] == pytest.approx((1.25 - LIMIT) / 0.2 * 0.1, rel=1e-11)
     assert end.twist[5] == pytest.approx((6e-3 - TURN_LIMIT) / 4e-4 * 0.1, rel=1e-11)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_it_brakes_at_a_constant_rate_and_then_stands(kind):
-    body = body_of(kind, ROUGH)
+def test_it_brakes_at_a_constant_rate_and_then_stands():
+    body = body_of(ROUGH)
     start = moving(body, np.array([0.3, -0.4, 0.0, 0.0, 1.0, 0.0]))
     speed, spin = np.linalg.norm(start.twist[:3]), np.linalg.norm(start.twist[3:])
     states = run(body, 700, start=start)
@@ -58,11 +55,10 @@ def test_it_brakes_at_a_constant_rate_and_then_stands(kind):
     assert np.array_equal(states[-1].twist, NOTHING)
 
 
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("substeps", [1, 4])
-def test_it_never_gives_energy(kind, substeps):
+def test_it_never_gives_energy(substeps):
     device = ROUGH.model_copy(update={"substeps": substeps})
-    body, free = body_of(kind, device), body_of(kind, Device(mass=0.2, inertia=4e-4))
+    body, free = body_of(device), body_of(Device(mass=0.2, inertia=4e-4))
     rng = np.random.default_rng(5)
     for _ in range(50):
         start = moving(free, rng.normal(size=6) * np.repeat((0.003, 0.02), 3))
@@ -73,8 +69,7 @@ def test_it_never_gives_energy(kind, substeps):
         assert state.twist[3:] @ start.twist[3:] >= 0.0
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_spring_leaves_it_where_friction_holds_it(kind):
+def test_a_spring_leaves_it_where_friction_holds_it():
     hand = SpringDamperHand(
         kind="spring_damper",
         stiffness=100.0,
@@ -82,7 +77,7 @@ def test_a_spring_leaves_it_where_friction_holds_it(kind):
         waypoints=(Waypoint(time=0.2, xyz=(0.02, 0.0, 0.0)),),
         start_delay=0.0,
     )
-    states = run(body_of(kind, ROUGH, hand), 1500)
+    states = run(body_of(ROUGH, hand), 1500)
     last = states[-1]
     assert np.array_equal(last.twist, NOTHING)
     stretch = 0.02 - (last.pose.translation - states[0].pose.translation)[0]
@@ -91,9 +86,8 @@ def test_a_spring_leaves_it_where_friction_holds_it(kind):
     assert np.linalg.norm(last.hand_wrench[:3]) <= LIMIT * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_in_a_planar_scene_friction_is_the_planes(kind):
-    body = body_of(kind, ROUGH, planar=True)
+def test_in_a_planar_scene_friction_is_the_planes():
+    body = body_of(ROUGH, planar=True)
     push = np.array([1.25, 0.0, 5.0, 1.0, 1.0, 6e-3])
     end = run(body, 50, push=push)[-1]
     assert end.twist[0] == pytest.approx((1.25 - LIMIT) / 0.2 * 0.05, rel=1e-11)

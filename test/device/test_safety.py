@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.device.safety import Reason, SafetyEnvelope, SafetyLimits
-from oracles.safety import SafetyEnvelope as Readable
 
 PERIOD = 1e-3
 HERE = np.zeros(3)
@@ -100,19 +99,25 @@ def test_what_is_no_number_is_a_stop():
     assert guard.apply(np.array([100.0, 0, 0, 0, 0, 0]), HERE)[0] == pytest.approx(2.0)
 
 
-def test_it_does_what_the_readable_one_does():
+def test_limits_come_one_after_the_other():
+    """The workspace takes the outward part, then sizes are bounded, then their changes."""
     rng = np.random.default_rng(3)
-    for _ in range(20):
-        limits = SafetyLimits(*rng.uniform(0.5, 5.0, 2), *rng.uniform(50, 800, 2), 0.02, 0.1)
-        found, expected = SafetyEnvelope(PERIOD, limits), Readable(PERIOD)
-        for envelope in (found, expected):
-            envelope.place(np.array([0.02, 0.0, 0.0]))
-        for _ in range(200):
-            command, position = rng.normal(scale=3.0, size=6), rng.normal(scale=0.06, size=3)
-            if rng.random() < 0.02:
-                command[2] = np.nan
-            with np.errstate(invalid="ignore"):
-                given = expected.apply(limits, command, position)
-            assert found.apply(command, position) == pytest.approx(given, rel=1e-12, abs=1e-15)
-        assert found.counts == expected.counts
-        assert all(found.counts.values())
+    limits = SafetyLimits(2.0, 0.8, 600.0, 300.0, 0.02, 0.1)
+    envelope, centre, last = SafetyEnvelope(PERIOD, limits), np.array([0.02, 0.0, 0.0]), np.zeros(6)
+    envelope.place(centre)
+    for tick in range(200):
+        command, position = rng.normal(scale=3.0, size=6), rng.normal(scale=0.06, size=3)
+        away = position - centre
+        out = away / np.linalg.norm(away)
+        beyond = np.clip((np.linalg.norm(away) / 0.1 - 0.9) / 0.1, 0.0, 1.0)
+        force, torque = command[:3] - beyond * max(command[:3] @ out, 0.0) * out, command[3:]
+        share, expected = min(1.0, (tick + 1) * PERIOD / 0.02), []
+        for part, old, most, slew in ((force, last[:3], 2.0, 0.6), (torque, last[3:], 0.8, 0.3)):
+            bounded = part * min(1.0, share * most / np.linalg.norm(part))
+            change = bounded - old
+            expected += [*(old + change * min(1.0, slew / np.linalg.norm(change)))]
+        last = envelope.apply(command, position)
+        assert last == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    counts = envelope.counts
+    assert counts.pop(Reason.NOT_FINITE) == 0
+    assert all(counts.values())

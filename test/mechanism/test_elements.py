@@ -8,16 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance, element_slopes
-from hapticmech_ros.mechanism.kernels.model import Model, views_of
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from oracles.differences import columns, relative
 from oracles.generator import blank, random_inertial, random_mechanism, random_origin
-from oracles.implementations import apart, condition, pair_of
 from oracles.kinematics import POSITION_SIZE, frame_pose, link_poses
-from oracles.mechanism.mechanism import ReadableMechanism
+from oracles.posed import posed
 from oracles.running import with_start
+from oracles.slopes import slopes, tangents
 
 # Sums of some ten products, each rounded to 1e-16, in another order.
 ROUNDING = 1e-12
@@ -75,7 +74,7 @@ def sample(seed, planar=False, slack=False):
 
 
 def at_start(scene):
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     return mechanism, *authored_state(scene, mechanism.tree)
 
 
@@ -128,7 +127,7 @@ def test_forces_at_rest_are_the_slope_of_the_potential_energy(seed, planar):
 def test_stiffness_is_the_slope_of_the_forces_where_springs_are_slack(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar, slack=True))
     rest = np.zeros(v.size)
-    stiffness, _ = mechanism.slopes(q, rest, 0.0)
+    stiffness, _ = slopes(mechanism, q, rest, 0.0)
 
     def resisting(change):
         return -passive(mechanism, mechanism.integrate(q, change), rest)
@@ -140,7 +139,7 @@ def test_stiffness_is_the_slope_of_the_forces_where_springs_are_slack(seed, plan
 @pytest.mark.parametrize(("seed", "planar"), CASES)
 def test_damping_is_the_slope_of_the_forces_at_rest(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar))
-    _, damping = mechanism.slopes(q, np.zeros(v.size), 0.0)
+    _, damping = slopes(mechanism, q, np.zeros(v.size), 0.0)
 
     def resisting(change):
         return -passive(mechanism, q, change)
@@ -153,9 +152,7 @@ def test_damping_is_the_slope_of_the_forces_at_rest(seed, planar):
 def test_tangents_are_the_slopes_of_the_forces_in_motion(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar, slack=True))
     speed = 0.01 * v
-    # So that placements and Jacobians are those at q.
-    mechanism.slopes(q, speed, 0.0)
-    stiffness, damping = mechanism.elements.tangents(mechanism.model, mechanism.data, q, speed)
+    stiffness, damping = tangents(mechanism, q, speed)
 
     def sped(change):
         return -passive(mechanism, q, speed + change)
@@ -173,7 +170,7 @@ def test_tangents_are_the_slopes_of_the_forces_in_motion(seed, planar):
 @pytest.mark.parametrize(("seed", "planar"), CASES)
 def test_slopes_are_symmetric_and_resist(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar))
-    for matrix in mechanism.slopes(q, v, 0.01):
+    for matrix in slopes(mechanism, q, v, 0.01):
         assert np.abs(matrix - matrix.T).max() < ROUNDING * np.abs(matrix).max()
         assert np.linalg.eigvalsh(matrix)[0] > -ROUNDING * np.abs(matrix).max()
 
@@ -201,40 +198,10 @@ def test_accelerations_answer_to_all_forces(seed, planar):
     assert relative(*sides) < 1e-11
 
 
-@pytest.mark.parametrize("away", [0.0, 0.3])
-@pytest.mark.parametrize(("seed", "planar"), CASES)
-def test_kernels_do_the_same(seed, planar, away):
-    pair = pair_of(sample(seed, planar), seed, away)
-    for active in pair.sets:
-        expected, found = pair.evaluate(active)
-        assert apart(found.passive_force, expected.passive_force) < ROUNDING
-        assert apart(found.dissipative_force, expected.dissipative_force) < ROUNDING
-        assert (found.effort == expected.effort).all()
-        force = np.cos(np.arange(pair.v.size))
-        bound = ROUNDING * condition(expected.space)
-        for one, other in zip(found.acceleration(force), expected.acceleration(force), strict=True):
-            assert apart(one, other) < bound
-        active_set = pair.mechanism.active_set(active)
-        nv = pair.v.size
-        stiffness, damping = np.full((nv, nv), np.nan), np.full((nv, nv), np.nan)
-        data = views_of(found.closing.packed, active_set.model)
-        model = Model(*active_set.constants)
-        element_slopes(model, data, pair.q, pair.v, 0.02, stiffness, damping)
-        slopes = pair.readable.slopes(pair.q, pair.v, 0.02)
-        assert apart(stiffness, slopes[0]) < ROUNDING
-        assert apart(damping, slopes[1]) < ROUNDING
-        elements, force = pair.readable.elements, np.full(nv, np.nan)
-        resistance = elements.tangents(pair.readable.model, pair.readable.data, pair.q, pair.v)
-        rates = np.sin(np.arange(nv))
-        element_resistance(model, data, pair.q, pair.v, rates, 0.3, 0.7, force)
-        met = (0.3 * resistance[0] + 0.7 * resistance[1]) @ rates
-        assert apart(force, met, np.abs(resistance).max()) < ROUNDING
-
-
 @pytest.mark.parametrize("turns", [0, 3, -3])
 def test_a_spring_of_a_hinge_counts_turns(turns):
     scene = scene_from_document(one_joint(stiffness=2.0, rest=0.5))
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     q = np.array([0.1 + 2.0 * np.pi * turns])
     assert passive(mechanism, q, np.zeros(1))[0] == 2.0 * (0.5 - q[0])
     assert mechanism.energy(q, np.zeros(1))[1] == (0.5 - q[0]) ** 2
@@ -242,13 +209,13 @@ def test_a_spring_of_a_hinge_counts_turns(turns):
 
 def test_friction_is_coulombs_away_from_rest():
     scene = scene_from_document(one_joint("prismatic", friction=3.0, friction_speed=0.01))
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     for speed, force in ((1.0, -3.0), (-1.0, 3.0), (0.01, -3.0 * np.tanh(1.0))):
         found = passive(mechanism, np.zeros(1), np.array([speed]))
         assert found == pytest.approx([force], rel=1e-15)
     # The secant: force over speed, and at rest the slope.
-    assert mechanism.slopes(np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(3.0)
-    assert mechanism.slopes(np.zeros(1), np.zeros(1), 0.0)[1] == pytest.approx(300.0)
+    assert slopes(mechanism, np.zeros(1), np.ones(1), 0.0)[1] == pytest.approx(3.0)
+    assert slopes(mechanism, np.zeros(1), np.zeros(1), 0.0)[1] == pytest.approx(300.0)
 
 
 def test_a_spring_between_points_pulls_along_the_line():
@@ -256,7 +223,7 @@ def test_a_spring_between_points_pulls_along_the_line():
     spring = {"name": "s", "stiffness": 10.0, "damping": 2.0, "rest_length": 0.3} | ends
     axis = {"axis": [1.0, 0.0, 0.0]}
     scene = scene_from_document(one_joint("prismatic", **axis) | {"springs": [spring]})
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     for q, v, force in ((0.5, 0.0, -2.0), (-0.5, 0.0, 2.0), (0.1, 0.0, 2.0), (0.3, 1.0, -2.0)):
         found = passive(mechanism, np.array([q]), np.array([v]))
         assert found == pytest.approx([force], rel=1e-14)
@@ -268,11 +235,11 @@ def test_a_spring_without_length_has_no_direction_and_no_force(place):
     spring = {"name": "s", "stiffness": 10.0, "damping": 2.0, "rest_length": 0.3} | ends
     document = one_joint("prismatic") | {"springs": [spring]}
     document["initial_state"] = {"q": {"joint": place}, "v": {"joint": 1.0}}
-    pair = pair_of(scene_from_document(document))
-    for terms in pair.evaluate(()):
-        assert (terms.passive_force == 0.0).all()
-        assert (terms.dissipative_force == 0.0).all()
-    assert pair.readable.energy(pair.q, 0.0 * pair.v)[1] == pytest.approx(0.45, rel=1e-9)
+    state = posed(scene_from_document(document))
+    terms = state.evaluate(())
+    assert (terms.passive_force == 0.0).all()
+    assert (terms.dissipative_force == 0.0).all()
+    assert state.mechanism.energy(state.q, 0.0 * state.v)[1] == pytest.approx(0.45, rel=1e-9)
 
 
 def test_without_elements_nothing_but_damping_acts():

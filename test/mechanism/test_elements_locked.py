@@ -16,10 +16,9 @@ from hapticmech_ros.view.placement import Placer, moving_frames
 from hapticmech_ros.view.urdf import JointStates, urdf_of
 from hapticmech_ros.wire.state import coordinate_names
 from oracles.generator import RATE_SIZE, random_mechanism
-from oracles.implementations import apart
 from oracles.kinematics import POSITION_SIZE, link_poses, origin_in
-from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
+from oracles.posed import apart
 from oracles.running import with_start
 
 NOTHING = {"mass": 0.0, "inertia": {"ixx": 0.0, "iyy": 0.0, "izz": 0.0}}
@@ -52,11 +51,10 @@ def locked_and_fixed(seed, planar):
     return with_start(locked, base.q, v), with_start(fixed, q, rates), q, rates
 
 
-@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
 @pytest.mark.parametrize(("seed", "planar"), CASES)
-def test_a_locked_joint_is_a_fixed_one(seed, planar, build):
+def test_a_locked_joint_is_a_fixed_one(seed, planar):
     locked, fixed, q, v = locked_and_fixed(seed, planar)
-    mechanism, other = (build(scene_from_document(document)) for document in (locked, fixed))
+    mechanism, other = (Mechanism(scene_from_document(document)) for document in (locked, fixed))
     assert "joint1" not in mechanism.tree.joint_names
     assert mechanism.tree.joint_names == other.tree.joint_names
     assert mechanism.tree.joint_types == other.tree.joint_types
@@ -114,20 +112,19 @@ def test_rates_of_a_locked_joint_are_refused():
         scene_from_document(locked)
 
 
-@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
-def test_a_joint_that_moves_no_mass_is_named_when_the_mechanism_is_built(build):
+def test_a_joint_that_moves_no_mass_is_named_when_the_mechanism_is_built():
     document = chain(LENGTHS, MASSES, INERTIAS)
     document["links"][-1]["inertial"] = NOTHING
     document["operational_points"] = document["operational_points"][:2]
     joint, link = document["links"][-1]["joint"]["name"], document["links"][-1]["name"]
     with pytest.raises(SingularInertiaError) as caught:
-        build(scene_from_document(document))
+        Mechanism(scene_from_document(document))
     assert str(caught.value).startswith(f"joint '{joint}' moves no mass: give link '{link}'")
     assert str(caught.value).endswith("or lock the joint")
     assert caught.value.rate == 3
     # What it says helps.
     document["links"][-1]["joint"]["locked"] = True
-    mechanism = build(scene_from_document(document))
+    mechanism = Mechanism(scene_from_document(document))
     assert np.linalg.eigvalsh(mechanism.evaluate(np.ones(3), np.zeros(3), ()).inertia)[0] > 0.0
 
 
@@ -152,15 +149,14 @@ def test_a_point_mass_on_the_axis_is_not_moved_by_it():
     Mechanism(scene_from_document(document))
 
 
-@pytest.mark.parametrize("build", [Mechanism, ReadableMechanism])
-def test_joints_that_move_the_same_mass_are_named_at_the_step(build):
+def test_joints_that_move_the_same_mass_are_named_at_the_step():
     # Two hinges on one axis: each moves the body, but both do it in the same way.
     document = chain(LENGTHS, MASSES, INERTIAS)
     document["links"][1]["joint"]["origin"] = {"xyz": [0.0, 0.0, 0.0]}
     document["links"][0]["inertial"] = NOTHING
     document["operational_points"] = document["operational_points"][2:]
     name = document["links"][1]["joint"]["name"]
-    mechanism = build(scene_from_document(document))
+    mechanism = Mechanism(scene_from_document(document))
 
     def evaluate():
         # Rounding decides whether a single one fails.

@@ -7,15 +7,39 @@ import itertools
 import numpy as np
 import pytest
 
-from hapticmech_ros.scene.mechanism import Joint, JointLimits
-from oracles.mechanism.elements import ReadableJoint
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.kernels.element_kernels import _joint_forces
+from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.scene import scene_from_document
+from oracles.generator import blank, random_inertial
+from oracles.slopes import slopes
 
 STIFFNESS, DEPTH = 400.0, 0.05
 
 
-def stop(damping):
-    limits = JointLimits(lower=-1.0, upper=0.5, stiffness=STIFFNESS, damping=damping, depth=DEPTH)
-    return ReadableJoint(0, 0, Joint(name="slide", type="prismatic", limits=limits))
+class Stop:
+    """A sliding joint with stops, by the functions of kernels."""
+
+    def __init__(self, damping):
+        limits = {"lower": -1.0, "upper": 0.5, "stiffness": STIFFNESS, "damping": damping}
+        joint = {"name": "slide", "type": "prismatic", "limits": limits | {"depth": DEPTH}}
+        inertial = random_inertial(np.random.default_rng(3), planar=False)
+        link = {"name": "body", "joint": joint | {"axis": [1.0, 0.0, 0.0]}, "inertial": inertial}
+        point = {"name": "tip", "link": "body"}
+        document = blank() | {"links": [link], "operational_points": [point]}
+        self.mechanism = Mechanism(scene_from_document(document))
+        (self.values,) = Model(*self.mechanism.active_set(()).constants).element_values
+        (self.element,) = self.mechanism.elements.joints
+
+    def forces(self, q, v):
+        return _joint_forces(self.values, q, v)
+
+    def energy(self, q):
+        return self.element.energy(q)
+
+    def slopes(self, q, v, horizon):
+        found = slopes(self.mechanism, np.array([q]), np.array([v]), horizon)
+        return tuple(found[:, 0, 0].tolist())
 
 
 def force_at(element, q, v):
@@ -45,7 +69,7 @@ def bounce(element, q, v, step=1e-4):
 
 @pytest.mark.parametrize("damping", [0.0, 5.0, 1000.0])
 def test_a_stop_pushes_inwards_or_not_at_all(damping):
-    element = stop(damping)
+    element = Stop(damping)
     for depth, speed in itertools.product((1e-9, 0.02, DEPTH, 0.3), (-50.0, -1.0, 0.0, 1.0, 50.0)):
         assert force_at(element, -1.0 - depth, speed) >= 0.0
         assert force_at(element, 0.5 + depth, speed) <= 0.0
@@ -57,14 +81,14 @@ def test_a_stop_pushes_inwards_or_not_at_all(damping):
 
 @pytest.mark.parametrize("speed", [-20.0, 0.0, 20.0])
 def test_a_stop_begins_without_a_jump(speed):
-    element = stop(1000.0)
+    element = Stop(1000.0)
     # The damper grows by damping / depth per metre: 20 N per 1e-12 m would be a jump.
     assert abs(force_at(element, 0.5 + 1e-12, speed)) < 1e-6
     assert force_at(element, 0.5, speed) == 0.0
 
 
 def test_the_force_is_the_formula():
-    element = stop(8.0)
+    element = Stop(8.0)
     for depth, soft in ((0.01, 0.2), (DEPTH, 1.0), (0.2, 1.0)):
         expected = -(STIFFNESS * depth + 8.0 * soft * 0.3)
         assert force_at(element, 0.5 + depth, 0.3) == pytest.approx(expected, rel=1e-12)
@@ -77,22 +101,22 @@ def test_the_force_is_the_formula():
 @pytest.mark.parametrize("damping", [5.0, 20.0, 100.0])
 @pytest.mark.parametrize(("q", "v"), [(0.45, 2.0), (-0.95, -2.0), (0.499, 0.1)])
 def test_a_bounce_loses_energy(damping, q, v):
-    speed, energies = bounce(stop(damping), q, v)
+    speed, energies = bounce(Stop(damping), q, v)
     # RK4 at a stop's entry, where the force has a kink: an error of h^2 b v^3 / depth, 1e-6.
     assert np.diff(energies).max() < 1e-6 * energies[0]
     assert speed < 0.999 * abs(v)
     # The gentler, the less: Hunt and Crossley's restitution is 1 at no speed.
-    assert bounce(stop(damping), q, 0.1 * v)[0] / (0.1 * abs(v)) > speed / abs(v)
+    assert bounce(Stop(damping), q, 0.1 * v)[0] / (0.1 * abs(v)) > speed / abs(v)
 
 
 def test_a_bounce_without_damping_gives_all_back():
-    speed, energies = bounce(stop(0.0), 0.45, 2.0)
+    speed, energies = bounce(Stop(0.0), 0.45, 2.0)
     assert speed == pytest.approx(2.0, rel=1e-6)
     assert np.ptp(energies) < 1e-5
 
 
 def test_slopes_count_a_stop_that_is_met_within_the_horizon():
-    element = stop(8.0)
+    element = Stop(8.0)
     assert element.slopes(0.4, 1.0, 0.05) == (0.0, 0.0)
     stiffness, damping = element.slopes(0.4, 1.0, 0.125)
     assert stiffness == STIFFNESS
@@ -102,7 +126,7 @@ def test_slopes_count_a_stop_that_is_met_within_the_horizon():
 
 
 def test_energy_of_a_stop_is_that_of_its_spring():
-    element = stop(8.0)
+    element = Stop(8.0)
     assert element.energy(0.7) == pytest.approx(0.5 * STIFFNESS * 0.04, rel=1e-12)
     assert element.energy(-1.1) == pytest.approx(0.5 * STIFFNESS * 0.01, rel=1e-12)
     assert element.energy(0.0) == 0.0

@@ -14,18 +14,14 @@ from benchmarks.accuracy import n_four_bar
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
-from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import chain, elbow, pin_end
 from oracles.running import run, simulator, total_energy, unaccounted, with_start
-from sampling import only_long
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
-# The readable one does the same steps: see test_stepping.
-BOTH = pytest.mark.parametrize("kind", [Simulator, *only_long(ReadableSimulator)])
 
 
-def windows(kind=Simulator, gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
+def windows(gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
     scene = n_four_bar(count)
     changes = {
         "simulation": scene.simulation.model_copy(update=simulation),
@@ -33,7 +29,7 @@ def windows(kind=Simulator, gravity=(0.0, -9.81, 0.0), start=None, count=2, **si
     }
     if start is not None:
         changes["initial_state"] = scene.initial_state.model_copy(update=start)
-    return kind(scene.model_copy(update=changes))
+    return Simulator(scene.model_copy(update=changes))
 
 
 def in_line(speed=0.0, count=2):
@@ -47,12 +43,11 @@ def falls_in_line():
     return brentq(lambda time: pendulum.windows(2, [time])[0, 1], 0.7, 0.73, xtol=1e-15)
 
 
-@BOTH
 @pytest.mark.parametrize("steps", [714, 1428])
-def test_a_sample_on_a_singular_position_keeps_the_branch(kind, steps):
+def test_a_sample_on_a_singular_position_keeps_the_branch(steps):
     half = falls_in_line()
     period = half / steps
-    sim = windows(kind, period=period)
+    sim = windows(period=period)
     states = run(sim, 2 * half)
     on_it = states[steps]
     found = redundancy(sim.mechanism, on_it.q, on_it.active)
@@ -70,17 +65,16 @@ def test_a_sample_on_a_singular_position_keeps_the_branch(kind, steps):
     assert abs(total_energy(sim, states[-1]) - 35.835) < 1e-9
 
 
-@BOTH
 @pytest.mark.parametrize("period", [1e-3, 2.5e-4])
 @pytest.mark.parametrize("share", [0.46, 0.5, 0.501, 0.54])
-def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(kind, period, share):
+def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(period, share):
     """Stages of a step are not on the closures, and there the rows say nothing of a branch."""
     passed = falls_in_line()
     steps = round(passed / period)
     period = passed / (steps + share)
     quick, nothing = windows(period=period), np.zeros((1, 6))
     before = quick.run(quick.initial_state(), steps - 5).end
-    sim = windows(kind, period=period)
+    sim = windows(period=period)
     states = [before]
     for _ in range(10):
         states.append(sim.step(states[-1], nothing))
@@ -89,10 +83,9 @@ def test_a_step_with_its_middle_next_to_a_singular_position_keeps_the_energy(kin
     assert max(abs(total_energy(sim, state) - 35.835) for state in states) < 1e-10
 
 
-@BOTH
 @pytest.mark.parametrize("speed", [2.0, -5.0])
-def test_a_start_on_a_singular_position_goes_on_along_its_branch(kind, speed):
-    sim = windows(kind, start=in_line(speed))
+def test_a_start_on_a_singular_position_goes_on_along_its_branch(speed):
+    sim = windows(start=in_line(speed))
     states = run(sim, 0.1)
     assert np.abs(states[0].v[UPRIGHTS] - speed).max() < 1e-12
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 1e-9
@@ -101,36 +94,33 @@ def test_a_start_on_a_singular_position_goes_on_along_its_branch(kind, speed):
     assert np.abs(unaccounted(sim, states)).max() < 1e-11 * kinetic
 
 
-@BOTH
-def test_it_hangs_at_a_singular_position_under_its_weight(kind):
-    sim = windows(kind, gravity=(9.81, 0.0, 0.0), start=in_line())
+def test_it_hangs_at_a_singular_position_under_its_weight():
+    sim = windows(gravity=(9.81, 0.0, 0.0), start=in_line())
     states = run(sim, 0.3)
     assert max(np.abs(state.q).max() for state in states) < 1e-12
     assert max(np.abs(state.v).max() for state in states) < 1e-12
     assert max(state.closure_error for state in states) < 1e-13
 
 
-@BOTH
 @pytest.mark.parametrize("force", [1.0, 100.0])
-def test_pulled_along_the_line_it_stays_there(kind, force):
-    sim = windows(kind, gravity=(0.0, 0.0, 0.0), start=in_line())
+def test_pulled_along_the_line_it_stays_there(force):
+    sim = windows(gravity=(0.0, 0.0, 0.0), start=in_line())
     states = run(sim, 0.2, np.array([[force, 0.0, 0.0, 0.0, 0.0, 0.0]]))
     assert max(np.abs(state.q).max() for state in states) < 1e-12
     assert abs(states[-1].account.work_in) < 1e-12
 
 
-def pushed_off(count, kind, force):
+def pushed_off(count, force):
     """Return simulator and states of windows at rest in line, their first tip pushed across."""
-    sim = windows(kind, count=count, gravity=(0.0, 0.0, 0.0), start=in_line(count=count))
+    sim = windows(count=count, gravity=(0.0, 0.0, 0.0), start=in_line(count=count))
     return sim, run(sim, 0.2, np.array([[0.0, force, 0.0, 0.0, 0.0, 0.0]]))
 
 
-@BOTH
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
-def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(count, kind, force):
+def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(count, force):
     """Which branch it leaves by is open: first-order mobility says so before anything moves."""
-    sim, states = pushed_off(count, kind, force)
+    sim, states = pushed_off(count, force)
     assert redundancy(sim.mechanism, states[0].q, states[0].active).mobility == count + 1
     assert max(state.closure_error for state in states) < CLOSED
     assert all(np.isfinite(state.q).all() for state in states)
@@ -142,7 +132,7 @@ def test_pushed_off_a_singular_position_it_stays_closed_and_keeps_its_energy(cou
 
 @pytest.mark.parametrize("force", [1.0, -30.0, 1e3])
 def test_one_window_pushed_off_its_singular_position_swings(force):
-    _, states = pushed_off(1, Simulator, force)
+    _, states = pushed_off(1, force)
     travel = states[-1].q[0]
     # Two uprights of 1/3 kg m^2 and a top of 1 kg on a radius of 1 m: 5/3 kg m^2.
     shorter = min(0.5 * abs(force) / (5.0 / 3.0) * 0.2**2, 1.0)
@@ -150,14 +140,13 @@ def test_one_window_pushed_off_its_singular_position_swings(force):
     assert abs(travel) > 0.9 * shorter
 
 
-@BOTH
 @pytest.mark.parametrize("force", [1e-2, 1.0, -30.0, 1e3])
-def test_two_windows_pushed_off_their_singular_position_swing(kind, force):
+def test_two_windows_pushed_off_their_singular_position_swing(force):
     """Only with all uprights parallel does the first tip yield; which branch that is decides Gauss.
 
     Three uprights of 1/3 kg m^2 and two tops of 1 kg on a radius of 1 m: 3 kg m^2.
     """
-    sim, states = pushed_off(2, kind, force)
+    sim, states = pushed_off(2, force)
     # φ is right to 1e-14, and says where the branch is with a σ of 1e-6 at the least.
     assert max(np.ptp(state.q[UPRIGHTS]) for state in states) < 3e-8
     balance = unaccounted(sim, states)

@@ -164,3 +164,13 @@ def test_semi_implicit_euler_moves_with_the_new_rates():
     moved = second.q - first.q
     # Angles of order 1 rounded at 1e-16, less 1e-6 of motion.
     assert np.linalg.norm(moved - period * second.v) < 1e-9 * np.linalg.norm(moved)
+
+
+def test_semi_implicit_euler_counts_work_over_the_way_that_there_is():
+    document = with_start(five_bar(closed=False), five_bar_bent(1.9, 0.9), np.ones(4))
+    step = {"period": 1e-3, "integrator": "semi_implicit_euler"} | UNWATCHED
+    sim = Simulator(scene_from_document(document | {"simulation": step}))
+    start, force = sim.initial_state(), np.array([0.1, -0.2, 0.05, 0.02])
+    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
+    end = sim.step(start, wrenches, joint_forces=force)
+    assert end.account.work_in == pytest.approx(force @ (end.q - start.q), rel=1e-12)

@@ -9,11 +9,10 @@ from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
-from oracles.mechanism.integrators import INTEGRATORS
-from oracles.mechanism.stepping import ReadableSimulator
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import run, unaccounted, with_start
 
@@ -22,24 +21,22 @@ FIVE_BAR = with_start(
 )
 SAMPLES = [random_mechanism(1, duplicated=True), closed_chain(1, "revolute")]
 DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in SAMPLES)]
-BOTH = pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 
 
 # Steps that are done again in smaller ones are not those of the rule.
 UNWATCHED = {"accuracy": {"tolerance": 0.0}}
 
 
-def stepping(document, kind=Simulator, **simulation):
-    return kind(scene_from_document(document | {"simulation": simulation}))
+def stepping(document, **simulation):
+    return Simulator(scene_from_document(document | {"simulation": simulation}))
 
 
-@BOTH
-@pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
+@pytest.mark.parametrize("integrator", sorted(SCHEMES))
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_substeps_are_steps(document, integrator, kind):
+def test_substeps_are_steps(document, integrator):
     """Four substeps of 2 ms are four steps of 0.5 ms, to the bit; energies to rounding."""
-    split = stepping(document, kind, period=2e-3, substeps=4, integrator=integrator)
-    short = stepping(document, kind, period=5e-4, integrator=integrator)
+    split = stepping(document, period=2e-3, substeps=4, integrator=integrator)
+    short = stepping(document, period=5e-4, integrator=integrator)
     rng = np.random.default_rng(0)
     wrenches = 0.3 * rng.normal(size=(len(split.mechanism.point_names), 6))
     links = {document["links"][-1]["name"]: wrenches[0]}
@@ -56,9 +53,8 @@ def test_substeps_are_steps(document, integrator, kind):
     assert one.account.damping_loss == pytest.approx(state.account.damping_loss, rel=1e-12)
 
 
-@BOTH
-def test_substeps_share_the_check_of_a_loop(kind):
-    sim = stepping(FIVE_BAR, kind, period=1e-3, substeps=3)
+def test_substeps_share_the_check_of_a_loop():
+    sim = stepping(FIVE_BAR, period=1e-3, substeps=3)
     state = sim.initial_state()
     wrenches = np.zeros((len(sim.mechanism.point_names), 6))
     wrenches[0, 0] = np.nan
@@ -66,15 +62,14 @@ def test_substeps_share_the_check_of_a_loop(kind):
         sim.step(state, wrenches)
 
 
-@BOTH
 @pytest.mark.parametrize(("speed", "any_refused"), [(5.0, False), (40.0, True)])
-def test_steps_far_off_the_closures_are_refused(kind, speed, any_refused):
+def test_steps_far_off_the_closures_are_refused(speed, any_refused):
     """A quarter of a radian in one step is coarse, two are too many: any assembly could come."""
     rng, refused = np.random.default_rng(0), 0
     for _ in range(40):
         q = five_bar_bent(rng.uniform(1.0, 2.6), rng.uniform(-0.3, 1.2))
         document = with_start(five_bar(), q)
-        sim = stepping(document, kind, period=0.05, integrator="semi_implicit_euler", **UNWATCHED)
+        sim = stepping(document, period=0.05, integrator="semi_implicit_euler", **UNWATCHED)
         state, zeros = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
         v = sim.mechanism.closing_terms(q, (True,)).space.closed_rates(rng.normal(size=4))
         start = Start(state.q, speed / np.linalg.norm(v) * v, (True,))
@@ -119,11 +114,10 @@ def hinge():
     return document
 
 
-@BOTH
 @pytest.mark.parametrize("stabilisation", ["projection", "baumgarte"])
-def test_axes_the_other_way_are_refused(kind, stabilisation):
+def test_axes_the_other_way_are_refused(stabilisation):
     """Half a turn about y: φ = 0 again, with the hinge's axes opposed."""
-    sim = stepping(hinge(), kind, period=1e-3, stabilisation=stabilisation)
+    sim = stepping(hinge(), period=1e-3, stabilisation=stabilisation)
     turned = Start(np.array([0.0, 1.0, 0.0, 0.0]), np.zeros(3), (True,))
     with pytest.raises(ClosureError, match="other branch") as caught:
         sim.stepper.advance(turned, ExternalWrenches(np.zeros((1, 6))))
@@ -133,9 +127,8 @@ def test_axes_the_other_way_are_refused(kind, stabilisation):
 
 
 class TestJointForces:
-    @BOTH
-    @pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
-    def test_they_act_as_efforts_do(self, kind, integrator):
+    @pytest.mark.parametrize("integrator", sorted(SCHEMES))
+    def test_they_act_as_efforts_do(self, integrator):
         efforts = np.array([0.1, -0.2, 0.05, 0.02])
         driven = FIVE_BAR | {
             "links": [
@@ -145,7 +138,7 @@ class TestJointForces:
         }
         ends = []
         for document, forces in ((FIVE_BAR, efforts), (driven, None), (FIVE_BAR, None)):
-            sim = stepping(document, kind, period=1e-3, integrator=integrator)
+            sim = stepping(document, period=1e-3, integrator=integrator)
             state = sim.initial_state()
             wrenches = np.zeros((len(sim.mechanism.point_names), 6))
             for _ in range(5):
@@ -155,19 +148,17 @@ class TestJointForces:
         assert ends[0].account.work_in == pytest.approx(ends[1].account.work_in, rel=1e-9)
         assert np.abs(ends[0].v - ends[2].v).max() > 1e-2
 
-    @BOTH
-    def test_they_are_forgotten(self, kind):
-        sim = stepping(FIVE_BAR, kind, period=1e-3)
+    def test_they_are_forgotten(self):
+        sim = stepping(FIVE_BAR, period=1e-3)
         state = sim.initial_state()
         wrenches = np.zeros((len(sim.mechanism.point_names), 6))
         before = sim.step(state, wrenches)
         sim.step(state, wrenches, joint_forces=np.ones(4))
         assert sim.step(state, wrenches).v.tobytes() == before.v.tobytes()
 
-    @BOTH
     @pytest.mark.parametrize("forces", [np.ones(3), np.ones((4, 1)), [0.0, np.nan, 0.0, 0.0]])
-    def test_wrong_ones_are_refused(self, kind, forces):
-        sim = stepping(FIVE_BAR, kind, period=1e-3)
+    def test_wrong_ones_are_refused(self, forces):
+        sim = stepping(FIVE_BAR, period=1e-3)
         wrenches = np.zeros((len(sim.mechanism.point_names), 6))
         with pytest.raises(InvalidInputError, match="joint_forces"):
             sim.step(sim.initial_state(), wrenches, joint_forces=np.array(forces))

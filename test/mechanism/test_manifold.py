@@ -10,7 +10,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rates, move
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
-from oracles.mechanism.integrators import local_rate
+from oracles.reference import local_rate
 from sampling import sampled
 
 # A handful of products, each rounded to 1e-16, of numbers of order 10.

@@ -19,15 +19,13 @@ from hapticmech_ros.mechanism.closures import (
     grasp_written,
     grasped,
 )
+from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.simulation import Simulator
 from oracles.analysed import Terms, terms_of
 from oracles.closed_form import inverse_inertia
 from oracles.generator import closed_chain, random_mechanism
-from oracles.mechanism.mechanism import ReadableMechanism
-from oracles.mechanism.stepping import ReadableSimulator
-from oracles.operational import analyser_of
 from oracles.running import with_start
 from sampling import sampled
 
@@ -54,10 +52,9 @@ def document_with(document, link, origin):
     return {**document, "operational_points": [moved, *others]}
 
 
-@pytest.mark.parametrize("kind", [ReadableMechanism, Mechanism])
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kind):
-    mechanism = kind(scene_from_document(sample.document))
+def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample):
+    mechanism = Mechanism(scene_from_document(sample.document))
     active = mechanism.initially_active
     w = mechanism.evaluate(sample.q, sample.v, active).closure_jacobian
     # Rates that the closures allow: of others, redundant rows make what the unit of length makes.
@@ -65,10 +62,10 @@ def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kin
     for link, origin in places(sample):
         mechanism.set_operational_point(grasped(mechanism.scene, "", link, origin))
         terms = mechanism.evaluate(sample.q, v, active)
-        analyser = analyser_of(mechanism)
+        analyser = Analyser(mechanism)
         own = Terms(mechanism, terms, analyser.analyse(terms))
-        # D, W and J of a mechanism made anew, by the readable implementation, and X from them by
-        # another formula: nothing is carried over from the place before.
+        # D, W and J of a mechanism made anew, and X from them by another
+        # formula: nothing is carried over from the place before.
         anew = terms_of(document_with(sample.document, link, origin), sample.q, v)
         expected = inverse_inertia(anew.d, anew.w, anew.j)
         conditioned = np.linalg.cond(anew.d)
@@ -85,14 +82,13 @@ def test_x_at_any_place_is_that_of_a_scene_which_has_the_point_there(sample, kin
         assert np.abs(terms.points[1].jacobian - anew.evaluation.points[1].jacobian).max() < 1e-12
 
 
-@pytest.mark.parametrize("kind", [ReadableSimulator, Simulator])
-def test_steps_push_where_the_point_is_now(kind):
+def test_steps_push_where_the_point_is_now():
     sample = random_mechanism(3)
     document = with_start(sample.document, sample.q, sample.v)
     scene = scene_from_document(document)
     link, origin = next(places(sample))
     moved = scene_from_document(document_with(document, link, origin))
-    simulator, other = kind(scene), kind(moved)
+    simulator, other = Simulator(scene), Simulator(moved)
     push = np.vstack((np.array([3.0, -1.0, 2.0, 0.1, 0.2, -0.1]), np.zeros(6)))
     state = simulator.step(simulator.initial_state(), push)
     simulator.evaluate(state)
@@ -107,12 +103,12 @@ def test_steps_push_where_the_point_is_now(kind):
 
 def test_closures_chosen_later_have_the_point_at_its_new_place():
     scene = load_scene("four_bar_closing")
-    mechanism, other = Mechanism(scene), ReadableMechanism(scene)
+    mechanism, other = Mechanism(scene), Mechanism(scene)
     point = grasped(scene, "", "link1", Origin(xyz=(0.01, 0.02, 0.0)))
     q = np.array([-0.1, -1.34, -2.31])
     mechanism.evaluate(q, q, (False,))
-    for one in (mechanism, other):
-        one.set_operational_point(point)
+    mechanism.set_operational_point(point)
+    other.set_operational_point(point)
     for active in ((False,), (True,)):
         found, expected = (one.evaluate(q, q, active).points[0] for one in (mechanism, other))
         assert np.abs(found.jacobian - expected.jacobian).max() < 1e-15

@@ -14,16 +14,14 @@ from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.mechanism.redundancy import ROW_NAMES, independent, redundancy
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
-from oracles.mechanism.mechanism import ReadableMechanism
 from oracles.planar_linkages import PIVOT, five_bar, five_bar_bent
 from oracles.running import with_start
 
 BENCHMARKS = {case.name: case.scene for case in cases()}
-BOTH = pytest.mark.parametrize("kind", [ReadableMechanism, Mechanism])
 
 
-def report(scene, kind=ReadableMechanism):
-    mechanism = kind(scene)
+def report(scene):
+    mechanism = Mechanism(scene)
     q, _ = authored_state(scene, mechanism.tree)
     return redundancy(mechanism, q, mechanism.initially_active)
 
@@ -62,37 +60,33 @@ def test_rows_are_named_as_many_as_there_are():
     assert {kind: len(ROW_NAMES[kind]) for kind in ROWS} == dict(ROWS)
 
 
-@BOTH
-def test_one_pin_is_not_redundant(kind):
-    found = report(scene_from_document(pinned(1)), kind)
+def test_one_pin_is_not_redundant():
+    found = report(scene_from_document(pinned(1)))
     assert (found.rows, found.rank, found.mobility) == (2, 2, 2)
     assert found.redundant == found.wholly_redundant == ()
     assert found.closures[0].rows == ("pin0/x", "pin0/y")
 
 
-@BOTH
-def test_of_two_pins_the_second_is_redundant(kind):
-    found = report(scene_from_document(pinned(2)), kind)
+def test_of_two_pins_the_second_is_redundant():
+    found = report(scene_from_document(pinned(2)))
     assert (found.rows, found.rank, found.mobility) == (4, 2, 2)
     assert found.redundant == ("pin1/x", "pin1/y")
     assert found.wholly_redundant == ("pin1",)
 
 
-@BOTH
-def test_of_twenty_and_one_pins_the_first_counts(kind):
-    found = report(scene_from_document(pinned(21)), kind)
+def test_of_twenty_and_one_pins_the_first_counts():
+    found = report(scene_from_document(pinned(21)))
     assert (found.rows, found.rank, found.mobility) == (42, 2, 2)
     assert found.wholly_redundant == tuple(f"pin{k}" for k in range(1, 21))
 
 
-@BOTH
-def test_a_rod_is_one_row_and_one_beside_it_is_redundant(kind):
+def test_a_rod_is_one_row_and_one_beside_it_is_redundant():
     document = pinned(1)
     (pin,) = document["closures"]
     above = {"link": "world", "origin": {"xyz": [PIVOT[0], PIVOT[1] + 0.1, 0.0]}}
     rod = pin | {"kind": "rod", "length": 0.1 - 1e-6, "b": above}
     rods = [rod | {"name": f"rod{k}"} for k in range(2)]
-    found = report(scene_from_document(document | {"closures": rods}), kind)
+    found = report(scene_from_document(document | {"closures": rods}))
     assert (found.rows, found.rank, found.mobility) == (2, 1, 3)
     assert found.redundant == ("rod1/length",)
     assert found.residual_m == pytest.approx(1e-6, rel=1e-4)
@@ -100,7 +94,7 @@ def test_a_rod_is_one_row_and_one_beside_it_is_redundant(kind):
 
 
 def test_only_active_closures_count():
-    mechanism = ReadableMechanism(scene_from_document(pinned(2)))
+    mechanism = Mechanism(scene_from_document(pinned(2)))
     q, _ = authored_state(mechanism.scene, mechanism.tree)
     found = redundancy(mechanism, q, (False, True))
     assert [closure.name for closure in found.closures] == ["pin1"]
@@ -110,27 +104,24 @@ def test_only_active_closures_count():
     assert (opened.residual_m, opened.residual_rad) == (0.0, 0.0)
 
 
-@BOTH
-def test_a_hinge_in_space_that_closes_a_planar_loop(kind):
-    found = report(scene_from_document(four_bar_in_space()), kind)
+def test_a_hinge_in_space_that_closes_a_planar_loop():
+    found = report(scene_from_document(four_bar_in_space()))
     assert (found.rows, found.rank, found.mobility) == (5, 2, 1)
     assert found.redundant == ("hinge/z", "hinge/tilt_x", "hinge/tilt_y")
     assert found.wholly_redundant == ()
 
 
-@BOTH
-def test_bricard_has_five_rows_of_rank_four(kind):
-    found = report(BENCHMARKS["bricard"], kind)
+def test_bricard_has_five_rows_of_rank_four():
+    found = report(BENCHMARKS["bricard"])
     assert (found.rows, found.rank, found.mobility) == (5, 4, 1)
     assert len(found.redundant) == 1
 
 
-@BOTH
-def test_windows_in_line_lose_a_row(kind):
+def test_windows_in_line_lose_a_row():
     scene = BENCHMARKS["n_four_bar_2"]
-    mechanism = kind(scene)
+    mechanism = Mechanism(scene)
     in_line, active = np.zeros(mechanism.nq), mechanism.initially_active
-    upright = report(scene, kind)
+    upright = report(scene)
     assert (upright.rank, upright.mobility, upright.redundant) == (4, 1, ())
     # In line each pin's x row is nothing to first order, the y rows are not.
     flat = redundancy(mechanism, in_line, active)
@@ -143,7 +134,7 @@ def test_windows_in_line_lose_a_row(kind):
 def test_as_many_rows_are_left_as_the_rank_and_they_have_it(seed):
     sample = random_mechanism(seed, duplicated=seed % 2 == 0)
     scene = scene_from_document(with_start(sample.document, sample.q, sample.v))
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     q, _ = consistent_initial_state(mechanism)
     active = mechanism.initially_active
     found = redundancy(mechanism, q, active)
@@ -156,7 +147,7 @@ def test_as_many_rows_are_left_as_the_rank_and_they_have_it(seed):
 
 def test_residuals_are_told_in_metres_and_radians_apart():
     scene = BENCHMARKS["bricard"]
-    mechanism = ReadableMechanism(scene)
+    mechanism = Mechanism(scene)
     q, _ = authored_state(scene, mechanism.tree)
     moved = mechanism.integrate(q, np.full(mechanism.nv, 1e-3))
     residual = np.abs(mechanism.closing_terms(moved, (True,)).residual)
@@ -186,6 +177,6 @@ def test_elimination_is_in_order():
 
 @pytest.mark.parametrize("q", [np.zeros(3), [0.0, 0.0, np.nan, 0.0]])
 def test_a_configuration_of_wrong_size_or_not_finite_is_refused(q):
-    mechanism = ReadableMechanism(scene_from_document(pinned(1)))
+    mechanism = Mechanism(scene_from_document(pinned(1)))
     with pytest.raises(InvalidInputError):
         redundancy(mechanism, q, (True,))

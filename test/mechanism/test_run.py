@@ -11,7 +11,6 @@ from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
-from oracles.mechanism.stepping import ReadableSimulator
 from oracles.running import with_start
 from sampling import sampled
 
@@ -28,17 +27,13 @@ def stepped(simulator, steps, wrenches):
     return states
 
 
-@pytest.mark.parametrize("kind", [Simulator, ReadableSimulator])
 @pytest.mark.parametrize("scene", sampled(SCENES, every=3), ids=lambda scene: scene.name)
-def test_a_run_is_its_steps(scene, kind):
+def test_a_run_is_its_steps(scene):
     """Samples, the end, and what was done on the way, whatever the distance of samples."""
-    if kind is ReadableSimulator:
-        # The readable mechanism has no contacts.
-        scene = scene.model_copy(update={"contacts": ()})
-    simulator = kind(scene)
+    simulator = Simulator(scene)
     wrenches = 0.2 * np.ones((len(simulator.mechanism.point_names), 6))
     states = stepped(simulator, 20, wrenches)
-    again = kind(scene)
+    again = Simulator(scene)
     for every in (1, 7):
         found = again.run(again.initial_state(), 20, wrenches, every)
         samples = states[::every]

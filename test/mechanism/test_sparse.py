@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
@@ -21,11 +22,10 @@ from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
+from oracles.closed_form import inverse_inertia
 from oracles.generator import closed_chain, random_mechanism
-from oracles.implementations import apart, condition, pair_of, sample_pair
-from oracles.mechanism.stepping import ReadableSimulator
-from oracles.operational import ReadableAnalyser
 from oracles.planar_linkages import chain
+from oracles.posed import apart, condition, posed, posed_sample
 from sampling import sampled
 
 # As in test_terms.py; articulated inertias about the world's origin lose a digit more.
@@ -46,14 +46,14 @@ def windows(number, kind="planar_pin", turn=0.4):
     """Return A02's mechanism on its closures, moved; by another kind all rows but two repeat."""
     scene = n_four_bar(number)
     closures = tuple(closure.model_copy(update={"kind": kind}) for closure in scene.closures)
-    pair = pair_of(scene.model_copy(update={"closures": closures}))
-    return replace(pair, q=pair.readable.integrate(pair.q, turn * pair.v))
+    pair = posed(scene.model_copy(update={"closures": closures}))
+    return replace(pair, q=pair.mechanism.integrate(pair.q, turn * pair.v))
 
 
 def long_chain(number):
     turns = np.linspace(0.2, 0.9, number)
     document = chain([0.3] * number, [1.0] * number, [0.01] * number)
-    pair = pair_of(scene_from_document(document))
+    pair = posed(scene_from_document(document))
     return replace(pair, q=turns, v=np.cos(turns))
 
 
@@ -108,18 +108,18 @@ def bordered():
     scenes = [stewart_platform(legs) for legs in (6, 8, 24)]
     for scene in (*scenes, load_scene("stewart_platform"), walker(*[1.0] * 4), walker(*[0.8] * 10)):
         for away in (0.0, 0.02):
-            yield pair_of(scene, 3, away)
-    yield pair_of(load_scene("shared_payload"), 2, 0.01)
+            yield posed(scene, 3, away)
+    yield posed(load_scene("shared_payload"), 2, 0.01)
 
 
 def small_ones():
-    yield pair_of(load_scene("five_bar"), 0, 0.0)
-    yield pair_of(load_scene("spatial_arm"), 1, 0.3)
+    yield posed(load_scene("five_bar"), 0, 0.0)
+    yield posed(load_scene("spatial_arm"), 1, 0.3)
     for kind in KINDS:
-        yield from (sample_pair(closed_chain(seed, kind)) for seed in sampled(range(6), kind))
+        yield from (posed_sample(closed_chain(seed, kind)) for seed in sampled(range(6), kind))
     for duplicated, planar in product((False, True), repeat=2):
         for seed in sampled(range(6), (planar, duplicated), 2):
-            yield sample_pair(random_mechanism(seed, planar, duplicated=duplicated))
+            yield posed_sample(random_mechanism(seed, planar, duplicated=duplicated))
 
 
 PAIRS = [windows(number) for number in (1, 2, 5, 15, 40)]
@@ -139,7 +139,7 @@ def sparse(pair):
 
 
 def test_the_cases_hold_what_is_promised():
-    types = {kind for pair in PAIRS for kind in pair.readable.tree.joint_types}
+    types = {kind for pair in PAIRS for kind in pair.mechanism.tree.joint_types}
     assert types == {"revolute", "prismatic", "spherical", "free", "planar"}
     ranks = [factored(pair.mechanism.tree, sparse(pair), pair.q).rank for pair in PAIRS]
     assert sum(0 < r < sparse(p).m for r, p in zip(ranks, PAIRS, strict=True)) > 10
@@ -202,17 +202,30 @@ def test_points_are_analysed_alike(number, kind):
     assert pair.mechanism.active_set(pair.mechanism.initially_active).is_sparse
     state = pair.q, pair.v, pair.mechanism.initially_active
     seen = Analyser(pair.mechanism).observe(*state).model
-    expected = ReadableAnalyser(pair.readable).observe(*state).model
+    dense = factored(pair.mechanism.tree, sparse(pair).dense, pair.q)
+    terms = pair.mechanism.evaluate(*state, dense)
+    found, point = Analyser(pair.mechanism).analyse(terms), terms.points[0]
+    rows = found.rows
+    x = inverse_inertia(terms.inertia, terms.closure_jacobian, point.jacobian[rows])
+    falls = point.jacobian @ terms.acceleration(np.zeros(pair.v.size))[0] + point.drift
+    moving = np.concatenate((pin.SE3ToXYZQUAT(point.pose), point.twist))
+    expected = [found.spectrum.s, x, falls, moving]
+    seen_x = seen[PARTS[1]].reshape(6, 6)[np.ix_(rows, rows)]
+    given = [seen[PARTS[0]][: rows.size], seen_x, *(seen[part] for part in PARTS[2:])]
     magnified = ROUNDING * number
     # s, X, a_0, and where the point is: P_c and Π turn with rounding where s repeats.
-    for part in PARTS:
-        assert apart(seen[part], expected[part], 1.0) < magnified
+    for one, other in zip(given, expected, strict=True):
+        assert apart(one, other, 1.0) < magnified
 
 
-def test_a_step_is_the_readable_ones():
-    scene = windows(15).readable.scene
-    one, other = Simulator(scene), ReadableSimulator(scene)
-    assert one.mechanism.active_set(one.mechanism.initially_active).is_sparse
+def test_a_step_is_the_dense_ones():
+    """Whose rule is the same, and whose loops are closed to rounding as well."""
+    scene = n_four_bar(15)
+    one, other = Simulator(scene), Simulator(scene)
+    active = one.mechanism.initially_active
+    assert one.mechanism.active_set(active).is_sparse
+    other.mechanism.take(active, other.mechanism.active_set(active).dense)
+    assert not other.mechanism.active_set(active).is_sparse
     state, expected = one.initial_state(), other.initial_state()
     push = np.zeros((1, 6))
     push[0, 0] = 3.0
@@ -226,7 +239,7 @@ def test_a_step_is_the_readable_ones():
 @pytest.mark.parametrize("kind", ["planar_pin", "revolute"])
 def test_a_long_run_keeps_its_energy(kind):
     """Through singular positions, where the dense factorisation has to help."""
-    scene = windows(15, kind, turn=0.0).readable.scene
+    scene = windows(15, kind, turn=0.0).mechanism.scene
     simulator = Simulator(scene)
     start = simulator.initial_state()
     before = sum(simulator.mechanism.energy(start.q, start.v))
@@ -243,7 +256,7 @@ def test_a_long_run_keeps_its_energy(kind):
 def test_next_to_a_singular_position_it_gives_up(angle):
     """All uprights in line: rows depend on each other, or nearly; who asks gets the dense one."""
     pair = windows(15, turn=0.0)
-    level = pair.readable.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
+    level = pair.mechanism.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
     active_set = sparse(pair)
     packed = np.empty(active_set.size)
     assert factor_closures(*active_set.constants, level, packed) == NOT_DECIDED
@@ -262,7 +275,7 @@ def test_shared_rates_are_left_to_the_border(pair):
 
 def test_a_leg_in_line_is_for_the_dense_one():
     """Its own three rates do not give its foot every velocity; with the body's all rows count."""
-    pair, straight = (pair_of(walker(knee, 1.0, 1.0, 1.0)) for knee in (1.0, 0.0))
+    pair, straight = (posed(walker(knee, 1.0, 1.0, 1.0)) for knee in (1.0, 0.0))
     active_set = sparse(pair)
     assert active_set.model.border == 6
     packed = np.empty(active_set.size)

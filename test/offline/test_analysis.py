@@ -15,12 +15,11 @@ from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.offline import RecordedStates, analyse_states, states_from_bag
+from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
-from oracles.mechanism.mechanism import ReadableMechanism
-from oracles.operational import ReadableAnalyser
 
 TICKS = 400
 EPOCH_NS = 1_700_000_000_123_456_789
@@ -104,11 +103,10 @@ def test_it_is_the_analysis_of_each_state(scene, samples, bag):
     states = states_from_bag(bag, mechanism, namespace="left")
     found = analyse_states(mechanism, states, show=lambda done, total: told.append((done, total)))
     assert told[-1] == (TICKS, TICKS)
-    readable = ReadableMechanism(scene)
-    analyser = ReadableAnalyser(readable)
+    analyser = Analyser(mechanism)
     for index in range(0, TICKS, 37):
         state = samples[index].mechanism
-        terms = readable.evaluate(state.q, state.v, state.active)
+        terms = mechanism.evaluate(state.q, state.v, state.active)
         expected = analyser.analyse(terms)
         assert np.abs(found.s[index] - expected.spectrum.s).max() < 1e-9
         pairs = (

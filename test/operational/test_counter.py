@@ -7,7 +7,6 @@ import pytest
 
 from hapticmech_ros.operational.observation import ConstraintCounter, rigid_count
 from hapticmech_ros.scene.controller import Perception
-from oracles.counter import first_count, next_count
 
 PERCEPTION = Perception(s_on=0.02, s_off=0.05, dwell=0.005)
 PERIOD = 0.001
@@ -89,16 +88,18 @@ def test_directions_are_counted_one_by_one_from_the_first_sample():
 
 
 @pytest.mark.parametrize("dwell", [0.0, 0.003])
-def test_every_count_is_that_of_the_readable_counter(dwell):
-    perception = Perception(s_on=0.02, s_off=0.05, dwell=dwell)
-    rng, counter, state = np.random.default_rng(1), ConstraintCounter(perception), None
-    for tick in range(3000):
-        if tick % 700 == 0:
-            counter.begin()
-            state = None
-        s = 0.035 + 0.03 * np.sin(0.05 * tick + np.arange(3)) + rng.normal(scale=0.004, size=3)
-        time = tick * PERIOD
-        state = (
-            first_count(s, perception) if state is None else next_count(state, s, time, perception)
-        )
-        assert counter.update(s, time) == state.count
+def test_every_count_is_that_of_each_direction_s_last_whole_dwell(dwell):
+    """A direction is as the last stay of a dwell and more beyond a threshold says."""
+    perception, ticks = Perception(s_on=0.02, s_off=0.05, dwell=dwell), np.arange(700)
+    rng, counter = np.random.default_rng(1), ConstraintCounter(perception)
+    stay = round(dwell / PERIOD) + 1
+    for _ in range(4):
+        counter.begin()
+        s = 0.035 + 0.03 * np.sin(0.05 * ticks[:, None] + np.arange(3))
+        s += rng.normal(scale=0.004, size=s.shape)
+        rigid = s[0] <= 0.02
+        for tick in ticks:
+            seen = s[max(tick - stay + 1, 0) : tick + 1]
+            if len(seen) == stay:
+                rigid = (rigid | (seen <= 0.02).all(axis=0)) & ~(seen >= 0.05).all(axis=0)
+            assert counter.update(s[tick], tick * PERIOD) == rigid.sum()

@@ -1,16 +1,24 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of X on random mechanisms: symmetry, sign, rank, null space, order, redundancy."""
+"""Laws of X on random mechanisms: symmetry, sign, rank, null space, order, redundancy; and a_0."""
 
+import copy
 from functools import cache
 
 import numpy as np
 import pytest
 
+from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.operational.analysis import Analyser
+from hapticmech_ros.scene import scene_from_document
 from oracles import closed_form
 from oracles.analysed import sample_terms, terms_of
+from oracles.closed_form import kkt
 from oracles.differences import relative
 from oracles.generator import random_mechanism
+from oracles.posed import apart
+from oracles.running import with_start
 from sampling import sampled
 
 SAMPLES = [(seed, planar) for planar in (False, True) for seed in sampled(range(10), planar)]
@@ -121,3 +129,30 @@ def test_free_acceleration_is_that_of_the_equations_of_motion(seed, planar):
     serial = np.linalg.norm(point.jacobian @ np.linalg.solve(terms.d, net))
     # Condition of the KKT matrix, up to 1e6, of the acceleration that the closures cut down.
     assert relative(terms.analysis.free_acceleration, expected, scale=serial) < 1e-9
+
+
+@pytest.mark.parametrize("planar", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_free_acceleration(seed, planar):
+    base = random_mechanism(seed, planar)
+    document = copy.deepcopy(base.document)
+    for link in document["links"]:
+        if link["joint"]["type"] in ("revolute", "prismatic"):
+            link["joint"] |= {"stiffness": 3.0, "effort": 2.0, "friction": 1.0}
+    ends = {"a": {"link": "link4"}, "b": {"link": "world"}}
+    document["springs"] = [{"name": "s", "stiffness": 5.0, "damping": 1.0} | ends]
+    scene = scene_from_document(with_start(document, base.q, base.v))
+    mechanism = Mechanism(scene)
+    active = mechanism.initially_active
+    v = mechanism.closing_terms(base.q, active).space.closed_rates(base.v)
+    terms = mechanism.evaluate(base.q, v, active)
+    point = terms.points[0]
+    net = terms.passive_force + terms.effort - terms.bias_force
+    rates, _ = kkt(terms.inertia, terms.closure_jacobian, net, terms.closure_bias)
+    expected = point.jacobian @ rates + point.drift
+    analyser = Analyser(mechanism)
+    seen = analyser.observe(base.q, v, active).model
+    known = analyser.analyse(terms).free_acceleration
+    # Closures magnify rounding by their condition, up to 1e3 here.
+    assert apart(known, expected) < 1e-9
+    assert apart(seen[OPERATIONAL_MODEL.slice("free_acceleration")], expected) < 1e-9

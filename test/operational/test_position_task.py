@@ -13,7 +13,7 @@ from hapticmech_ros.operational import Analyser, analyse
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import scene_from_document
-from oracles.implementations import pair_of
+from oracles.posed import posed
 
 POSITION = ["task=position"]
 IDEAL = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0, force_sensor: measured}"
@@ -21,10 +21,10 @@ IDEAL = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0, forc
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_it_has_the_rows_and_the_inertia_of_positions(name):
-    pose, position = (pair_of(load_scene(name, changes=c), 1, 0.2) for c in ([], POSITION))
-    for point in pose.readable.point_names:
+    pose, position = (posed(load_scene(name, changes=c), 1, 0.2) for c in ([], POSITION))
+    for point in pose.mechanism.point_names:
         whole, part = (
-            analyse(pair.mechanism, pair.q, point, pair.v, pair.readable.initially_active)
+            analyse(pair.mechanism, pair.q, point, pair.v, pair.mechanism.initially_active)
             for pair in (pose, position)
         )
         rows = [row for row in whole.rows.tolist() if row < 3]
@@ -36,8 +36,8 @@ def test_it_has_the_rows_and_the_inertia_of_positions(name):
         # Nothing is as free as the link alone, which turns about the point.
         assert (
             part.spectrum.s.max() <= 1.0 + 1e-12
-            or position.readable.scene.operational_points[
-                position.readable.point_names.index(point)
+            or position.mechanism.scene.operational_points[
+                position.mechanism.point_names.index(point)
             ].metric
         )
 
@@ -64,7 +64,7 @@ def test_a_free_link_is_as_free_as_itself_wherever_it_is_held(planar):
         "operational_points": [point],
         "hand": {"kind": "constant_wrench", "force": [0.0, 0.0, 0.0], "start_delay": 0.0},
     }
-    moved = pair_of(scene_from_document(document), 1, 0.5)
+    moved = posed(scene_from_document(document), 1, 0.5)
     found = analyse(moved.mechanism, moved.q)
     assert found.spectrum.s == pytest.approx(np.ones(2 if planar else 3), abs=1e-13)
     arm = np.array([0.1, 0.4, 0.0]) - link["inertial"]["com"]
@@ -90,7 +90,7 @@ def test_constraints_are_counted_of_positions(name, pose, position):
 
 
 def start_of(mechanism):
-    pair = pair_of(mechanism.scene)
+    pair = posed(mechanism.scene)
     return pair.q, pair.v
 
 

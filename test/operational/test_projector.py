@@ -10,78 +10,55 @@ import scipy.linalg
 
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.operational import analyse
-from hapticmech_ros.operational.results import Spectrum
 from hapticmech_ros.scene import scene_from_document
-from oracles.analysed import sample_terms
+from oracles.analysed import sample_terms, terms_of
 from oracles.differences import relative
 from oracles.generator import random_mechanism
-from oracles.operational.projector import constraint_projector, rigidity, wrench_projector
-from oracles.operational.spectrum import spectrum
 from oracles.planar_linkages import five_bar, five_bar_bent
 
 S_ON, S_OFF = 0.02, 0.05
+FIVE_BAR = Mechanism(scene_from_document(five_bar()))
 
 
-def random_spectrum(seed, s):
-    """Return a random metric factor G and the spectrum with singular values s."""
-    rng = np.random.default_rng(seed)
-    size = len(s)
-    root = rng.normal(size=(size, size))
-    g = np.linalg.cholesky(root @ root.T + 0.3 * np.eye(size))
-    left, right = (np.linalg.qr(rng.normal(size=(size, size)))[0] for _ in range(2))
-    return g, spectrum(left @ np.diag(s) @ right.T @ np.linalg.inv(g), g, np.linalg.inv(g).T)
+def at_bend(bend):
+    """Return s, w, P_c of the five-bar's second link, which links 3 and 4 in line hold."""
+    found = analyse(FIVE_BAR, five_bar_bent(1.9, bend), "end2")
+    return found.spectrum.s, found.weights, found.constraint_projector
 
 
 def test_weight_is_one_below_zero_above_and_falls_between():
-    s = np.linspace(0.0, 1.0, 20001)
-    w = rigidity(s, S_ON, S_OFF)
+    bends = np.linspace(0.0, 0.4, 2001)
+    s, w = (np.array(part)[:, 1] for part in zip(*(at_bend(b)[:2] for b in bends), strict=True))
     assert np.all(w[s <= S_ON] == 1.0)
     assert np.all(w[s >= S_OFF] == 0.0)
     between = (s > S_ON + 1e-4) & (s < S_OFF - 1e-4)
+    assert between.sum() > 50
     assert np.all(np.diff(w[between]) < 0.0)
-    assert rigidity(np.array([0.5 * (S_ON + S_OFF)]), S_ON, S_OFF)[0] == pytest.approx(0.5)
-
-
-def test_weight_has_continuous_first_and_second_derivatives():
-    step = 1e-4 * (S_OFF - S_ON)
-    for edge in (S_ON, S_OFF):
-        s = edge + step * np.arange(-3, 4)
-        w = rigidity(s, S_ON, S_OFF)
-        # 10 t^3 near the edge: slope 30 t^2 and curvature 60 t, at t = 3e-4.
-        assert np.abs(np.diff(w)).max() / 1e-4 < 30 * 4e-4**2 * 1.1
-        assert np.abs(np.diff(w, 2)).max() / 1e-8 < 60 * 4e-4
+    # Between, first and second derivative begin and end at 0: of degree 5 that is one polynomial.
+    t = (S_OFF - s[between]) / (S_OFF - S_ON)
+    ends = np.array([[1, 1, 1], [3, 4, 5], [6, 12, 20]])
+    weights = t ** np.array([[3], [4], [5]]) * np.linalg.solve(ends, [1.0, 0.0, 0.0])[:, None]
+    assert w[between] == pytest.approx(weights.sum(axis=0), abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_p_c_is_a_matrix_function_of_x(seed):
-    """P_c = G w(sqrt(G^T X G)) G^T / m, computed from eigenvectors of another matrix."""
-    g, found = random_spectrum(seed, [0.8, 0.06, 0.04, 0.03, 0.01, 0.0])
-    weights = rigidity(found.s, S_ON, S_OFF)
-    mu, vectors = np.linalg.eigh(
-        np.linalg.inv(g) @ (found.wrenches * found.mu) @ found.wrenches.T @ np.linalg.inv(g).T
-    )
-    s = np.sqrt(np.clip(mu, 0.0, None))
-    expected = g @ (vectors * rigidity(s, S_ON, S_OFF)) @ vectors.T @ g.T / 1.7
+@pytest.mark.parametrize("bend", [0.0, 0.06, 0.1, 0.3])
+def test_p_c_and_pi_are_matrix_functions_of_x(seed, bend):
+    """P_c = G w(sqrt(G^T X G)) G^T / m, of any factor G of I_l; Pi = P_c m I_l^-1."""
+    metric = {"mass": 0.7, "length": 0.05}
+    document = five_bar()
+    point = document["operational_points"][2] | {"metric": metric}
+    terms = terms_of(document | {"operational_points": [point]}, five_bar_bent(1.9, bend))
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    inertia = np.diag([0.7, 0.7, 0.7 * 0.05**2])
+    g = np.sqrt(inertia) @ turn
+    mu, vectors = np.linalg.eigh(g.T @ terms.x @ g)
+    t = np.clip((S_OFF - np.sqrt(np.clip(mu, 0.0, None))) / (S_OFF - S_ON), 0.0, 1.0)
+    chosen = g @ (vectors * (t**3 * (10.0 - 15.0 * t + 6.0 * t**2))) @ vectors.T @ g.T
+    rows = np.ix_(terms.analysis.rows, terms.analysis.rows)
     # s = sqrt(mu) is exact to eps/s = 1e-14 where w varies, w' is 1/(s_off - s_on) = 60.
-    assert relative(constraint_projector(found, weights, 1.7), expected) < 1e-11
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_indifferent_to_sign_order_and_choice_in_a_degenerate_subspace(seed):
-    _, found = random_spectrum(seed, [0.8, 0.035, 0.035, 0.03, 0.0, 0.0])
-    rng = np.random.default_rng(seed)
-    mix = np.diag(np.sign(rng.normal(size=6)))
-    for pair in ((1, 2), (4, 5)):
-        turn = np.linalg.qr(rng.normal(size=(2, 2)))[0]
-        mix[np.ix_(pair, pair)] = turn
-    order = rng.permutation(6)
-    other = Spectrum(
-        found.s[order], (found.wrenches @ mix)[:, order], (found.duals @ mix)[:, order]
-    )
-    for function in (lambda f, w: constraint_projector(f, w, 1.0), wrench_projector):
-        one = function(found, rigidity(found.s, S_ON, S_OFF))
-        two = function(other, rigidity(other.s, S_ON, S_OFF))
-        assert relative(two, one) < 1e-13  # sums of the same terms, condition of the metric
+    assert relative(terms.analysis.constraint_projector[rows], chosen / 0.7) < 1e-11
+    assert relative(terms.analysis.wrench_projector[rows], chosen @ np.linalg.inv(inertia)) < 1e-11
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -94,7 +71,8 @@ def test_rigid_directions_are_balanced_entirely(seed, planar):
     # Products with I_l and its inverse: eps times cond(I_l) < 1e3.
     assert np.linalg.norm(share @ rigid - rigid) <= 1e-12 * np.linalg.norm(rigid)
     crisp = (terms.analysis.spectrum.s < 1e-10).astype(float)
-    pi = wrench_projector(terms.analysis.spectrum, crisp)
+    found = terms.analysis.spectrum
+    pi = (found.wrenches * crisp) @ found.duals.T
     assert np.linalg.norm(pi @ pi - pi) <= 1e-12 * np.linalg.norm(pi)
     assert np.linalg.norm(terms.x @ pi) <= 1e-11 * terms.scale * np.linalg.norm(pi)
 
@@ -114,8 +92,8 @@ def test_normalisation(seed):
 
 
 def largest_change(count):
-    mechanism, bends = Mechanism(scene_from_document(five_bar())), np.linspace(-0.4, 0.4, count)
-    found = [analyse(mechanism, five_bar_bent(1.9, bend), "end2") for bend in bends]
+    bends = np.linspace(-0.4, 0.4, count)
+    found = [analyse(FIVE_BAR, five_bar_bent(1.9, bend), "end2") for bend in bends]
     ranks = {a.rank for a in found}
     counts = {int(np.count_nonzero(a.weights == 1.0)) for a in found}
     assert ranks == {1, 2}

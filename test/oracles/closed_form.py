@@ -43,3 +43,16 @@ def kkt(inertia: Array, rows: Array, force: Array, rate_bias: Array) -> tuple[Ar
     matrix = np.block([[inertia, rows.T], [rows, np.zeros((m, m))]])
     solution = np.linalg.lstsq(matrix, np.concatenate((force, -rate_bias)), rcond=1e-12)[0]
     return solution[:nv], solution[nv:]
+
+
+def truncated(factor: Array, rows: Array, kept: int) -> tuple[Array, Array, Array]:
+    """Return U (nv, r), W's leading directions in D's metric, (W L⁻ᵀ)⁺ of them, and all σ.
+
+    Args:
+        factor: (nv, nv) L of D = L Lᵀ.
+        rows: (m, nv) W, of which so many directions are ``kept``.
+    """
+    lifted = scipy.linalg.solve_triangular(factor, rows.T, lower=True)
+    left, sigma, right = np.linalg.svd(lifted, full_matrices=False)
+    directions = left[:, :kept]
+    return directions, (directions / sigma[:kept]) @ right[:kept], sigma

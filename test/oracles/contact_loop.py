@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Steps with contacts beside the kernel: Pinocchio's kinematics and the readable mechanism's steps.
+"""Steps with contacts beside the kernel: Pinocchio's kinematics, and steps of no contacts.
 
 Near test, points and forces are the kernel's own functions, run as Python on what Pinocchio and the
-readable factorisation say; everything around them is independent of the kernel.
+dense factorisation say; everything around them is independent of the kernel.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hapticmech_ros.contact.stepping import ContactStepper
 from hapticmech_ros.contact.touch_kernels import near_pairs, place_shapes, touching_points
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.model import DENSE
-from oracles.mechanism.stepping import ReadableSimulator
+from hapticmech_ros.simulation import Simulator
 
 
 class ContactLoop:
@@ -46,7 +46,7 @@ class ContactLoop:
         if step not in self._simulators:
             plan = self._scene.simulation.model_copy(update={"period": step, "substeps": 1})
             scene = self._scene.model_copy(update={"simulation": plan})
-            self._simulators[step] = ReadableSimulator(scene)
+            self._simulators[step] = Simulator(scene)
         return self._simulators[step]
 
     def step(self, state, wrenches):

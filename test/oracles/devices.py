@@ -1,38 +1,44 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Devices held by a scene's hand, of each kind, and runs of them."""
+"""Devices held by a scene's hand, runs of them, and the law of a scene's hand as it is written."""
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device import GraspSchedule, ImpedanceDevice, grasp_schedule_of
-from oracles.device.hand import hand_law, no_hand
+from hapticmech_ros.device import ImpedanceDevice, grasp_schedule_of
+from hapticmech_ros.device.hand import hand_numbers
+from hapticmech_ros.device.hand_kernels import WORK_SIZE, hand_wrench
+from oracles.device.hand import hand_law
 from oracles.device.impedance_device import ReadableDevice
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
 NOTHING = np.zeros(6)
-# In plain NumPy; by one kernel; and by kernels around a hand's law in Python.
-KINDS = ("readable", "kernel", "own hand")
 
 
-def body_of(kind, device, hand=None, planar=False, period=PERIOD):
+def body_of(device, hand=None, planar=False):
     """Return a device of a scene, held by a scene's hand."""
-    if kind == "kernel":
-        return ImpedanceDevice(device, period, planar, hand)
-    law, schedule = (
-        (no_hand, GraspSchedule()) if hand is None else (hand_law(hand), grasp_schedule_of(hand))
-    )
-    if kind == "own hand":
-        return ImpedanceDevice(device, period, planar, law=law, schedule=schedule)
-    return ReadableDevice(device, period, planar, law, schedule)
+    return ImpedanceDevice(device, PERIOD, planar, hand)
 
 
-def readable_device_for(scene, with_hand=True):
-    """Return the readable device of a scene."""
-    hand = scene.hand if with_hand else None
-    period, planar = scene.simulation.period, scene.task_space == "planar"
-    return body_of("readable", scene.device, hand, planar, period)
+def readable_device_for(scene):
+    """Return a scene's device in plain NumPy, which benchmarks compare kernels with."""
+    law, schedule = hand_law(scene.hand), grasp_schedule_of(scene.hand)
+    planar = scene.task_space == "planar"
+    return ReadableDevice(scene.device, scene.simulation.period, planar, law, schedule)
+
+
+def law_of(hand):
+    """Return what a scene's hand does as a law in Python: the kernels' own, not compiled."""
+    numbers = hand_numbers(hand, grasp_schedule_of(hand))
+
+    def law(elapsed, pose, twist, held):
+        wrench, work = np.empty(6), np.empty(WORK_SIZE)
+        body, place = (np.append(one.translation, one.rotation.ravel()) for one in (pose, held))
+        hand_wrench(numbers, elapsed, np.append(body, twist), place, wrench, work)
+        return wrench
+
+    return law
 
 
 def run(body, ticks, command=NOTHING, push=NOTHING, start=None):

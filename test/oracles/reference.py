@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 from scipy.integrate import solve_ivp
 
 from hapticmech_ros.arrays import Array
@@ -19,7 +20,6 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project
 from hapticmech_ros.scene import Scene
-from oracles.mechanism.integrators import local_rate
 
 # A segment starts on the closures, in local coordinates of its own. In between, closures keep their
 # second derivative at zero, so that they open with the square of the segment's length, s...
@@ -114,3 +114,9 @@ def _through(
     end = solve(rates, duration, np.concatenate((np.zeros(nv), v)))
     projected = project(mechanism, mechanism.integrate(q, end[:nv]), end[nv:], active)
     return projected.q, projected.v
+
+
+def local_rate(model: pin.Model, q: Array, theta: Array, speed: Array) -> Array:
+    """Return θ̇ (nv,) = J_r(θ)⁻¹ speed at q ⊕ θ."""
+    right_jacobian = pin.dIntegrate(model, q, theta, pin.ArgumentPosition.ARG1)
+    return np.asarray(np.linalg.solve(np.atleast_2d(right_jacobian), speed))

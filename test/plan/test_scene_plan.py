@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -18,12 +17,11 @@ from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.session import Session
-from oracles.mechanism.mechanism import ReadableMechanism
-from oracles.mechanism.stepping import ReadableSimulator
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -70,27 +68,15 @@ def test_numbers_are_those_of_the_scene_and_of_its_session(scene: Scene) -> None
     assert json.loads(json.dumps(asdict(plan)))["scene"] == scene.name
 
 
+# How often a rule evaluates the equations of motion in a step.
+STAGES = {"rk4": 4, "tsit5": 6, "linearly_implicit": 4, "rk2": 2, "semi_implicit_euler": 1}
+
+
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
-def test_a_step_factors_as_often_as_the_plan_says(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # The readable mechanism has no contacts.
-    simulator = ReadableSimulator(scene.model_copy(update={"contacts": ()}))
-    state = simulator.step(simulator.initial_state(), np.zeros((len(scene.operational_points), 6)))
-    calls: list[object] = []
-    inner = ReadableMechanism.closing_terms
-
-    def counted(*arguments: Any) -> Any:
-        calls.append(arguments[1])
-        return inner(*arguments)
-
-    monkeypatch.setattr(ReadableMechanism, "closing_terms", counted)
-    simulator.step(state, np.zeros((len(scene.operational_points), 6)))
-    plan = plan_scene(scene)
-    least = computed(plan)["D, joint Jacobians, poses; Cholesky of D"]
-    # Further rounds of the projection factor anew.
-    assert len(calls) >= least
-    assert plan.active_rows or len(calls) == least
+def test_a_step_factors_once_in_each_stage(scene: Scene) -> None:
+    simulation = Mechanism(scene).scene.simulation
+    found = computed(plan_scene(scene))["D, joint Jacobians, poses; Cholesky of D"]
+    assert found == STAGES[simulation.integrator] * simulation.substeps
 
 
 def test_redundant_rows_are_named() -> None:

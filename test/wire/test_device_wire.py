@@ -9,7 +9,6 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.device import NO_WRENCH, device_for
 from hapticmech_ros.wire.layouts import DeviceSample, DeviceWriter, pack_device
-from oracles.devices import readable_device_for
 
 STAMP = 1_700_000_000_123_456_789
 
@@ -17,20 +16,19 @@ STAMP = 1_700_000_000_123_456_789
 def test_what_is_written_is_what_is_packed_with_pushes_added():
     rng = np.random.default_rng(0)
     writer = DeviceWriter()
-    for make in (readable_device_for, device_for):
-        body = make(load_scene("spatial_arm"))
-        pose = pin.SE3(pin.exp3(np.array([0.3, -2.0, 0.5])), np.array([0.1, 0.2, 0.3]))
-        state = start = body.at_rest(pose, held=True)
-        for ticks in range(600, 605):
-            state = body.step(state, rng.normal(size=6), start, ticks)
-            before, stamp = state.hand_wrench.copy(), STAMP + ticks
-            push = rng.normal(size=6) if ticks % 2 else NO_WRENCH
-            told = 0.01 * ticks, bool(ticks % 2)
-            writer.encode(state, push, stamp, *told)
-            hand = push + state.hand_wrench
-            measured = DeviceMeasurement(state.measured_pose, state.measured_twist, hand)
-            expected = pack_device(DeviceSample(stamp, measured, state.applied, *told))
-            assert np.array_equal(writer.values, expected)
-            assert np.array_equal(writer.hand_wrench, hand)
-            # The state keeps the hand's own wrench.
-            assert np.array_equal(state.hand_wrench, before)
+    body = device_for(load_scene("spatial_arm"))
+    pose = pin.SE3(pin.exp3(np.array([0.3, -2.0, 0.5])), np.array([0.1, 0.2, 0.3]))
+    state = start = body.at_rest(pose, held=True)
+    for ticks in range(600, 605):
+        state = body.step(state, rng.normal(size=6), start, ticks)
+        before, stamp = state.hand_wrench.copy(), STAMP + ticks
+        push = rng.normal(size=6) if ticks % 2 else NO_WRENCH
+        told = 0.01 * ticks, bool(ticks % 2)
+        writer.encode(state, push, stamp, *told)
+        hand = push + state.hand_wrench
+        measured = DeviceMeasurement(state.measured_pose, state.measured_twist, hand)
+        expected = pack_device(DeviceSample(stamp, measured, state.applied, *told))
+        assert np.array_equal(writer.values, expected)
+        assert np.array_equal(writer.hand_wrench, hand)
+        # The state keeps the hand's own wrench.
+        assert np.array_equal(state.hand_wrench, before)

@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
 from oracles.generator import random_mechanism
-from oracles.implementations import sample_pair
+from oracles.posed import posed_sample
 
 STAMP = 12_345_678_901_234_567
 
@@ -22,7 +22,7 @@ def layouts():
     mechanism = Mechanism(load_scene("five_bar"))
     yield StateLayout(mechanism), mechanism, np.array([1.9, -0.0, -1.8, 0.6])
     for seed in range(4):
-        pair = sample_pair(random_mechanism(seed))
+        pair = posed_sample(random_mechanism(seed))
         yield StateLayout(pair.mechanism), pair.mechanism, pair.q
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's mechanism and the readable one, and how far their results are apart."""
+"""Scenes at a state, how far results are apart, and by how much rounding is magnified."""
 
 from __future__ import annotations
 
@@ -15,15 +15,13 @@ from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import Scene, scene_from_document
 from oracles.generator import Sample
 from oracles.kinematics import Array
-from oracles.mechanism.mechanism import ReadableEvaluation, ReadableMechanism
 from oracles.running import with_start
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Both implementations of one scene, and a state."""
+class Posed:
+    """A scene's mechanism, and a state."""
 
-    readable: ReadableMechanism
     mechanism: Mechanism
     q: Array
     v: Array
@@ -31,29 +29,33 @@ class Pair:
     @property
     def sets(self) -> set[Active]:
         """Return sets of closures to try: as the scene starts, all, none."""
-        count = len(self.readable.closures)
-        return {self.readable.initially_active, (True,) * count, (False,) * count}
+        count = len(self.mechanism.closures)
+        return {self.mechanism.initially_active, (True,) * count, (False,) * count}
 
-    def evaluate(self, active: Active) -> tuple[ReadableEvaluation, Evaluation]:
-        """Return all terms, the readable ones first."""
-        expected = self.readable.evaluate(self.q, self.v, active)
-        return expected, self.mechanism.evaluate(self.q, self.v, active)
+    @property
+    def all_closed(self) -> Active:
+        """Return the set of all closures."""
+        return (True,) * len(self.mechanism.closures)
+
+    def evaluate(self, active: Active) -> Evaluation:
+        """Return all terms of Eq. 1."""
+        return self.mechanism.evaluate(self.q, self.v, active)
 
 
-def pair_of(scene: Scene, seed: int = 0, away: float = 0.0) -> Pair:
-    """Return both at the scene's authored state; ``away`` moves each coordinate by about that."""
-    readable, mechanism = ReadableMechanism(scene), Mechanism(scene)
-    q, v = authored_state(scene, readable.tree)
+def posed(scene: Scene, seed: int = 0, away: float = 0.0) -> Posed:
+    """Return a scene at its authored state; ``away`` moves each coordinate by about that."""
+    mechanism = Mechanism(scene)
+    q, v = authored_state(scene, mechanism.tree)
     rng = np.random.default_rng(seed)
     if away:
-        q, v = readable.integrate(q, away * rng.normal(size=v.size)), v + rng.normal(size=v.size)
-    return Pair(readable, mechanism, q, v)
+        q, v = mechanism.integrate(q, away * rng.normal(size=v.size)), v + rng.normal(size=v.size)
+    return Posed(mechanism, q, v)
 
 
-def sample_pair(sample: Sample, away: float = 0.0) -> Pair:
-    """Return both at a generated sample's state, moved by ``away``."""
+def posed_sample(sample: Sample, away: float = 0.0) -> Posed:
+    """Return a generated sample at its state, moved by ``away``."""
     document = with_start(sample.document, sample.q, sample.v)
-    return pair_of(scene_from_document(document), away=away)
+    return posed(scene_from_document(document), away=away)
 
 
 def apart(found: Array, expected: Array, size: float = 0.0) -> float:

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled control against the readable one: same wrenches from the same measurements."""
+"""The control law: wrenches from measurements, against the equations of Fig. 3 in NumPy."""
 
 from dataclasses import replace
 
@@ -21,33 +21,18 @@ from hapticmech_ros.control.measurements import (
     flat_device,
     flat_operational_model,
     model_of,
+    point_ahead,
     point_of,
 )
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading import load_scene
-from hapticmech_ros.scene import document_of, scene_from_document
-from oracles.control import ReadableControl
+from hapticmech_ros.saturation import limited
+from oracles.controllers import FREE, control_of
 
 # Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.
 ROUNDING = 1e-12
 SCENES = {"planar": "five_bar", "spatial": "spatial_arm"}
-FAR = 1e12
-FREE = {"force_limit": FAR, "torque_limit": FAR}
 # Not between 3.05 and π - 0.01, where Pinocchio's logarithm loses up to 1e-11.
 TURNS = (0.0, 1e-9, 1e-3, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-7)
-
-
-def both(kind, joint=FREE, device=FREE, **gains):
-    """Return the readable and the compiled control of a scene with other gains and limits."""
-    document = document_of(load_scene(SCENES[kind]))
-    for key, changed in {"joint_constraint": joint, **gains}.items():
-        if isinstance(changed, dict):
-            document["controller"][key] = {**document["controller"].get(key, {}), **changed}
-        else:
-            document["controller"][key] = changed
-    document["device"] = {**document["device"], **device}
-    scene = scene_from_document(document)
-    return ReadableControl(scene), ControlArchitecture(scene)
 
 
 def unit(rng):
@@ -87,6 +72,42 @@ class Case:
         return control.answer(self.time, self.clutch, *self.flat(), self.in_flight)
 
 
+def law(control, case, ahead):
+    """Return the rows of an answer as Fig. 3 has them."""
+    gains, clutch, time = control.gains, case.clutch, case.time
+    joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
+    task, inertia, channels = control.task, np.diag(control.device_inertia), control.channels
+    share, projector = case.model.wrench_projector, case.model.constraint_projector
+    point = point_ahead(case.flat()[1], ahead, case.in_flight)
+    ramp, through = clutch.ramp(time), clutch.force_ramp(time)
+
+    def spring_damper(stiffness, damping):
+        slow = [b * clutch.brake(time, b / m) for b, m in zip(damping, inertia, strict=True)]
+        return ramp * stiffness * error + slow * rate
+
+    error = task * pose_error(point.pose, clutch.mapped(case.device.pose))
+    rate = task * (case.device.twist - point.twist)
+    hand, contact = task * case.device.hand_wrench, task * point.contact_wrench
+    push = hand + force.contact * contact
+    moved = case.model.inverse_inertia @ (push + force.device_feedback * hand)
+    motion = inertia * (moved + case.model.free_acceleration)
+    rest = (1.0 - joint.feedforward) * share @ push
+    impedance = task * (through * (motion - push) + ramp * rest)
+    slow = clutch.brake(time, joint.damping / inertia[0]) * joint.damping
+    constraint = -projector @ (ramp * joint.stiffness * error + slow * rate)
+    sizes = np.linalg.norm(constraint.reshape(2, 3), axis=1)
+    excess = max(sizes / (joint.force_limit, joint.torque_limit))
+    constraint /= max(excess / through, 1.0) if through > 0.0 else 1.0
+    held = spring_damper(channels.held_stiffness, channels.held_damping)
+    channel = through * force.contact * contact - position.to_device * (held - share @ held)
+    forces = through * (force.hand * hand + force.mechanism_feedback * contact)
+    pulled = position.to_mechanism * spring_damper(channels.stiffness, channels.damping)
+    on_hand = limited(impedance + constraint + channel, *control.limits)
+    on_hand = control.joined(time, clutch, on_hand)
+    told = limited(forces + pulled, *control.limits)
+    return np.array([on_hand, told, impedance, constraint, channel, error])
+
+
 def apart(found, expected):
     """Return the largest difference, relative to the largest number of the answer's rows."""
     assert found.shape == expected.shape == (6, 6)
@@ -94,53 +115,52 @@ def apart(found, expected):
     return np.abs(found - expected).max() / np.abs(expected).max()
 
 
-def same(readable, compiled, case):
-    """Assert that both give the same, of objects and of numbers; return it."""
-    expected = case.answer(readable)
-    assert apart(case.answer(compiled), expected) < ROUNDING
+def same(control, case):
+    """Assert that a control keeps to the law, of objects and of numbers; return the answer."""
+    found, expected = case.answer(control), law(control, case, case.ahead)
+    assert apart(found, expected) < ROUNDING
     # Springs may make little of the pose error: it has to be the same in its own size too.
     error = expected[5]
-    miss = np.abs(case.answer(compiled)[5] - error).max()
-    assert miss < ROUNDING * max(np.abs(error).max(), 1.0)
-    assert apart(case.compute(compiled), case.compute(readable)) < ROUNDING
-    return expected
+    assert np.abs(found[5] - error).max() < ROUNDING * max(np.abs(error).max(), 1.0)
+    assert apart(case.compute(control), law(control, case, 0.0)) < ROUNDING
+    return found
 
 
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("beta", [0.0, 0.5, 1.0])
-def test_wrenches_are_the_same(kind, beta):
-    readable, compiled = both(kind, joint={**FREE, "feedforward": beta})
+def test_wrenches_are_those_of_the_law(kind, beta):
+    control = control_of(SCENES[kind], joint={**FREE, "feedforward": beta})
     rng = np.random.default_rng(5)
     for number in range(600):
         turn, ahead = rng.uniform(0.0, 3.0), (0.0, -0.005, 0.005)[number % 3]
-        same(readable, compiled, Case(rng, turn, rng.uniform(0.0, 0.5), ahead))
+        same(control, Case(rng, turn, rng.uniform(0.0, 0.5), ahead))
 
 
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("ahead", [0.0, 0.004])
 def test_what_is_in_flight_is_foreseen_alike(kind, ahead):
     rng = np.random.default_rng(7)
-    readable, compiled = both(kind)
+    control = control_of(SCENES[kind])
     for _ in range(20):
         case = Case(rng, ahead=ahead)
-        before = case.answer(readable)
+        before = case.answer(control)
         case.in_flight = InFlight(0.02, 0.1 * rng.normal(size=6))
-        assert apart(same(readable, compiled, case), before) > 1e-3
+        assert apart(same(control, case), before) > 1e-3
 
 
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize("way", [0.0, 1e-9, 0.1])
 def test_wrenches_are_the_same_at_every_error(kind, turn, way):
-    readable, compiled = both(kind)
+    control = control_of(SCENES[kind])
     rng = np.random.default_rng(6)
     for _ in range(20):
-        same(readable, compiled, Case(rng, turn, way))
+        same(control, Case(rng, turn, way))
     # Nothing else but the error: its own rounding of some 1e-16 m and rad, times 2000 N/m, times
     # six entries of P_c of up to 3.
     still = Case(rng, turn, way, size=0.0)
     still.model = OperationalModel(*rng.normal(size=(3, 6, 6)), np.zeros(6))
-    found, expected = still.answer(compiled), still.answer(readable)
+    found, expected = still.answer(control), law(control, still, still.ahead)
     assert np.abs(found - expected).max() < ROUNDING * max(np.abs(expected).max(), 10.0)
 
 
@@ -150,32 +170,35 @@ def test_gains_of_every_kind_take_their_places(kind):
     joint = {"stiffness": 31.0, "damping": 3.7, "feedforward": 0.3, **FREE}
     springs = {"stiffness": 17.0, "angular_stiffness": 2.3}
     dampers = {"damping": 1.9, "angular_damping": 0.7}
-    device = {"mass": 0.6, "inertia": 0.013, **FREE}
-    readable, compiled = both(
-        kind,
+    forces, device = {"contact": 0.8, "hand": 0.45}, {"mass": 0.6, "inertia": 0.013, **FREE}
+    control = control_of(
+        SCENES[kind],
         joint,
         device,
         position_channel={**springs, **dampers},
-        force_channel={"contact": 0.8, "hand": 0.45},
+        force_channel={**forces, "mechanism_feedback": 0.15, "device_feedback": -0.2},
     )
+    # Over a connection the device's side has softer channels than the mechanism's.
+    control.apply_gains(control.gains, 0.05)
+    assert (control.channels.held_stiffness < 0.5 * control.channels.stiffness).all()
     rng = np.random.default_rng(7)
     for _ in range(200):
-        same(readable, compiled, Case(rng, 0.5, 0.2))
+        same(control, Case(rng, 0.5, 0.2))
 
 
 @pytest.mark.parametrize("kind", SCENES)
 @pytest.mark.parametrize("where", ["joint", "device"])
 @pytest.mark.parametrize("which", ["force_limit", "torque_limit"])
 def test_every_limit_cuts_the_same(kind, where, which):
-    free = both(kind)
-    readable, compiled = both(kind, **{where: {**FREE, which: 0.2}})
+    free = control_of(SCENES[kind])
+    control = control_of(SCENES[kind], **{where: {**FREE, which: 0.2}})
     rng = np.random.default_rng(8)
     cut = {"joint": (3,), "device": (0, 1)}[where]
     part = slice(3) if which == "force_limit" else slice(3, 6)
     met = 0
     for _ in range(100):
         case = Case(rng)
-        expected, whole = same(readable, compiled, case), case.answer(free[0])
+        expected, whole = same(control, case), case.answer(free)
         for row in cut:
             met += np.linalg.norm(whole[row, part]) > 0.2
             assert np.linalg.norm(expected[row, part]) < 0.2 * (1.0 + 1e-15)
@@ -184,25 +207,26 @@ def test_every_limit_cuts_the_same(kind, where, which):
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_wrench_of_nothing_meets_limits(kind):
-    readable, compiled = both(kind, joint={}, device={})
+    control = control_of(SCENES[kind], joint={}, device={})
     case = Case(np.random.default_rng(9), 0.0, 0.0, size=0.0)
     case.model = OperationalModel(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6))
-    assert np.abs(case.answer(compiled) - case.answer(readable)).max() < ROUNDING
+    assert np.abs(case.answer(control) - law(control, case, 0.0)).max() < ROUNDING
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.5])
 @pytest.mark.parametrize("since", [-1.0, 0.0, 0.1, 0.5, 7.0])
 def test_the_ramp_is_the_same(duration, since):
-    readable, compiled = both("spatial")
+    # With a limit that is met, and opens with the ramp.
+    control = control_of(SCENES["spatial"], joint={"force_limit": 0.5, "torque_limit": 0.5})
     case = Case(np.random.default_rng(10))
     case.clutch = replace(case.clutch, duration=duration)
     case.time = case.clutch.time + since
-    found = same(readable, compiled, case)
+    found = same(control, case)
     # At a start dampers and springs come in, forces act.
     assert (found[[1, 2, 3]] != 0.0).all()
     # Another grasp's wrench is carried on instead.
     case.clutch = replace(case.clutch, carried=np.arange(6.0))
-    found = same(readable, compiled, case)
+    found = same(control, case)
     let_through = case.clutch.ramp(case.time)
     assert (found[1:5] == 0.0).all() == (let_through == 0.0)
     if let_through == 0.0:
@@ -210,49 +234,48 @@ def test_the_ramp_is_the_same(duration, since):
 
 
 def test_a_contact_alone_is_felt():
-    readable, compiled = both("spatial", force_channel={"contact": 0.25})
+    control = control_of(SCENES["spatial"], force_channel={"contact": 0.25})
     case = Case(np.random.default_rng(11))
     case.clutch = replace(case.clutch, duration=0.0)
-    without = case.answer(compiled)
+    without = case.answer(control)
     case.point = PointMeasurement(case.point.pose, case.point.twist, case.point.contact_wrench + 1)
-    felt = same(readable, compiled, case)
+    felt = same(control, case)
     assert np.abs(felt[4] - without[4] - 0.25).max() < ROUNDING * np.abs(felt).max()
 
 
 def test_a_new_engagement_is_noticed_and_an_old_one_remembered():
-    readable, compiled = both("spatial")
+    control = control_of(SCENES["spatial"])
     rng = np.random.default_rng(12)
     cases = [Case(rng) for _ in range(2)]
     for case in (*cases, *cases):
-        same(readable, compiled, case)
+        same(control, case)
     again = engage(cases[0].clutch.time, cases[0].device.pose, cases[0].point.pose)
     cases[0].clutch = again
-    assert np.abs(same(readable, compiled, cases[0])[5]).max() < ROUNDING
+    assert np.abs(same(control, cases[0])[5]).max() < ROUNDING
 
 
 @pytest.mark.parametrize("ahead", [0.0, 0.004])
 def test_flat_measurements_engage_without_error(ahead):
-    for control in both("spatial"):
-        case = Case(np.random.default_rng(13), ahead=ahead)
-        case.clutch = control.engage(case.time, *case.flat())
-        assert case.clutch.time == case.time
-        assert np.abs(case.answer(control)[5]).max() < ROUNDING
-        later = (*case.flat()[:2], ahead + 0.01)
-        moved = control.answer(case.time, case.clutch, *later)[5, :3]
-        assert np.abs(moved + 0.01 * case.point.twist[:3]).max() < 0.1 * np.abs(moved).max()
+    control, case = control_of(SCENES["spatial"]), Case(np.random.default_rng(13), ahead=ahead)
+    case.clutch = control.engage(case.time, *case.flat())
+    assert case.clutch.time == case.time
+    assert np.abs(case.answer(control)[5]).max() < ROUNDING
+    later = (*case.flat()[:2], ahead + 0.01)
+    moved = control.answer(case.time, case.clutch, *later)[5, :3]
+    assert np.abs(moved + 0.01 * case.point.twist[:3]).max() < 0.1 * np.abs(moved).max()
 
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_device_at_rest_on_a_mechanism_at_rest_stays_at_rest(kind):
     """To the bit: what rounding would make of it, springs of thousands would turn into motion."""
-    _, compiled = both(kind)
+    control = control_of(SCENES[kind])
     rng = np.random.default_rng(16)
     for _ in range(200):
         case = Case(rng, size=0.0)
         pose = case.point.pose
         case.clutch = engage(1.0, pose, pose, 1.5)
         case.device = DeviceMeasurement(pose, np.zeros(6), np.zeros(6))
-        for rows in (case.answer(compiled), case.compute(compiled)):
+        for rows in (case.answer(control), case.compute(control)):
             assert (rows[[1, 3, 4, 5]] == 0.0).all()
 
 
@@ -274,32 +297,38 @@ def test_flat_measurements_stand_for_objects():
 
 
 def test_answers_are_copies_and_measurements_stay():
-    _, compiled = both("spatial")
+    control = control_of(SCENES["spatial"])
     rng = np.random.default_rng(15)
     case, other = Case(rng), Case(rng)
     device, operational_model, ahead = case.flat()
     for numbers in (device, operational_model):
         numbers.flags.writeable = False
-    found = compiled.answer(case.time, case.clutch, device, operational_model, ahead)
-    output = compiled.compute(case.time, case.clutch, case.device, case.point, case.model)
+    found = control.answer(case.time, case.clutch, device, operational_model, ahead)
+    output = control.compute(case.time, case.clutch, case.device, case.point, case.model)
     before = found.tobytes(), output.rows().tobytes()
-    other.answer(compiled)
-    other.compute(compiled)
+    other.answer(control)
+    other.compute(control)
     assert (found.tobytes(), output.rows().tobytes()) == before
 
 
 @pytest.mark.parametrize(("device", "operational_model"), [(18, 139), (20, 139), (19, 138), (0, 0)])
 def test_measurements_of_another_size_are_refused(device, operational_model):
-    _, compiled = both("planar")
+    control = control_of(SCENES["planar"])
     clutch = engage(0.0, pin.SE3.Identity(), pin.SE3.Identity())
     with pytest.raises(InvalidInputError, match="139"):
-        compiled.answer(0.0, clutch, np.zeros(device), np.zeros(operational_model), 0.0)
+        control.answer(0.0, clutch, np.zeros(device), np.zeros(operational_model), 0.0)
 
 
 def test_a_kernel_answers_unless_answer_is_overridden():
     class Other(ControlArchitecture):
         """Nothing of its own."""
 
+    class Law(ControlArchitecture):
+        """One of its own."""
+
+        def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
+            return np.zeros((6, 6))
+
     assert not ControlArchitecture.answers_in_python
     assert not Other.answers_in_python
-    assert ReadableControl.answers_in_python
+    assert Law.answers_in_python
