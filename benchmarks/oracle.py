@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readable implementations that kernels are compared with, from the tests of this source tree."""
+"""Oracles that results are compared with, from the tests of this source tree."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from pathlib import Path
 from types import ModuleType
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.scene import Scene
-from hapticmech_ros.simulation import Simulator
 
 
 def oracle(name: str) -> ModuleType:
@@ -27,13 +25,3 @@ def oracle(name: str) -> ModuleType:
         return importlib.import_module(f"oracles.{name}")
     except ImportError as error:
         raise HapticMechError(f"no oracle {name} in {tests}/oracles: {error}") from None
-
-
-def readable_simulator(scene: Scene) -> Simulator:
-    """Return a simulator whose mechanism Pinocchio and NumPy evaluate.
-
-    Raises:
-        HapticMechError: there are no tests beside the benchmarks.
-    """
-    found: Simulator = oracle("mechanism.stepping").ReadableSimulator(scene)
-    return found

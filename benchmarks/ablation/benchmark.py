@@ -62,7 +62,7 @@ class Settings:
     Attributes:
         rounds: turns of each scene.
         ticks: that are timed in a turn.
-        checked: ticks in which kernels are compared with the readable implementation.
+        checked: ticks in which kernels are compared with uncompiled ones.
 
     Raises:
         InvalidInputError: a number below 1; of rounds, below 2.
@@ -93,7 +93,7 @@ class AblationResults(MachineResults):
     """
 
     NAME: ClassVar[str] = "bench_ablation"
-    FAULT: ClassVar[str] = "kernels differ from the readable implementation"
+    FAULT: ClassVar[str] = "kernels differ from their Python"
 
     settings: Settings
     ladder: tuple[AblationStep, ...]
@@ -101,7 +101,7 @@ class AblationResults(MachineResults):
 
     @property
     def sound(self) -> bool:
-        """Whether kernels and the readable implementation agree everywhere."""
+        """Whether kernels and their Python agree everywhere."""
         agree = [*(step.agrees for step in self.ladder), *(pair.agrees for pair in self.unused)]
         return all(agree)
 
@@ -170,7 +170,7 @@ def run_ablation(settings: Settings, show: Show = silent) -> AblationResults:
 def ablation(
     rounds: Annotated[int, typer.Option(help="turns of each scene")] = 60,
     ticks: Annotated[int, typer.Option(help="ticks timed in a turn")] = 100,
-    checked: Annotated[int, typer.Option(help="ticks compared with what is readable")] = 200,
+    checked: Annotated[int, typer.Option(help="ticks compared with uncompiled ones")] = 200,
     quick: Annotated[bool, typer.Option("--quick", help="5 turns of 100 ticks")] = False,
     out: OutOption = Path("bench"),
     json_only: JsonOption = False,

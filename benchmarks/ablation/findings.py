@@ -38,7 +38,7 @@ class AblationStep:
     Attributes:
         name: what it has more than the one before.
         nv, rows, rank: of the mechanism, and of the closures active at the start.
-        apart: largest relative difference of kernels and readable implementation.
+        apart: largest relative difference of kernels and their Python.
         agrees: whether that is rounding.
         median_us, p90_us, p99_us: of a whole tick.
         ratio: median over that of the first step.
@@ -69,7 +69,7 @@ class Unused:
     Attributes:
         name: the thing.
         without, having: names of the scenes.
-        agrees: whether kernels and the readable implementation agree in both.
+        agrees: whether kernels and their Python agree in both.
         without_us, having_us: median tick.
         increment_us: median over rounds of the median difference of the same tick.
         error_us: standard error of that.

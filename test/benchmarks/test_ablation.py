@@ -43,7 +43,7 @@ def plain(variant: Variant) -> ScenePlan:
     [*sampled((*LADDER[:-1], *SIDES)), LADDER[-1]],
     ids=lambda variant: variant.name,
 )
-def test_kernels_and_readable_implementation_agree(variant: Variant) -> None:
+def test_kernels_and_their_python_agree(variant: Variant) -> None:
     agreed = agreement(variant.scene(), 30)
     assert agreed.held
     assert set(agreed.apart) == set(PARTS)

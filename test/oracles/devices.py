@@ -8,8 +8,6 @@ import pinocchio as pin
 from hapticmech_ros.device import ImpedanceDevice, grasp_schedule_of
 from hapticmech_ros.device.hand import hand_numbers
 from hapticmech_ros.device.hand_kernels import WORK_SIZE, hand_wrench
-from oracles.device.hand import hand_law
-from oracles.device.impedance_device import ReadableDevice
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
@@ -19,13 +17,6 @@ NOTHING = np.zeros(6)
 def body_of(device, hand=None, planar=False):
     """Return a device of a scene, held by a scene's hand."""
     return ImpedanceDevice(device, PERIOD, planar, hand)
-
-
-def readable_device_for(scene):
-    """Return a scene's device in plain NumPy, which benchmarks compare kernels with."""
-    law, schedule = hand_law(scene.hand), grasp_schedule_of(scene.hand)
-    planar = scene.task_space == "planar"
-    return ReadableDevice(scene.device, scene.simulation.period, planar, law, schedule)
 
 
 def law_of(hand):
