@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.scene.device import Compensation, Device
-from oracles.devices import NOTHING, PERIOD, body_of, moving, run
+from oracles.devices import NOTHING, PERIOD, START, body_of, moving, run
 
 WEIGHT = (0.3, 0.0, -1.5)
 
@@ -27,6 +27,18 @@ def test_actuators_carry_no_more_than_they_can():
     )
     end = run(body_of(device), 100)[-1]
     assert end.twist[2] == pytest.approx(-1.0 / 0.3 * 0.1, rel=1e-11)
+
+
+def test_a_planar_device_adds_nothing_out_of_its_plane():
+    device = Device(
+        gravity_load=(0.3, -0.7, -1.5),
+        coulomb_friction=0.2,
+        compensation=Compensation(gravity=True, friction=0.5),
+    )
+    body = body_of(device, planar=True)
+    added = body.compensation(body.at_rest(START).replaced(measured_twist=np.full(6, 0.3)))
+    assert np.array_equal(added[[2, 3, 4]], np.zeros(3))
+    assert np.abs(added[:2]).min() > 0.0
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
