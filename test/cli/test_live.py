@@ -31,8 +31,13 @@ def test_without_viser_it_says_what_to_install(monkeypatch):
     assert raised.value.needed == (VISER,)
 
 
-def test_the_extra_asks_for_what_the_command_asks_for():
+def needed_by(extra):
     from importlib.metadata import requires
 
-    extra = [one for one in requires("hapticmech_ros") or () if 'extra == "live"' in one]
-    assert [one.split(";")[0].strip() for one in extra] == [VISER]
+    found = [one for one in requires("hapticmech_ros") or () if f'extra == "{extra}"' in one]
+    return {one.split(";")[0].strip() for one in found}
+
+
+def test_the_extra_asks_for_what_the_command_asks_for():
+    """And for what reads MJCF files, which people drop on the page."""
+    assert needed_by("live") == {VISER} | needed_by("mjcf")
