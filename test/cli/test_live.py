@@ -39,5 +39,5 @@ def needed_by(extra):
 
 
 def test_the_extra_asks_for_what_the_command_asks_for():
-    """And for what reads MJCF files, which people drop on the page."""
+    """And for what reads MJCF files, which it draws too."""
     assert needed_by("live") == {VISER} | needed_by("mjcf")
