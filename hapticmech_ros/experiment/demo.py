@@ -59,9 +59,8 @@ def run_demo(
 ) -> dict[str, object]:
     """Run the experiment over ROS.
 
-    Where the machine does not carry the scene's rate, interrupts the rendering, or delays it so
-    that gains are reduced, the experiment is run at a lower one, of
-    :data:`~hapticmech_ros.graph.RATES`, unless a rate is given.
+    Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
+    is run at a lower one, of :data:`~hapticmech_ros.graph.RATES`, unless a rate is given.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
@@ -106,7 +105,7 @@ def run_demo(
         rate = fitting or lower[0]
         notify(f"{run.reason()}: the demo runs at {rate:g} Hz")
         lower = [one for one in lower if one < 0.99 * rate]
-    if not run.kept:
+    if run.reduced_gains or not run.kept:
         notify(f"{run.reason()}: take the results with care")
     scene = load_scene(scene_name, rate)
     return _results(scene, bag, out, seconds, run, show)
@@ -157,15 +156,14 @@ class GraphRun:
 
     @property
     def kept(self) -> bool:
-        """Whether rendering went on without a break, at the rate and with the gains wanted."""
-        broken = self.interruptions or self.reduced_gains
-        return not broken and (self.load is None or self.load.fits)
+        """Whether rendering went on without a break, at the rate that was wanted."""
+        return not self.interruptions and (self.load is None or self.load.fits)
 
     def reason(self) -> str:
         """Return in words what was not kept."""
+        if self.kept:
+            return "the loop took longer than the gains allow, which were reduced"
         if not self.interruptions:
-            if self.reduced_gains:
-                return "the loop took longer than the gains allow, which were reduced"
             if self.load is not None and self.load.missed <= MOST_MISSED:
                 return "the graph took more than half of the machine"
             return "the machine did not keep the rate"

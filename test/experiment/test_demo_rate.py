@@ -98,11 +98,10 @@ def test_an_interrupted_run_is_done_again_more_slowly(run: Any) -> None:
     assert not any("take the results with care" in one for one in machine.said)
 
 
-def test_a_run_with_other_gains_than_the_scenes_is_done_again(run: Any) -> None:
+def test_of_a_run_with_other_gains_than_the_scenes_that_is_said(run: Any) -> None:
     machine = Machine(carries_hz=1000.0, prompt_hz=500.0)
-    assert run(machine) == pytest.approx(500.0)
-    assert any("gains allow, which were reduced" in sentence for sentence in machine.said)
-    assert not any("take the results with care" in one for one in machine.said)
+    assert run(machine) == pytest.approx(1000.0)
+    assert "gains allow, which were reduced: take the results with care" in machine.said[-1]
 
 
 def test_the_lowest_rate_is_run_whatever_it_gives_and_that_is_said(run: Any) -> None:
@@ -174,7 +173,6 @@ def test_reduced_gains_are_found_in_the_diagnostics(
     monkeypatch.setattr(demo, "Graph", graph)
     run = record_graph("five_bar", tmp_path / "bag", False, 1.0)
     assert run.reduced_gains is reduced
-    assert run.kept is not reduced
 
 
 def starved(command: Sequence[str], *arguments: Any, **options: Any) -> Any:
