@@ -359,13 +359,13 @@ class Graph:
         Raises:
             NodeDiedError: one that was never up; it would not be the next time either.
         """
-        endings_seen, pids = [], self._readiness.pids()
+        sentences, pids = [], self._readiness.pids()
         for name in self.ended():
             if self.processes[name].pid not in pids:
                 check_running(name, self.processes[name])
-            endings_seen.append(f"{ending(name, self.processes[name])}: it is started again")
+            sentences.append(f"{ending(name, self.processes[name])}: it is started again")
             self.restart(name)
-        return endings_seen
+        return sentences
 
     def kill(self, name: str) -> None:
         """End a process as a crash would: without warning."""

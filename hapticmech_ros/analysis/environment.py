@@ -322,13 +322,13 @@ def transfer(
         late = np.exp(-1.5 * period * s)
         return np.asarray(late * wanted / (s**2 + late * wanted + pushed))
     servo = 2.0 * RATE * s + RATE**2
-    branches = {
+    forwards = {
         "position": RATE**2 + 0.0 * s,
         "trajectory": servo,
         "velocity": 2.0 * RATE * (s + CORRECTION),
     }
-    held = s**2 + (branches["velocity"] if interface == "velocity" else servo)
-    given = branches[interface]
+    held = s**2 + (forwards["velocity"] if interface == "velocity" else servo)
+    given = forwards[interface]
     return np.asarray(wanted * given / ((s**2 + wanted) * (held + pushed) + pushed * given))
 
 

@@ -298,8 +298,8 @@ def _waiting(missing: Sequence[str]) -> str:
 
 
 def _expect(events: Iterator[dict[str, Any]], name: str) -> None:
-    reason = (event for event in events if event["event"] != "nothing")
-    event = next(reason, {"event": "failed", "reason": "the recorder ended at once"})
+    some = (event for event in events if event["event"] != "nothing")
+    event = next(some, {"event": "failed", "reason": "the recorder ended at once"})
     if event["event"] != name:
         raise DemoError(f"recording failed: {event.get('reason', event)}")
 

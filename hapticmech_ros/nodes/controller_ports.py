@@ -1,8 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller gets from its device: order, age and delay of samples; samples of CRTK only.
+"""What a controller gets from its device, and what it publishes.
 
-What the controller publishes: commands to both sides, how they depend, and their account.
+Order, age and delay of samples; samples of CRTK only. Commands to both sides, how they depend on
+the hands' wrenches, and their account.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ class EngagementLog:
     def __init__(self, logger: Callable[[], Any], now_ns: Callable[[], int]) -> None:
         self._logger, self._now_ns = logger, now_ns
         self._logged_ns: int | None = None
-        self._untold, self._explained, self._reason, self._engaged = 0, 0, "", False
+        self._unlogged, self._explained, self._reason, self._engaged = 0, 0, "", False
 
     def engaged(self, explanation: str = "") -> None:
         """Say that the controller is engaged, unless it is told later why it was not.
@@ -109,7 +110,7 @@ class EngagementLog:
             explanation: what explains the last loss, if that has become known since; else empty.
         """
         self._engaged = True
-        if not self._untold:
+        if not self._unlogged:
             self._logger().info(f"engaged: {explanation}" if explanation else "engaged")
         elif explanation:
             self._explained, self._reason = self._explained + 1, f"{self._reason}: {explanation}"
@@ -125,7 +126,7 @@ class EngagementLog:
         if explanation:
             reason = f"{reason}: {explanation}"
         if self._logged_ns is not None and now - self._logged_ns < _PERIOD_NS:
-            self._untold, self._reason = self._untold + 1, reason
+            self._unlogged, self._reason = self._unlogged + 1, reason
             self._explained += bool(explanation)
             return
         self._logged_ns = now
@@ -143,14 +144,14 @@ class EngagementLog:
 
     def report_counts(self) -> None:
         """Say what has not been said; to be called once in ``PERIOD_S``."""
-        if not self._untold:
+        if not self._unlogged:
             return
         state = "engaged" if self._engaged else "disengaged"
-        times = f"{self._untold} more time{'s' * (self._untold > 1)}"
+        times = f"{self._unlogged} more time{'s' * (self._unlogged > 1)}"
         if self._explained:
             times += f" ({self._explained} by pauses of a process)"
         self._logger().warning(f"disengaged {times}, the last: {self._reason}; now {state}")
-        self._untold, self._explained, self._logged_ns = 0, 0, self._now_ns()
+        self._unlogged, self._explained, self._logged_ns = 0, 0, self._now_ns()
 
 
 NO_WRENCH = np.zeros(6)

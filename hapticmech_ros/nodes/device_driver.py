@@ -383,7 +383,7 @@ class DeviceDriver(ClockedActor[D]):
         self.held: DeviceState | None = None
         self._ticks_held = 0
         # Whether people have not been told yet that commands are obeyed no more.
-        self._let_go_untold = False
+        self._let_go_unpublished = False
         self.times_held = 0
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         self.latency = DurationHistogram()
@@ -531,7 +531,7 @@ class DeviceDriver(ClockedActor[D]):
         self._publish(deadline_ns)
         self._last_valid.keep(self._state)
         self.loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
-        if self._ticks % self.view_every == 0 or self._let_go_untold:
+        if self._ticks % self.view_every == 0 or self._let_go_unpublished:
             self._publish_view(deadline_ns)
         self._ticks += 1
 
@@ -550,7 +550,7 @@ class DeviceDriver(ClockedActor[D]):
         if gain is None or clock is None or acting is None or before is None or self.lockstep:
             return None
         posed = self._poses is not None and self._poses.goal(now) is not None
-        waits = self.backlog.owed or self._last_valid.resting or self._let_go_untold or posed
+        waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
         reported = (
             self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
         )
@@ -613,7 +613,7 @@ class DeviceDriver(ClockedActor[D]):
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
-        self._let_go_untold = False
+        self._let_go_unpublished = False
         self._operating.publish(self.node.active)
         self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
         self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
@@ -756,7 +756,7 @@ class DeviceDriver(ClockedActor[D]):
     def _let_go(self, now_ns: int) -> None:
         """Let the hand go, and begin anew with the next command."""
         self.held = None
-        self._let_go_untold = True
+        self._let_go_unpublished = True
         self.answers.let_go(now_ns)
         self.side.begin()
 

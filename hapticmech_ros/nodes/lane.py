@@ -74,9 +74,9 @@ def _name(environment: Mapping[str, str]) -> str:
     settings = [f"{name}={environment.get(name, '')}" for name in SETTINGS]
     found = Path("/proc/self/ns/net")
     network = str(found.readlink()) if found.exists() else ""
-    announced = hashlib.sha256("\n".join([network, *settings]).encode()).hexdigest()
+    settings_hash = hashlib.sha256("\n".join([network, *settings]).encode()).hexdigest()
     domain = environment.get(DOMAIN, "").strip() or "0"
-    return f"{hashlib.sha256(domain.encode()).hexdigest()[:6]}{announced[:10]}"
+    return f"{hashlib.sha256(domain.encode()).hexdigest()[:6]}{settings_hash[:10]}"
 
 
 def _private(folder: Path) -> Path:
@@ -358,8 +358,8 @@ def remove_socket(path: Path) -> None:
 
 def is_ours(connection: socket.socket) -> bool:
     """Return whether this user has the other end, and close a connection that is not kept."""
-    announced = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    _, user, _ = _CREDENTIALS.unpack(announced)
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    _, user, _ = _CREDENTIALS.unpack(credentials)
     if user == os.geteuid() and connection.fileno() < MOST_SOCKETS:
         return True
     connection.close()

@@ -318,14 +318,14 @@ class Sources:
             for info in self._node.get_publishers_info_by_topic(self._topic)
         ]
         names = [name for name, _ in found]
-        names = [
+        distinct = [
             name if names.count(name) == 1 else f"{name} ({gid[4:16].hex()})"
             for name, gid in sorted(found)
         ]
         # Two have spoken, whatever the middleware lists.
-        if len(names) < 2:
-            names.append("one without a name" if names else "two without a name")
-        return " and ".join(names)
+        if len(distinct) < 2:
+            distinct.append("one without a name" if distinct else "two without a name")
+        return " and ".join(distinct)
 
 
 STOPPED = "emergency stop"
