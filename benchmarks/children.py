@@ -131,10 +131,13 @@ def ids(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
 
 @contextmanager
 def busy_programs(count: int) -> Iterator[None]:
-    """Keep programs running meanwhile that never stop computing."""
+    """Keep programs running meanwhile that never stop computing, each in a session of its own.
+
+    As from other terminals: docs/realtime.md has what Linux does to those of the graph's session.
+    """
     with ExitStack() as stack:
         for _ in range(count):
-            process = start_process(BUSY, os.environ)
+            process = start_process(("setsid", *BUSY), os.environ)
             stack.callback(process.wait)
             stack.callback(process.kill)
         yield
