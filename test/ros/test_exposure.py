@@ -30,9 +30,8 @@ node = rclpy.create_node("reader")
 nodes = set(sys.argv[1:])
 while True:
     rclpy.spin_once(node, timeout_sec=0.05)
-    if not nodes <= set(node.get_node_names()) or node.count_publishers("/diagnostics") < len(nodes):
-        continue
-    if all(node.get_service_names_and_types_by_node(name, "/") for name in nodes):
+    met = nodes <= set(node.get_node_names()) and node.count_publishers("/diagnostics") == 4
+    if met and all(node.get_service_names_and_types_by_node(name, "/") for name in nodes):
         break
 links = [os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd") if fd > "2"]
 sockets = {link[8:-1] for link in links if link.startswith("socket:[")}
