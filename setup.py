@@ -84,7 +84,7 @@ setup(
         ]
     },
     install_requires=[
-        # Looked at when a command or a node starts, by hapticmech_ros/installation.py. The lowest
+        # Looked at when a command or a node starts, by hapticmech_ros/system/installation.py. The lowest
         # versions are those of Ubuntu 24.04 where these will do.
         # Comes with pin as well, which uses it by itself; contacts call it.
         "coal>=3,<4",

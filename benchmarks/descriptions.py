@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 import typer
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.formats import left_out

@@ -24,7 +24,7 @@ from ruamel.yaml import YAML
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
 from hapticmech_ros.scene import document_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.children import BenchError
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 
 # m, and s that a mechanism may take for it.
 WAY, LONGEST_S = 0.01, 5.0

@@ -5,7 +5,7 @@
 import sys
 
 from hapticmech_ros.errors import InstallationError
-from hapticmech_ros.installation import refuse_unmet
+from hapticmech_ros.system.installation import refuse_unmet
 
 
 def main() -> None:

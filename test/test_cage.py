@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros import cage
-from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.files import cage
+from hapticmech_ros.files.cage import CageError, Limits, caged
 from oracles.caged_work import work
 
 DESCRIPTORS = Path("/proc/self/fd")

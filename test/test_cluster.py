@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.study import Design, Variation, run_study
-from hapticmech_ros.workers import ClusterError, cluster, versions
+from hapticmech_ros.system.workers import ClusterError, cluster, versions
 from sampling import long_ones
 from study.counting import FOLDER
 
@@ -189,7 +189,7 @@ def test_a_worker_that_is_frozen_is_not_waited_for_without_an_end(scheduler, tmp
 
 def test_workers_with_other_packages_are_refused(workers, monkeypatch):
     monkeypatch.setattr(
-        "hapticmech_ros.workers.version", lambda name: "9.9" if name == "pin" else "1"
+        "hapticmech_ros.system.workers.version", lambda name: "9.9" if name == "pin" else "1"
     )
     assert versions()["pin"] == "9.9"
     with pytest.raises(ClusterError, match=r"pin .*, not 9\.9"), cluster(workers):

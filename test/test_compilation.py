@@ -236,7 +236,7 @@ def test_every_file_that_becomes_part_of_a_kernel_counts():
             names = {n.module for n in ast.walk(module) if isinstance(n, ast.ImportFrom)}
             own = {name.split(".", 1)[1] for name in names if name.startswith("hapticmech_ros.")}
             parts |= {name.replace(".", "/") + ".py" for name in own}
-    # Builder and decorators say how; arrays.py gives kernels nothing but the name of a type.
+    # Builder and decorators say how; numerics gives kernels nothing but the name of a type.
     how = ("arrays", "builder", "decorators", "inner_functions", "numba_types", "structures")
     parts |= {f"compilation/{name}.py" for name in how}
-    assert parts - {"arrays.py", "compilation.py"} == set(cache._SOURCES)
+    assert parts - {"numerics.py", "compilation.py"} == set(cache._SOURCES)

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros import cpu_list
+from hapticmech_ros.system import cpu_list
 from hapticmech_ros.graph import SHARING_NICE, Graph, GraphLoad, LoadWatch
-from hapticmech_ros.readiness import Report
+from hapticmech_ros.system.readiness import Report
 from real_time import grants_nice
 
 IDLE = GraphLoad(rate_hz=1000.0, cores=2.0, used=0.8, missed=0.0)

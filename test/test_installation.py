@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 from hapticmech_ros.errors import HapticMechError, InstallationError
-from hapticmech_ros.installation import OF_COMMANDS, PACKAGE, refuse_middleware, refuse_unmet
+from hapticmech_ros.system.installation import OF_COMMANDS, PACKAGE, refuse_middleware, refuse_unmet
 
 ROOT = Path(__file__).resolve().parents[1]
 BIN = Path(sys.prefix) / "bin"

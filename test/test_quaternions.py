@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from benchmarks.memory.growth import resident
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.numerics.quaternions import quaternion_of
 
 # What is never freed, 80 bytes a call, would come to 4 MB.
 CALLS, GROWTH = 50_000, 1_000_000

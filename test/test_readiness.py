@@ -10,9 +10,9 @@ import time
 
 import pytest
 
-from hapticmech_ros.readiness import ADDRESS, Readiness, report_ready
+from hapticmech_ros.system.readiness import ADDRESS, Readiness, report_ready
 
-PROGRAM = "from hapticmech_ros.readiness import report_ready; report_ready()"
+PROGRAM = "from hapticmech_ros.system.readiness import report_ready; report_ready()"
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_nobody_who_wants_to_know_is_no_error(address):
 
 def test_who_does_not_read_holds_nobody_up_for_long(readiness):
     """As where processes are started again and again, and nobody asks whether they are up."""
-    program = "from hapticmech_ros.readiness import report_ready\nfor _ in range(8): report_ready()"
+    program = "from hapticmech_ros.system.readiness import report_ready\nfor _ in range(8): report_ready()"
     subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {ADDRESS: readiness.address},

@@ -14,7 +14,7 @@ from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.control.measurements import device_of, point_ahead
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice, device_for
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.saturation import limited
+from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene.controller import Connection
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import CONTROL

@@ -9,11 +9,11 @@ import sys
 import time
 from pathlib import Path
 
-from hapticmech_ros.workers import worker_pool
+from hapticmech_ros.system.workers import worker_pool
 
 PARENT = """
 import os, time
-from hapticmech_ros.workers import worker_pool
+from hapticmech_ros.system.workers import worker_pool
 if __name__ == "__main__":
     pool = worker_pool(1)
     print(pool.submit(os.getpid).result(), flush=True)

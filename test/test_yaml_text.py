@@ -9,9 +9,9 @@ import pytest
 import yaml
 from ruamel.yaml import YAML
 
-from hapticmech_ros import yaml_text
+from hapticmech_ros.files import yaml_text
 from hapticmech_ros.errors import FileError
-from hapticmech_ros.yaml_text import read_yaml
+from hapticmech_ros.files.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted([*ROOT.glob("config/**/*.yaml"), *ROOT.glob("examples/*.yaml")])

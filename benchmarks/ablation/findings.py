@@ -15,7 +15,7 @@ from benchmarks.ablation.agreement import Agreement
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.ablation.scenes import Pair, Variant
 from hapticmech_ros.analysis.study import Show, silent
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.plan.scene_plan import ScenePlan
 from hapticmech_ros.session import Session
 

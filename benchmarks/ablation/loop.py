@@ -8,7 +8,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.session.tick_kernels import DEVICE, MECHANISM, OBSERVE, RECEIVE, RENDER, SENSE

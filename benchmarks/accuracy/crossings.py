@@ -27,7 +27,7 @@ from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.workers import answers
+from hapticmech_ros.system.workers import answers
 
 PERIODS = (1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3)
 INTEGRATORS = tuple(SCHEMES)

@@ -20,13 +20,13 @@ import numpy as np
 import typer
 
 from hapticmech_ros import Session
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.workers import answers
+from hapticmech_ros.system.workers import answers
 
 HARDER, MINUTE = 10.0, 60.0
 # Share of what was exchanged by which an account may be off and say nothing.

@@ -22,7 +22,7 @@ import typer
 from benchmarks.accuracy.cases import Case, cases
 from benchmarks.accuracy.run import Watch, read_output
 from benchmarks.machine import machine
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.cli.console import OutOption, console
 from hapticmech_ros.mechanism import Mechanism

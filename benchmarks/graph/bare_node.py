@@ -35,7 +35,7 @@ from hapticmech_ros.nodes.messages import (
     stamp_ns,
 )
 from hapticmech_ros.nodes.node_time import DurationHistogram, NodeTime, PeriodClock
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import (
     ANALYSER,
     ARRAY,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 # What a node's own figures measure: each message's arrival less its stamp.

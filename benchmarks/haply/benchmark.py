@@ -39,7 +39,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.loader import copy_scene
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE
 

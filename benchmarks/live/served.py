@@ -13,7 +13,7 @@ from types import TracebackType
 import numpy as np
 
 from benchmarks.live.browser import Page, wait_until
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.live.commands import LiveState, Open, Opened, Report
 from hapticmech_ros.live.live_picture import LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession

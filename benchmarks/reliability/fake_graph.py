@@ -30,7 +30,7 @@ from hapticmech_ros.nodes.sources import INSIDE, Listener, WithInfo
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from std_msgs.msg import Float64MultiArray, String, UInt8
 
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 LARGEST = sys.float_info.max
 SMALLEST = 5e-324

@@ -17,7 +17,7 @@ from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.numerics.times import nanoseconds
 
 GOAL_BACK_S, GOAL_PEAK = 2.0, 1.2
 # How long a fault is waited out, and what is said about it: a message that was lost is sent again

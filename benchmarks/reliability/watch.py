@@ -32,7 +32,7 @@ from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
 from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER
 from hapticmech_ros.nodes.realtime import Realtime, Request
 from hapticmech_ros.nodes.sources import Info, WithInfo
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import unpack_device

@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.robot.tasks import IIWA, IIWA_LIMITS
 from benchmarks.robot.trial import PERIOD, STEPS
 from hapticmech_ros import Mechanism, Session, load_scene
-from hapticmech_ros.arrays import Array
-from hapticmech_ros.quaternions import turned
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, Interface, servo_torque
 from hapticmech_ros.robot.law import Gains, OperationalLaw

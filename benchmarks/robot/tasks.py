@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.robot.law import OperationalLaw, Target
 from hapticmech_ros.scene import Scene

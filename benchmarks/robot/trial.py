@@ -24,7 +24,7 @@ from benchmarks.robot.tasks import (
     Task,
     straight,
 )
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism

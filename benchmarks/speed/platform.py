@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, scene_from_document
 

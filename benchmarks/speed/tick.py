@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.oracle import oracle
 from benchmarks.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene

@@ -47,7 +47,7 @@ from hapticmech_ros.analysis.scene_variants import (
 )
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, plain, silent
 from hapticmech_ros.analysis.touch import Setup, touched
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
@@ -68,7 +68,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample
-from hapticmech_ros.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Lost, Workers, in_order
 
 # Gain margin of the chosen gains.
 GAIN_MARGIN = 2.0

@@ -24,7 +24,7 @@ from hapticmech_ros.analysis.touch import (
     samples_of,
     scripted,
 )
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene

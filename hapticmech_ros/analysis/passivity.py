@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, silent
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
@@ -32,7 +32,7 @@ from hapticmech_ros.scene.controller import Connection, damping_for
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
 from hapticmech_ros.session import Run, Session, SharedSession
-from hapticmech_ros.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Lost, Workers, in_order
 
 # Speed beyond which a device counts as having escaped from the hand, m/s or rad/s.
 ESCAPED = 1e3

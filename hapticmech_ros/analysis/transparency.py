@@ -38,7 +38,7 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.scene_variants import LOOPS, of_first_user, with_loop
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import Setup, fine_times, write_script
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.experiment.demo import record_graph

@@ -34,7 +34,7 @@ from hapticmech_ros.analysis.impedance import (
 )
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import (

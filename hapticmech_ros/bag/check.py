@@ -23,7 +23,7 @@ from hapticmech_ros.bag.reader import BagReader, BagTopic, MissingMessagesError,
 from hapticmech_ros.bag.storage import SUFFIXES, DamageError
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import TOPICS, topic_of
 
 

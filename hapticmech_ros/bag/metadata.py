@@ -31,7 +31,7 @@ from ruamel.yaml import YAML
 from hapticmech_ros.bag.storage import LATEST_NS, NO_DEFINITION, DamageError, StoredTopic
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import read_text
-from hapticmech_ros.yaml_text import read_yaml
+from hapticmech_ros.files.yaml_text import read_yaml
 
 # "For ever" as rmw and rosbag2 write it: the largest count of nanoseconds in 64 bits.
 INFINITE = QosTime(9223372036, 854775807)

@@ -41,7 +41,7 @@ from hapticmech_ros.bag.storage import (
 )
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.files import exists
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 # Type of a first field that begins with a stamp.

@@ -33,7 +33,7 @@ from hapticmech_ros.bag.storage import (
     unpacked,
 )
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import check_file, exists, is_file
 

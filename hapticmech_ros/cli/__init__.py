@@ -24,7 +24,7 @@ from hapticmech_ros.cli import (
     study,
 )
 from hapticmech_ros.cli.console import console, errors
-from hapticmech_ros.discovery import choose_discovery
+from hapticmech_ros.system.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
 
 app = typer.Typer(

@@ -15,7 +15,7 @@ import typer
 
 from hapticmech_ros.cli.console import TransportOption, console
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_middleware
 
 app = typer.Typer(
     help="Record, play, check, compare and repair rosbag2 bags.",

@@ -14,7 +14,7 @@ import typer
 
 from hapticmech_ros.cli.console import seconds_of
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.installation import refuse_middleware
+from hapticmech_ros.system.installation import refuse_middleware
 
 if TYPE_CHECKING:
     from hapticmech_ros.haply.emulator import Press

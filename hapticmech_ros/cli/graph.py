@@ -28,10 +28,10 @@ from hapticmech_ros.cli.console import (
     console,
     seconds_of,
 )
-from hapticmech_ros.discovery import Discovery, choose_discovery
+from hapticmech_ros.system.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
-from hapticmech_ros.readiness import report_ready
+from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ from rich.markup import escape
 from rich.status import Status
 from rich.table import Table
 
-from hapticmech_ros.readiness import Report
+from hapticmech_ros.system.readiness import Report
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, REAL_DEVICES
 
 DEVICES = {DEVICE, *REAL_DEVICES}
@@ -243,9 +243,9 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.cpu_list import available_cores
+    from hapticmech_ros.system.cpu_list import available_cores
     from hapticmech_ros.graph import SHARING_NICE, AuxiliaryProcess, Graph, LoadWatch
-    from hapticmech_ros.installation import refuse_unmet
+    from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
@@ -500,7 +500,7 @@ def arguments_of(params_file: Path | None) -> tuple[str, ...]:
 
 def settings_of(texts: list[str]) -> dict[str, object]:
     """Return parameters given as ``[node.]name=value``; values are YAML, as ROS reads them."""
-    from hapticmech_ros.yaml_text import read_yaml
+    from hapticmech_ros.files.yaml_text import read_yaml
 
     found: dict[str, object] = {}
     for text in texts:

@@ -24,7 +24,7 @@ def live(
 ) -> None:
     """Serve a page to this machine's browser on which SCENE moves, until Ctrl-C."""
     from hapticmech_ros.cli.graph import stop_by_signals
-    from hapticmech_ros.installation import refuse_unmet
+    from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.live.commands import Backend, Open
     from hapticmech_ros.live.process import LiveProcess
     from hapticmech_ros.live.settings import VISER, changes_of, checked_address

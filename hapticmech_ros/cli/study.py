@@ -19,7 +19,7 @@ from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from hapticmech_ros.analysis.study import Results, Show
-    from hapticmech_ros.workers import Workers
+    from hapticmech_ros.system.workers import Workers
 from hapticmech_ros.cli.console import (
     ChangesOption,
     OutOption,
@@ -91,12 +91,12 @@ def workers_of(processes: int, address: str) -> Iterator[Workers]:
     """Yield who shares the work: processes of this machine, or of a cluster if it has an address.
 
     Raises:
-        HapticMechError: as :func:`hapticmech_ros.workers.cluster`.
+        HapticMechError: as :func:`hapticmech_ros.system.workers.cluster`.
     """
     if not address:
         yield processes
         return
-    from hapticmech_ros.workers import cluster
+    from hapticmech_ros.system.workers import cluster
 
     with cluster(address) as executor:
         yield executor

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from hapticmech_ros.arrays import Array
-from hapticmech_ros.cage import CageError, Limits, caged
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import check_file

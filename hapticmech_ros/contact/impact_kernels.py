@@ -35,10 +35,10 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, local, local_whole
 from hapticmech_ros.contact.layout import COULOMB, DAMPING, DISSIPATION, STIFFNESS, Contacts
-from hapticmech_ros.mechanism.kernels.small_matrices import dot_with_row, solve_in_place
+from hapticmech_ros.numerics.small_matrices import dot_with_row, solve_in_place
 
 # Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.
 OWN, GIVE, PUSH, FRICTION, ACROSS, SCALE_VALUES = 0, 1, 2, 3, 4, 5

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import SIZES
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.layout import (

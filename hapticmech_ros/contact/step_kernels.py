@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.contact.layout import (
     BEFORE,
@@ -65,7 +65,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot
+from hapticmech_ros.numerics.small_matrices import cross, dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 

@@ -43,7 +43,7 @@ the sample before, s, and (6,) F_h.
 
 from __future__ import annotations
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
     C2,
@@ -74,9 +74,9 @@ from hapticmech_ros.control.loop_layout import (
     POSE_ERROR,
     WITH_MODEL,
 )
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.mechanism.kernels.small_matrices import dot, solve_in_place
-from hapticmech_ros.saturation_kernels import limit
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
+from hapticmech_ros.numerics.saturation import limit
 
 ROW, MOST = 7, 3
 MEMORY_SIZE = 1 + MOST * ROW

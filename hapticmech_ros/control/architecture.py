@@ -33,7 +33,7 @@ from typing import ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import Clutch, engage, pose_error
 from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
@@ -51,9 +51,9 @@ from hapticmech_ros.control.measurements import (
     predicted_twist,
 )
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.quaternions import quaternion_of
-from hapticmech_ros.saturation import limited
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.quaternions import quaternion_of
+from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,
@@ -187,7 +187,7 @@ class ControlArchitecture:
     - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
       reads the error in the last one;
-    - keeps the limits (:func:`~hapticmech_ros.saturation.limited`) and the ramps of a new
+    - keeps the limits (:func:`~hapticmech_ros.numerics.saturation.limited`) and the ramps of a new
       engagement (:meth:`Clutch.ramp` for springs and dampers, :meth:`Clutch.force_ramp` for what
       follows from measured forces), and adds what is carried on from another grasp
       (:meth:`joined`);

@@ -33,9 +33,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_layout import BRAKE
-from hapticmech_ros.quaternions import turned
+from hapticmech_ros.numerics.quaternions import turned
 
 
 @dataclass(frozen=True, slots=True)

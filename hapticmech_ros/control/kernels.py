@@ -4,7 +4,7 @@
 
 What a scene and a clutch fix is laid out as
 :data:`~hapticmech_ros.control.loop_layout.SETTINGS`, measurements as
-:mod:`~hapticmech_ros.layout` says.
+:mod:`~hapticmech_ros.numerics.layout` says.
 
 Poses inside kernels: the logarithm, and the error between device and operational point.
 
@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.loop_layout import (
     BRAKE,
@@ -41,9 +41,9 @@ from hapticmech_ros.control.loop_layout import (
     POSE_ERROR,
     SETTINGS,
 )
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, Field, Layout
-from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot
-from hapticmech_ros.saturation_kernels import limit
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.small_matrices import cross, dot
+from hapticmech_ros.numerics.saturation import limit
 
 ONE = Field(1)
 # Random numbers' stream; messages sent, and lost; number of the newest that was received, and its

@@ -8,7 +8,7 @@ side: a node, or a session both. Energies are in J, wrenches in N and N m, world
 
 from __future__ import annotations
 
-from hapticmech_ros.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
 
 # By so much more than evenly a damper brakes in what is left of its time, at a start.
 BRAKE = 1.2

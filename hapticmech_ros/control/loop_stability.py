@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import OperationalModel
 

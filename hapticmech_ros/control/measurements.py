@@ -3,8 +3,8 @@
 """What goes into the controllers of Fig. 3 and what comes out, in one control period.
 
 As flat arrays they travel between nodes, and controllers read them. A device's sample is laid out
-as :data:`~hapticmech_ros.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism report of
-a point as :data:`~hapticmech_ros.layout.OPERATIONAL_MODEL` (139,). Units and frames are those of
+as :data:`~hapticmech_ros.numerics.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism report of
+a point as :data:`~hapticmech_ros.numerics.layout.OPERATIONAL_MODEL` (139,). Units and frames are those of
 the measurements.
 
 Measured poses are carried on to another time, so that those of different times can be compared:
@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.results import CompensatedResponse
 

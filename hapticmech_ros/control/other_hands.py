@@ -23,7 +23,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.account_kernels import (
     MEMORY_SIZE,
     MOST,
@@ -32,7 +32,7 @@ from hapticmech_ros.control.account_kernels import (
     remember_wrench,
 )
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 # Samples of another hand that are remembered.
 REMEMBERED = 64

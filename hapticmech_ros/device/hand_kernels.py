@@ -29,9 +29,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, put, shaped
-from hapticmech_ros.rotation_kernels import (
+from hapticmech_ros.numerics.rotation_kernels import (
     angular_rate,
     exp3,
     log3,

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.hand import (
     ALWAYS,

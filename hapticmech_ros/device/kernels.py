@@ -65,7 +65,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.hand_kernels import (
     LIMB_MASS,
@@ -75,16 +75,16 @@ from hapticmech_ros.device.hand_kernels import (
     grip_wrench,
     hand_wrench,
 )
-from hapticmech_ros.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
-from hapticmech_ros.rotation_kernels import (
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
+from hapticmech_ros.numerics.small_matrices import dot
+from hapticmech_ros.numerics.rotation_kernels import (
     exp3,
     log3,
     multiply,
     multiply_transposed,
     quaternion_of,
 )
-from hapticmech_ros.saturation_kernels import limit
+from hapticmech_ros.numerics.saturation import limit
 
 ONE, THREE, SIX, PLACE = Field(1), Field(3), Field(6), Field(12)
 # Step and period, s; number of steps in a period; gain of the velocity filter; limits of the

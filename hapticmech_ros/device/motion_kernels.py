@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
-from hapticmech_ros.layout import DEVICE_SAMPLE, Field, Layout
-from hapticmech_ros.rotation_kernels import log3, multiply_transposed, rotation_of
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, Field, Layout
+from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, rotation_of
 
 SHARE, LONGEST_LAG = 0.1, 0.015
 # Samples further apart, s, say nothing of each other.

@@ -26,7 +26,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.motion_kernels import (
     ACCELERATION,
     AWAY,
@@ -40,7 +40,7 @@ from hapticmech_ros.device.motion_kernels import (
 )
 from hapticmech_ros.device.safety_kernels import SAFETY, Reason, apply_envelope
 from hapticmech_ros.scene.device import Device, most_servo_stiffness
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 # After a fault samples count again once they have been sound for so long, ns.
 SOUND_AFTER_NS = NANOSECONDS // 10

@@ -8,9 +8,9 @@ from enum import Enum
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.layout import Field, Layout
+from hapticmech_ros.numerics.layout import Field, Layout
 
 
 class Reason(str, Enum):

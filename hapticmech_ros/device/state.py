@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.kernels import DEVICE_STATE
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.numerics.quaternions import quaternion_of
 
 NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False

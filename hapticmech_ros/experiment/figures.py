@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLACK,

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import (
     COUPLING_PERIOD_S,
@@ -18,7 +18,7 @@ from hapticmech_ros.experiment.record import (
     couplings,
     first_push,
 )
-from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session, SharedSession
 from hapticmech_ros.simulation import MechanismState

@@ -24,7 +24,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.device.hand import grasp_schedule_of

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figures import (
     COUPLING,

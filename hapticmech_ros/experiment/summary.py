@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.record import (
     ExperimentRecord,
     GraphHealth,

@@ -34,7 +34,7 @@ from hapticmech_ros.formats.model import (
 )
 from hapticmech_ros.formats.shapes import find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.xml_nodes import Node, Source
-from hapticmech_ros.mjcf_compiler import TINY
+from hapticmech_ros.files.mjcf_compiler import TINY
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
 # MuJoCo's shape -> a scene's.

@@ -29,10 +29,10 @@ from urllib.parse import urlsplit
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.installation import refuse_unmet
+from hapticmech_ros.system.installation import refuse_unmet
 
 # The extra ``haply`` in setup.py says the same.
 WEBSOCKETS = "websockets>=13"

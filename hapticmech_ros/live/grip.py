@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.live.commands import Command, Drag, Draggable, DragState, Release
 from hapticmech_ros.mechanism import Mechanism

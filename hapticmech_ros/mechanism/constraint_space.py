@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv, singular_joint
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED

@@ -22,7 +22,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.closures import Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.inertia import SingularInertiaError

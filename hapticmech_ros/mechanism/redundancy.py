@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.closures import Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.mechanism import Mechanism

@@ -28,7 +28,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_delay import jitter_allowance
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError, shown
 from hapticmech_ros.loading import load_scene
@@ -47,7 +47,7 @@ from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Listener, Origin, Sources, WithInfo
 from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.scene.rules import check_limits
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.stamped import seconds_of

@@ -13,7 +13,7 @@ from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.messages import LATCHED, STREAM_PUBLISHER, set_stamp
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DEVICE_BUTTONS
 
 # Drivers of other people latch nothing, and so nobody here expects it: whoever comes late hears of

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
@@ -34,10 +34,10 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
-from hapticmech_ros.quaternions import turned
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.readings import DeviceReading
 from hapticmech_ros.wire.topics import (
@@ -57,7 +57,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import write_wrench
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import (
     CONTROLLER_ENERGY_FIELDS,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
 from hapticmech_ros.control.device_side_kernels import (

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
 from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 # How many messages may be on their way through the middleware to those who had them already, and
 # for how long: what comes later is somebody else's. A recorder without a processor may look at what

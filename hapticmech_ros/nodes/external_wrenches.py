@@ -19,13 +19,13 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from rclpy.subscription import Subscription
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import COMMAND_SUBSCRIBER, WORLD, checked_stamp, read_wrench
-from hapticmech_ros.quaternions import turned
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.quaternions import turned
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 WRENCH_TYPE = "geometry_msgs/msg/WrenchStamped"
 # How often the graph is searched for new publishers, s of the machine's clock.

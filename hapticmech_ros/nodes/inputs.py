@@ -20,9 +20,9 @@ from typing import Generic, TypeVar
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 
 def joints_read(message: JointState, names: Sequence[str]) -> tuple[Array, Array] | None:

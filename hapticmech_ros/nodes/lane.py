@@ -36,7 +36,7 @@ from typing import NamedTuple, Protocol
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.sources import INSIDE, Batch, BatchListener, Listener, Origin
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 # What decides whom the middleware finds, besides the network that the process is in.
 SETTINGS = (

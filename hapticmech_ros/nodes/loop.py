@@ -59,7 +59,7 @@ from rclpy.task import Future
 from hapticmech_ros.errors import HapticMechError, shown
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.lane_kernels import ENDED, LOOK_US, ROUNDS, abort_when_still
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 M = TypeVar("M")
 # Told what was wrong.

@@ -51,8 +51,8 @@ from hapticmech_ros.nodes.parameters import (
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.sources import Listener
 from hapticmech_ros.nodes.timeouts import OwnPauses
-from hapticmech_ros.readiness import Report, send_report
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.system.readiness import Report, send_report
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.loop_layout import ON_MECHANISM
 from hapticmech_ros.nodes.lane_kernels import (

@@ -12,7 +12,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_layout import COMMANDED
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
@@ -51,7 +51,7 @@ from hapticmech_ros.session.tick_kernels import (
     session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, energy_of, pack_energy

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 BIN_NS = 10_000
 BINS = 20_000

@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.other_hands import OtherHands, received_directly
-from hapticmech_ros.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop

@@ -14,9 +14,9 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from hapticmech_ros.control.tuning import SCENES, TUNED
-from hapticmech_ros.cpu_list import cpus_of
+from hapticmech_ros.system.cpu_list import cpus_of
 from hapticmech_ros.device.real_device import MOST_BUTTONS
-from hapticmech_ros.discovery import Transport
+from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
 from hapticmech_ros.nodes.timeouts import COMMAND, MECHANISM_COMMAND, ByRate
 

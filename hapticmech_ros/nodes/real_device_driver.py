@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.device.real_device import RealDevice
 from hapticmech_ros.device.safety import MotionCheck

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hapticmech_ros.cpu_list import cpus_of, listed
+from hapticmech_ros.system.cpu_list import cpus_of, listed
 
 if TYPE_CHECKING:
     from hapticmech_ros.nodes.parameters import NodeParameters, RealtimeMode

@@ -30,7 +30,7 @@ from hapticmech_ros.nodes.bags.recorded_topic import BagSpool
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, StopRequest, write_progress
 from hapticmech_ros.nodes.messages import LATCHED, RECORDER_SUBSCRIBER
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic, users_of

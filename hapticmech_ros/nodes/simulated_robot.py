@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.nodes.actor import ClockedActor, Host
@@ -19,7 +19,7 @@ from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, 
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
 from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.stamped import seconds_of
 
 # Of MuJoCo in a period.

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLUE,

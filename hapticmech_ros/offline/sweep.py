@@ -13,14 +13,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.workers import WorkerPool, Workers
+from hapticmech_ros.system.workers import WorkerPool, Workers
 
 # Longest step of prescribed joints (rad or m), so that loops stay on their branch.
 LONGEST_STEP = 0.02

@@ -38,7 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 
 # Singular values of S G are exact to a few machine epsilons; below this nothing is carried.
 RANK_TOLERANCE = 1e-10

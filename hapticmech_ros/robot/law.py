@@ -114,7 +114,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, PointKinematics

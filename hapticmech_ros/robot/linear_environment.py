@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 
 # Of the contact between tool and a mass, N/m and N s/m.

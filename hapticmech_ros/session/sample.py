@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
@@ -29,7 +29,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from hapticmech_ros.layout import TWIST, WRENCH, Field, Layout
+from hapticmech_ros.numerics.layout import TWIST, WRENCH, Field, Layout
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))

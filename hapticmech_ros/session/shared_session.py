@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, received_directly
 from hapticmech_ros.device import SimulatedDevice
@@ -22,7 +22,7 @@ from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import Run, Sample
 from hapticmech_ros.session.session import Session, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.times import nanoseconds
+from hapticmech_ros.numerics.times import nanoseconds
 
 _NO_RECORDS = np.zeros((0, 0))
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import (
     Part,
     Size,
@@ -55,7 +55,7 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.kernels import PUSH as PUSHED
-from hapticmech_ros.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     CONTACT_WORK,

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from scipy.spatial import ConvexHull, QhullError
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.view.palette import AXES, FELT, LEGEND, MEANING, Colour
 from hapticmech_ros.view.shapes import Shape, rotation_to
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.operational import OperationalAnalysis

@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
 from hapticmech_ros.scene import Scene

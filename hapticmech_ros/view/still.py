@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import ClosureError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import is_massless

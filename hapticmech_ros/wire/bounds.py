@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
-from hapticmech_ros.layout import ANY, Layout
+from hapticmech_ros.numerics.layout import ANY, Layout
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.stamped import LAST_SECOND, stamp_of

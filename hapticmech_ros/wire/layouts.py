@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
 from hapticmech_ros.control.measurements import (
     device_of,
@@ -30,7 +30,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.rendering_controller import LedgerEntry
 from hapticmech_ros.device import NO_WRENCH, DeviceState
-from hapticmech_ros.layout import (
+from hapticmech_ros.numerics.layout import (
     DEVICE_SAMPLE,
     OPERATIONAL_MODEL,
     SECONDS,

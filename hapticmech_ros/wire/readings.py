@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation, PastRates
 from hapticmech_ros.scene.document import Limits
@@ -95,7 +95,7 @@ class DeviceReading(NamedTuple):
 
     Attributes:
         stamp_ns: its time, ns.
-        measured: (19,) a device's sample; see :mod:`~hapticmech_ros.layout`.
+        measured: (19,) a device's sample; see :mod:`~hapticmech_ros.numerics.layout`.
         round_trip: s, from a sample to its answer, as the device finds it; 0: not known.
         obeys: whether the device obeys servo_cf.
     """
@@ -111,7 +111,7 @@ class OperationalModelReading(NamedTuple):
 
     Attributes:
         stamp_ns: time it stands for, ns.
-        operational_model: (139,) an operational model; see :mod:`~hapticmech_ros.layout`.
+        operational_model: (139,) an operational model; see :mod:`~hapticmech_ros.numerics.layout`.
         commanded: whether the mechanism heard the controller's commands then.
         grasp: bytes of where the operational point is: others, where it is elsewhere.
     """

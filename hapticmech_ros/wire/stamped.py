@@ -14,7 +14,7 @@ import struct
 from collections.abc import Sequence
 
 from hapticmech_ros.errors import InvalidInputError, OutputError
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 # builtin_interfaces/Time has seconds in 32 bits with a sign: it ends in January 2038.
 LAST_SECOND = 2**31 - 1

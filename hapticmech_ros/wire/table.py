@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.layout import Layout
+from hapticmech_ros.numerics.layout import Layout
 from hapticmech_ros.wire.layouts import (
     CONTROLLER_ENERGY_FIELDS,
     DEVICE_ENERGY_FIELDS,

@@ -16,7 +16,7 @@ from hapticmech_ros.analysis.study import Marked, Results, Sheet, judged, number
 from hapticmech_ros.cli.study import carry_out, numbers
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import new_figure
-from hapticmech_ros.workers import in_order
+from hapticmech_ros.system.workers import in_order
 
 
 @dataclass(frozen=True)

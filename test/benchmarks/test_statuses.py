@@ -12,7 +12,7 @@ from benchmarks.graph.statuses import (
     said,
     status_of,
 )
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.topics import DEVICE
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from hapticmech_ros.cli import graph
 from hapticmech_ros.cli.graph import line_of, nothing_rendered, show_ends
-from hapticmech_ros.readiness import ADDRESS, Readiness, Report, report_ready, send_report
+from hapticmech_ros.system.readiness import ADDRESS, Readiness, Report, report_ready, send_report
 
 DEVICE = Report(
     "/haptic_device",

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from hapticmech_ros import installation
+from hapticmech_ros.system import installation
 from hapticmech_ros.cli.live import live
 from hapticmech_ros.errors import InstallationError, InvalidInputError
 from hapticmech_ros.live.settings import VISER

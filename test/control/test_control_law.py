@@ -25,7 +25,7 @@ from hapticmech_ros.control.measurements import (
     point_of,
 )
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.saturation import limited
+from hapticmech_ros.numerics.saturation import limited
 from oracles.controllers import FREE, control_of
 
 # Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.

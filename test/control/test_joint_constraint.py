@@ -8,7 +8,7 @@ import pytest
 from hapticmech_ros import Simulator, analyse, load_scene
 from hapticmech_ros.control import OperationalModel
 from hapticmech_ros.control.kernels import scale_within
-from hapticmech_ros.saturation import limited
+from hapticmech_ros.numerics.saturation import limited
 from oracles.controllers import answered, control_of
 
 SOFT = {"stiffness": 100.0, "damping": 3.0, "force_limit": 1e9, "torque_limit": 1e9}

@@ -6,7 +6,7 @@ import numpy as np
 
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
-from hapticmech_ros.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
 
 PERIOD = 1e-3

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros import rotation_kernels
+from hapticmech_ros.numerics import rotation_kernels
 
 PI = np.pi
 ANGLES = (

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.platform import stewart_platform
-from hapticmech_ros.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored

@@ -11,7 +11,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.kernels.small_matrices import orthogonalise
+from hapticmech_ros.numerics.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator

@@ -20,7 +20,7 @@ from hapticmech_ros.device.safety import ANGULAR_STIFFNESS, STIFFNESS, PositionS
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.quaternions import quaternion_of
+from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.device import SERVO_ANGLE, Device, device_presets
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS

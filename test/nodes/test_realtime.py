@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from hapticmech_ros.cpu_list import cpus_of, listed
+from hapticmech_ros.system.cpu_list import cpus_of, listed
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import realtime
 from hapticmech_ros.nodes.parameters import (

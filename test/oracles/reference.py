@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project

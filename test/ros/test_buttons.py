@@ -19,7 +19,7 @@ from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.buttons import ButtonOutput, joy_buttons
 from hapticmech_ros.nodes.mechanism_ports import closure_button
 from hapticmech_ros.nodes.messages import LATCHED
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros

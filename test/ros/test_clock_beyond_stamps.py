@@ -14,7 +14,7 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
 from hapticmech_ros.wire.stamped import LAST_NS, LAST_SECOND
 from ros.harness import Peer, figures

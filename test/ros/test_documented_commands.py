@@ -26,7 +26,7 @@ from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.messages import message_class
-from hapticmech_ros.readiness import ADDRESS, Readiness
+from hapticmech_ros.system.readiness import ADDRESS, Readiness
 from ros.harness import WAIT_S, Peer, figures, running, six
 from sampling import sampled
 

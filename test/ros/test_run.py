@@ -19,7 +19,7 @@ from benchmarks.children import wait_until
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.loading import find_scene
-from hapticmech_ros.readiness import ADDRESS, Readiness
+from hapticmech_ros.system.readiness import ADDRESS, Readiness
 from ros.harness import RATE, WAIT_S, Peer
 
 pytestmark = pytest.mark.ros

@@ -22,10 +22,10 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.model import Model
-from hapticmech_ros.mechanism.kernels.small_matrices import cross, dot, dot6
+from hapticmech_ros.numerics.small_matrices import cross, dot, dot6
 
 
 @leaf

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import add_pair, pair_power, pull_between
 from hapticmech_ros.mechanism.kernels.model import Data, Model

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, shaped
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED, factor_band
@@ -54,7 +54,7 @@ from hapticmech_ros.mechanism.kernels.model import (
     Model,
     unpack,
 )
-from hapticmech_ros.mechanism.kernels.small_matrices import (
+from hapticmech_ros.numerics.small_matrices import (
     EPSILON,
     cholesky,
     dot_rows,

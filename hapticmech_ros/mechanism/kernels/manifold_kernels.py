@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import (
@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import (
     REVOLUTE,
     SPHERICAL,
 )
-from hapticmech_ros.rotation_kernels import angular_rate, rotation_of
+from hapticmech_ros.numerics.rotation_kernels import angular_rate, rotation_of
 
 # Below this angle, rad, six terms of Bernoulli's series are exact to rounding, above it the closed
 # form is.

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, inner, structure
-from hapticmech_ros.layout import Field, Layout
+from hapticmech_ros.numerics.layout import Field, Layout
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 
 _ONE = Field(1)

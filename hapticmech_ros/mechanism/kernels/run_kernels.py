@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.mechanism.kernels.energy_kernels import (
     BALANCE,
@@ -49,7 +49,7 @@ from hapticmech_ros.mechanism.kernels.model import (
     unpack,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
-from hapticmech_ros.mechanism.kernels.small_matrices import dot
+from hapticmech_ros.numerics.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import (
     Work,
     aim,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import Part, Structure, inner, local, shaped, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
@@ -49,7 +49,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
     closure_bias,
     move_joints,
 )
-from hapticmech_ros.mechanism.kernels.small_matrices import (
+from hapticmech_ros.numerics.small_matrices import (
     cholesky,
     dot,
     dot_with_row,

@@ -44,7 +44,7 @@ from hapticmech_ros.nodes.loop import (
     wait_for_messages,
 )
 from hapticmech_ros.nodes.messages import message_class, wait_until_acknowledged
-from hapticmech_ros.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 Message = tuple[str, int, bytes]
 # A recorder hears latched messages only when discovery is through: until then they count as there

@@ -36,7 +36,7 @@ from hapticmech_ros.errors import BagError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.nodes.sources import Batch, Info, Origin, WithInfo
-from hapticmech_ros.times import NANOSECONDS
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 FLUSH_PERIOD_S = 0.4
 # Most that may wait for a disk; what comes then is dropped, and counted.

@@ -1,9 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The name of an array's type, for everything that takes or returns one."""
+"""Arrays, rotations, small matrices, limits and layouts: what every computation here uses."""
 
 from __future__ import annotations
 
 import numpy as np
 
+# For everything that takes or returns one.
 Array = np.ndarray

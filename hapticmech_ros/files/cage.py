@@ -28,7 +28,7 @@ from hapticmech_ros.errors import HapticMechError
 PATIENCE = 30
 START = 120
 _STATM = Path("/proc/self/statm")
-_CODE = "import hapticmech_ros.cage as cage; cage.work_in_child()"
+_CODE = "import hapticmech_ros.files.cage as cage; cage.work_in_child()"
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.compilation import inner
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import dot
 
 
 def limited(wrench: Array, force_limit: float, torque_limit: float) -> Array:
@@ -27,3 +29,12 @@ def limited(wrench: Array, force_limit: float, torque_limit: float) -> Array:
     if torque > torque_limit:
         shortened[3:] *= torque_limit / torque
     return shortened
+
+
+@inner
+def limit(vector: Array, largest: float) -> None:
+    """Shorten a force or a torque (3,) to its limit, its direction kept."""
+    length = np.sqrt(dot(vector, vector))
+    if length > largest:
+        for i in range(3):
+            vector[i] *= largest / length

@@ -32,7 +32,7 @@ from multiprocessing import connection, get_context, parent_process
 from typing import Any, Generic, TypeVar
 
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.installation import refuse_unmet
+from hapticmech_ros.system.installation import refuse_unmet
 
 Given = TypeVar("Given")
 Found = TypeVar("Found")

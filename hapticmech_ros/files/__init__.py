@@ -130,9 +130,9 @@ def shared(relative: str) -> Path | None:
 def _folders() -> Iterator[Path]:
     here = Path(__file__).resolve()
     # The source tree: the package's folder stands beside config/.
-    yield here.parents[1]
+    yield here.parents[2]
     # Installed, lib/pythonX.Y/site-packages/hapticmech_ros/: the prefix is a few levels up.
-    for parent in here.parents[2:6]:
+    for parent in here.parents[3:7]:
         yield parent / "share" / PACKAGE
     yield Path(sys.prefix) / "share" / PACKAGE
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, local
 
 EPSILON = 2.220446049250313e-16

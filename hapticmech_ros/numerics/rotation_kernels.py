@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.arrays import Array
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
 
 EPSILON = 2.220446049250313e-16
