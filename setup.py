@@ -84,8 +84,8 @@ setup(
         ]
     },
     install_requires=[
-        # Looked at when a command or a node starts, by hapticmech_ros/system/installation.py. The lowest
-        # versions are those of Ubuntu 24.04 where these will do.
+        # Looked at when a command or a node starts, by hapticmech_ros/system/installation.py. The
+        # lowest versions are those of Ubuntu 24.04 where these will do.
         # Comes with pin as well, which uses it by itself; contacts call it.
         "coal>=3,<4",
         # Unpacks chunks of bags; rosbags needs it as well.

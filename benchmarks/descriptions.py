@@ -20,12 +20,12 @@ import numpy as np
 import pinocchio as pin
 import typer
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.formats import left_out
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.simulation import Simulator
 
 # Packages of PyPI, and where in them there are descriptions of mechanisms.

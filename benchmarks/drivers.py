@@ -24,9 +24,9 @@ from ruamel.yaml import YAML
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS

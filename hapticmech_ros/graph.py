@@ -26,10 +26,10 @@ from types import TracebackType
 from typing import Any
 
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.system.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.system.installation import refuse_middleware
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.system.discovery import choose_discovery
+from hapticmech_ros.system.installation import refuse_middleware
 from hapticmech_ros.system.readiness import ADDRESS, SHOWN, Readiness, Report
 from hapticmech_ros.wire.topics import PAGE, VIEWER
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros.system import discovery
-from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE, choose_discovery, exposure
 from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment
+from hapticmech_ros.system import discovery
+from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE, choose_discovery, exposure
 
 LOOPBACK = str(shared("config/dds/loopback_udp.xml"))
 NETWORK = str(shared("config/dds/discovery.xml"))

@@ -60,7 +60,7 @@ def test_nobody_who_wants_to_know_is_no_error(address):
 
 def test_who_does_not_read_holds_nobody_up_for_long(readiness):
     """As where processes are started again and again, and nobody asks whether they are up."""
-    program = "from hapticmech_ros.system.readiness import report_ready\nfor _ in range(8): report_ready()"
+    program = "import hapticmech_ros.system.readiness as r\nfor _ in range(8): r.report_ready()"
     subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {ADDRESS: readiness.address},

@@ -9,8 +9,8 @@ import pytest
 import yaml
 from ruamel.yaml import YAML
 
-from hapticmech_ros.files import yaml_text
 from hapticmech_ros.errors import FileError
+from hapticmech_ros.files import yaml_text
 from hapticmech_ros.files.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[1]

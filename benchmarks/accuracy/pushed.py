@@ -20,10 +20,10 @@ import numpy as np
 import typer
 
 from hapticmech_ros import Session
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.system.workers import answers

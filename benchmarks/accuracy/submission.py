@@ -22,10 +22,10 @@ import typer
 from benchmarks.accuracy.cases import Case, cases
 from benchmarks.accuracy.run import Watch, read_output
 from benchmarks.machine import machine
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.cli.console import OutOption, console
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # s of each problem, and of them between two rows of its results.

@@ -18,7 +18,6 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.errors import InvalidInputError
@@ -28,10 +27,11 @@ from hapticmech_ros.nodes.messages import (
     message_class,
     set_stamp,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
-from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
 from hapticmech_ros.wire.layouts import (

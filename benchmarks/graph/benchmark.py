@@ -24,8 +24,8 @@ from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
-from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 # Node that answers -> the clocked one whose samples it answers.

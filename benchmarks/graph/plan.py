@@ -12,10 +12,10 @@ from typing import Literal
 
 from ruamel.yaml import YAML
 
-from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.system.discovery import Transport
 
 Layout = Literal["separate", "composed"]
 Kind = Literal["real", "bare"]

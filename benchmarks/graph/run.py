@@ -38,8 +38,8 @@ from benchmarks.machine import MachineLoad, Usage, load_between, usage
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.system.readiness import Readiness
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.system.readiness import Readiness
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE, MECHANISM
 
 ENGAGES_WITHIN_S = 30.0

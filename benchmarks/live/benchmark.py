@@ -16,13 +16,13 @@ import typer
 
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
-from hapticmech_ros.system.installation import refuse_unmet
 from hapticmech_ros.live.commands import Open, Reset
 from hapticmech_ros.live.settings import OWN_HAND, VISER, changes_of
 from hapticmech_ros.loading import load_scene, shipped_scenes
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.system.installation import refuse_unmet
 
 if TYPE_CHECKING:
     from benchmarks.live.browser import Page

@@ -22,9 +22,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from benchmarks.children import BenchError
 from benchmarks.live.browser import Page, wait_until
 from benchmarks.live.served import drag, sight
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
+from hapticmech_ros.numerics import Array
 
 PORT = 8790
 # The mouse jumps so far, px, and is still for so long, s, until the hand has come there.

@@ -13,7 +13,6 @@ from types import TracebackType
 import numpy as np
 
 from benchmarks.live.browser import Page, wait_until
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.live.commands import LiveState, Open, Opened, Report
 from hapticmech_ros.live.live_picture import LiveFrame, LivePicture, first_view
 from hapticmech_ros.live.live_session import LiveSession
@@ -22,6 +21,7 @@ from hapticmech_ros.live.page_controls import HIDDEN
 from hapticmech_ros.live.process import LiveProcess
 from hapticmech_ros.live.settings import changes_of
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 
 
 def asked(scene: str) -> Open:

@@ -14,9 +14,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from benchmarks.robot.tasks import Task
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.law import (
     Gains,
     Limited,

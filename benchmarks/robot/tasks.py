@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.law import OperationalLaw, Target
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Metric

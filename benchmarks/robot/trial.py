@@ -24,10 +24,10 @@ from benchmarks.robot.tasks import (
     Task,
     straight,
 )
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.follower import DisturbanceObserver, Observed, balanced
 from hapticmech_ros.robot.law import ForceTask, RobotState, Target
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall

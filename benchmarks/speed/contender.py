@@ -10,9 +10,9 @@ from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from benchmarks.accuracy.cases import Output
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 

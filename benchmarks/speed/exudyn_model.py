@@ -17,8 +17,8 @@ from benchmarks.speed.contender import (
     joint_place,
     refuse_what_no_peer_has,
 )
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, LinkFrame
 

@@ -12,8 +12,8 @@ import pinocchio as pin
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import State, UnsuitableError, refuse_what_no_peer_has
 from benchmarks.speed.exudyn_model import NAME
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame
 

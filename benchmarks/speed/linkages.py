@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.loading.loader import scene_as_written
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 # Theo Jansen's lengths, in thousandths of a metre here: the crank, the fixed pivot beside and below

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, scene_from_document
 
 # Of a tabletop hexapod: joints on circles (m), in pairs this far to both sides of 0°, 120°, 240°;

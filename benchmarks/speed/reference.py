@@ -24,8 +24,8 @@ from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import Reading, State, initial_state
 from benchmarks.speed.pinocchio_peer import PinocchioDynamics, local_rates
 from benchmarks.speed.problems import ASKED, PATH, Asked
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 COMMAND = "python -m benchmarks.speed.reference"

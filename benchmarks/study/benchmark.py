@@ -18,11 +18,11 @@ import typer
 
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, ProcessesOption, carry_out
-from hapticmech_ros.system.installation import refuse_unmet
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.study import Design, Variation, run_study
+from hapticmech_ros.system.installation import refuse_unmet
 from hapticmech_ros.system.workers import DASK, Workers, cluster
 
 SCENE, MEASURES = "five_bar", ("felt", "limits")

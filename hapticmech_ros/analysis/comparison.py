@@ -47,7 +47,6 @@ from hapticmech_ros.analysis.scene_variants import (
 )
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, plain, silent
 from hapticmech_ros.analysis.touch import Setup, touched
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
@@ -65,6 +64,7 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
 )
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample

@@ -49,9 +49,9 @@ from hapticmech_ros.analysis.touch import (
     samples_of,
     scripted,
 )
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
 from hapticmech_ros.robot.interfaces import CORRECTION, RATE, Interface, servo_torque

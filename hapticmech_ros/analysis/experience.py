@@ -26,9 +26,9 @@ import numpy as np
 
 from hapticmech_ros.analysis.scene_variants import at_once, held_by_nobody
 from hapticmech_ros.analysis.touch import Setup
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session

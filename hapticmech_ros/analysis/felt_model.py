@@ -42,11 +42,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis
 from hapticmech_ros.scene import Scene

@@ -24,8 +24,8 @@ from hapticmech_ros.analysis.touch import (
     samples_of,
     scripted,
 )
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ConstantWrenchHand

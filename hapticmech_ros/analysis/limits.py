@@ -62,7 +62,6 @@ from hapticmech_ros.analysis.scene_variants import (
 )
 from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
 from hapticmech_ros.analysis.touch import MassHeldDevice, Observe, Setup, touched
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
@@ -80,6 +79,7 @@ from hapticmech_ros.experiment.figure_style import (
     dress,
     new_figure,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.system.workers import Lost, Workers, in_order

@@ -29,12 +29,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.architecture import ControlArchitecture, device_inertia
 from hapticmech_ros.control.loop_stability import ON_CIRCLE, force_gain, lead_gains
 from hapticmech_ros.control.measurements import OperationalModel
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand
 

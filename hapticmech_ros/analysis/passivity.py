@@ -24,9 +24,9 @@ from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
 from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, silent
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Connection, damping_for
 from hapticmech_ros.scene.device import Device

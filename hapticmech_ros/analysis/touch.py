@@ -32,10 +32,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import COLUMNS, ScriptedHand
 from hapticmech_ros.session import Sample, Session

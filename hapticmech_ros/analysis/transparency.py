@@ -38,7 +38,6 @@ from hapticmech_ros.analysis.impedance import (
 from hapticmech_ros.analysis.scene_variants import LOOPS, of_first_user, with_loop
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import Setup, fine_times, write_script
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.experiment.demo import record_graph
@@ -53,6 +52,7 @@ from hapticmech_ros.experiment.figure_style import (
     new_figure,
 )
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire.cdr import decode

@@ -34,7 +34,6 @@ from hapticmech_ros.analysis.impedance import (
 )
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.hand import spring_gains
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import (
@@ -47,6 +46,7 @@ from hapticmech_ros.experiment.figure_style import (
     legend_outside,
     new_figure,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.hand import (

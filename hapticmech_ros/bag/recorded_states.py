@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateColumns, StateLayout, coordinate_names

@@ -33,9 +33,9 @@ from hapticmech_ros.bag.storage import (
     unpacked,
 )
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import check_file, exists, is_file
+from hapticmech_ros.files.cage import CageError, Limits, caged
 
 # With what a compressed message begins; a serialized one with 0.
 _ZSTD = b"\x28\xb5\x2f\xfd"

@@ -24,8 +24,8 @@ from hapticmech_ros.cli import (
     study,
 )
 from hapticmech_ros.cli.console import console, errors
-from hapticmech_ros.system.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.system.discovery import choose_discovery
 
 app = typer.Typer(
     name="hapticmech",

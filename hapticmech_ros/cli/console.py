@@ -16,8 +16,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.system.discovery import Transport
 
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
 

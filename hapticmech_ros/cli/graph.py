@@ -28,9 +28,9 @@ from hapticmech_ros.cli.console import (
     console,
     seconds_of,
 )
-from hapticmech_ros.system.discovery import Discovery, choose_discovery
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
+from hapticmech_ros.system.discovery import Discovery, choose_discovery
 from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
@@ -243,12 +243,12 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.system.cpu_list import available_cores
     from hapticmech_ros.graph import SHARING_NICE, AuxiliaryProcess, Graph, LoadWatch
-    from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.lockstep import LockstepRun, run_lockstep
+    from hapticmech_ros.system.cpu_list import available_cores
+    from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.wire.topics import PAGE, VIEWER
 
     if live and lockstep:

@@ -24,13 +24,13 @@ def live(
 ) -> None:
     """Serve a page to this machine's browser on which SCENE moves, until Ctrl-C."""
     from hapticmech_ros.cli.graph import stop_by_signals
-    from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.live.commands import Backend, Open
     from hapticmech_ros.live.process import LiveProcess
     from hapticmech_ros.live.settings import VISER, changes_of, checked_address
     from hapticmech_ros.live.still import StillScene
     from hapticmech_ros.loading import load_scene, shipped_scenes
     from hapticmech_ros.mechanism.inertia import NO_MASS, is_massless
+    from hapticmech_ros.system.installation import refuse_unmet
 
     address = checked_address("--host", host)
     refuse_unmet([VISER])

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from hapticmech_ros.numerics import Array
-from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.contact.mesh_corners import corners_of
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import check_file
+from hapticmech_ros.files.cage import CageError, Limits, caged
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.contacts import Mesh, Shape
 from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 

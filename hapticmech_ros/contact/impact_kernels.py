@@ -35,9 +35,9 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, local, local_whole
 from hapticmech_ros.contact.layout import COULOMB, DAMPING, DISSIPATION, STIFFNESS, Contacts
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot_with_row, solve_in_place
 
 # Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import SIZES
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.layout import (
@@ -45,6 +44,7 @@ from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel, se3
 from hapticmech_ros.mechanism.motion import plan_of
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 

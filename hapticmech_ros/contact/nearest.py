@@ -10,9 +10,9 @@ from __future__ import annotations
 import coal
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.contact.hull import Polytope
 from hapticmech_ros.contact.layout import FOUND_VALUES
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Shape, Sphere
 
 TOLERANCE = 1e-9

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
 from hapticmech_ros.contact.impact_kernels import (
     FRICTION,
@@ -56,6 +55,7 @@ from hapticmech_ros.contact.layout import (
 from hapticmech_ros.contact.touch_kernels import tangents
 from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, to_metric
 from hapticmech_ros.mechanism.kernels.model import Data, Model
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot, dot_rows
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.contact.layout import (
     BEFORE,
@@ -65,9 +64,10 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.numerics.small_matrices import cross, dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import cross, dot
 
 
 @inner

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
 from hapticmech_ros.contact.layout import (
     CYLINDER,
@@ -47,6 +46,7 @@ from hapticmech_ros.contact.layout import (
     Contacts,
 )
 from hapticmech_ros.mechanism.kernels.model import Data
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot
 
 # Corners that a polygon may have, and those that stand for a disk: as the face of a cylinder that

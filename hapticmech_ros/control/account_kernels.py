@@ -43,7 +43,6 @@ the sample before, s, and (6,) F_h.
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
     C2,
@@ -74,9 +73,10 @@ from hapticmech_ros.control.loop_layout import (
     POSE_ERROR,
     WITH_MODEL,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
 from hapticmech_ros.numerics.saturation import limit
+from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
 
 ROW, MOST = 7, 3
 MEMORY_SIZE = 1 + MOST * ROW

@@ -33,7 +33,6 @@ from typing import ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import Clutch, engage, pose_error
 from hapticmech_ros.control.kernels import control_wrenches
 from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
@@ -51,6 +50,7 @@ from hapticmech_ros.control.measurements import (
     predicted_twist,
 )
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.saturation import limited

@@ -33,8 +33,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_layout import BRAKE
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 
 

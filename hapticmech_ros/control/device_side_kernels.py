@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import (
     ANSWERED,
@@ -36,6 +35,7 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import COMMANDED, DEVICE_ACCOUNT, ON_HAND, ON_MECHANISM
 from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.numerics.saturation import limit
 

@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.loop_layout import (
     BRAKE,
@@ -41,9 +40,10 @@ from hapticmech_ros.control.loop_layout import (
     POSE_ERROR,
     SETTINGS,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, Field, Layout
-from hapticmech_ros.numerics.small_matrices import cross, dot
 from hapticmech_ros.numerics.saturation import limit
+from hapticmech_ros.numerics.small_matrices import cross, dot
 
 ONE = Field(1)
 # Random numbers' stream; messages sent, and lost; number of the newest that was received, and its

@@ -21,8 +21,8 @@ from math import ceil
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import (
     DESIGN_PHASE_LAG,

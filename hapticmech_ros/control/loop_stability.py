@@ -29,9 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.measurements import OperationalModel
+from hapticmech_ros.numerics import Array
 
 
 def force_gain(

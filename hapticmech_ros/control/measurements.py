@@ -3,9 +3,9 @@
 """What goes into the controllers of Fig. 3 and what comes out, in one control period.
 
 As flat arrays they travel between nodes, and controllers read them. A device's sample is laid out
-as :data:`~hapticmech_ros.numerics.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism report of
-a point as :data:`~hapticmech_ros.numerics.layout.OPERATIONAL_MODEL` (139,). Units and frames are those of
-the measurements.
+as :data:`~hapticmech_ros.numerics.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism
+report of a point as :data:`~hapticmech_ros.numerics.layout.OPERATIONAL_MODEL` (139,). Units and
+frames are those of the measurements.
 
 Measured poses are carried on to another time, so that those of different times can be compared:
 what the hand did acts on the mechanism some periods later than on a device that corrects commands

@@ -23,7 +23,6 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.account_kernels import (
     MEMORY_SIZE,
     MOST,
@@ -31,8 +30,9 @@ from hapticmech_ros.control.account_kernels import (
     mean_change,
     remember_wrench,
 )
-from hapticmech_ros.scene import Scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene import Scene
 
 # Samples of another hand that are remembered.
 REMEMBERED = 64

@@ -30,7 +30,6 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.device_side_kernels import (
     allow_command,
     available_energy,
@@ -42,6 +41,7 @@ from hapticmech_ros.control.device_side_kernels import (
 from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity

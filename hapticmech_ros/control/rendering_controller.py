@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.account_kernels import (
     account_for_answer,
     answer_sample,
@@ -44,6 +43,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene.controller import Connection
 

@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import hand_kernels as laws
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.hand import (
     ArmHand,
     ConstantWrenchHand,

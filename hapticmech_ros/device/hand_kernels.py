@@ -29,8 +29,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, put, shaped
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.rotation_kernels import (
     angular_rate,
     exp3,

@@ -12,7 +12,6 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.hand import (
     ALWAYS,
@@ -25,6 +24,7 @@ from hapticmech_ros.device.hand_kernels import OPEN
 from hapticmech_ros.device.kernels import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device, ForceSensor
 from hapticmech_ros.scene.hand import Hand

@@ -65,7 +65,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.device.hand_kernels import (
     LIMB_MASS,
@@ -75,8 +74,8 @@ from hapticmech_ros.device.hand_kernels import (
     grip_wrench,
     hand_wrench,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
-from hapticmech_ros.numerics.small_matrices import dot
 from hapticmech_ros.numerics.rotation_kernels import (
     exp3,
     log3,
@@ -85,6 +84,7 @@ from hapticmech_ros.numerics.rotation_kernels import (
     quaternion_of,
 )
 from hapticmech_ros.numerics.saturation import limit
+from hapticmech_ros.numerics.small_matrices import dot
 
 ONE, THREE, SIX, PLACE = Field(1), Field(3), Field(6), Field(12)
 # Step and period, s; number of steps in a period; gain of the velocity filter; limits of the

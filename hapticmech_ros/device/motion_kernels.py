@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, Field, Layout
 from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, rotation_of
 

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.impedance_device import ImpedanceDevice, device_for
 from hapticmech_ros.device.kernels import DEVICE_MODEL, DEVICE_STATE
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene

@@ -26,7 +26,6 @@ from dataclasses import astuple, dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.motion_kernels import (
     ACCELERATION,
     AWAY,
@@ -39,8 +38,9 @@ from hapticmech_ros.device.motion_kernels import (
     check_sample,
 )
 from hapticmech_ros.device.safety_kernels import SAFETY, Reason, apply_envelope
-from hapticmech_ros.scene.device import Device, most_servo_stiffness
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene.device import Device, most_servo_stiffness
 
 # After a fault samples count again once they have been sound for so long, ns.
 SOUND_AFTER_NS = NANOSECONDS // 10

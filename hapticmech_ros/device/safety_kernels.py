@@ -8,8 +8,8 @@ from enum import Enum
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import Field, Layout
 
 

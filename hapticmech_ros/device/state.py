@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.kernels import DEVICE_STATE
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 
 NO_WRENCH = np.zeros(6)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.system.cpu_list import available_cores
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_session, run_shared_session
@@ -31,8 +30,9 @@ from hapticmech_ros.graph import (
     stop_process,
 )
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.system.readiness import Report
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.system.cpu_list import available_cores
+from hapticmech_ros.system.readiness import Report
 
 RECORDER = "hapticmech_ros.nodes.recorder"
 # A graph whose nodes are up and of which topics are still missing after so long, s, may not fit.

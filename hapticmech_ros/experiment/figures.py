@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLACK,
@@ -51,6 +50,7 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.experiment.record import ExperimentRecord, SharedRecord, grips_of
 from hapticmech_ros.experiment.summary import count_changes, pose_errors
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, Link, LinkFrame
 from hapticmech_ros.view.placement import Skeleton, skeleton

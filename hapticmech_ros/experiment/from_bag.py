@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.reader import refuse_former_topics
 from hapticmech_ros.bag.recorded_states import states_from_bag
@@ -31,9 +30,10 @@ from hapticmech_ros.experiment.record import (
 )
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import build_tree
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
-from hapticmech_ros.scene import Scene
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.layouts import (
     ENERGY_NAMES,
     unpack_device,

@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import (
     COUPLING_PERIOD_S,
@@ -18,6 +17,7 @@ from hapticmech_ros.experiment.record import (
     couplings,
     first_push,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session, SharedSession

@@ -24,13 +24,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.metadata import losses_of, read_metadata
 from hapticmech_ros.device.hand import grasp_schedule_of
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.analysis import coupling
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.layouts import ENERGY_NAMES

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figures import (
     COUPLING,
@@ -38,6 +37,7 @@ from hapticmech_ros.experiment.summary import (
     summarise,
     summarise_shared,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 

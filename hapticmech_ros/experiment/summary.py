@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.record import (
     ExperimentRecord,
     GraphHealth,
@@ -26,6 +25,7 @@ from hapticmech_ros.experiment.record import (
     angle_between,
     grips_of,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 # Pauses longer than this (s) make a record incomplete: ten samples of the topics at view rate.

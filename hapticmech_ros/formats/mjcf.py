@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.files.mjcf_compiler import TINY
 from hapticmech_ros.formats.mjcf_compiled import SEEN, Compiled, pose
 from hapticmech_ros.formats.mjcf_equalities import Equalities
 from hapticmech_ros.formats.model import (
@@ -34,7 +35,6 @@ from hapticmech_ros.formats.model import (
 )
 from hapticmech_ros.formats.shapes import find_mesh, not_zero, refused_kind
 from hapticmech_ros.formats.xml_nodes import Node, Source
-from hapticmech_ros.files.mjcf_compiler import TINY
 
 JOINT_TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "spherical", "free": "free"}
 # MuJoCo's shape -> a scene's.

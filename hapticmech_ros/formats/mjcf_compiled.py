@@ -20,11 +20,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.errors import SceneError, nearest
+from hapticmech_ros.files.cage import CageError, Limits, caged
+from hapticmech_ros.files.mjcf_compiler import ARRAYS, compiled
 from hapticmech_ros.formats.tree import LINK_LIMIT
 from hapticmech_ros.formats.xml_nodes import NODE_LIMIT, Node, Source
-from hapticmech_ros.files.mjcf_compiler import ARRAYS, compiled
 from hapticmech_ros.scene.part import LARGEST
 
 

@@ -20,14 +20,14 @@ from typing import Any, TextIO
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import NO_WRENCH, DeviceState, ImpedanceDevice
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.haply.messages import INVERSE3, LONGEST_FRAME, WEBSOCKETS
-from hapticmech_ros.system.installation import refuse_unmet
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Compensation
+from hapticmech_ros.system.installation import refuse_unmet
 
 DEVICE_ID, GRIP_ID = "EM03", "EM13"
 # Of a wireless VerseGrip.

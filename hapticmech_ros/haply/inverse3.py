@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
@@ -23,6 +22,7 @@ from hapticmech_ros.haply.messages import (
     parsed,
     whole_state,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 # Of a period, how long an answer is waited for: a sample of this period, not of the last one.

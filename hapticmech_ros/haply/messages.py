@@ -29,9 +29,9 @@ from urllib.parse import urlsplit
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.system.installation import refuse_unmet
 
 # The extra ``haply`` in setup.py says the same.

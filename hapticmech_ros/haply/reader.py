@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.haply.messages import (
     Cursor,
@@ -26,6 +25,7 @@ from hapticmech_ros.haply.messages import (
     greeting,
     parsed,
 )
+from hapticmech_ros.numerics import Array
 
 # A movement is at least so long, m, and the two are within this of a right angle, rad.
 SHORTEST, SKEWEST = 0.05, np.deg2rad(15.0)

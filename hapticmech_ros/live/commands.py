@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol, get_args
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.live.commands import Command, Drag, Draggable, DragState, Release
 from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene import Scene

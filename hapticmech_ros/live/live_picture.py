@@ -24,16 +24,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Draggable, LiveState, Opened, UserState
 from hapticmech_ros.loading import find_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.results import felt_masses
-from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 from hapticmech_ros.view import (

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag import BagWriter
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.live.commands import (
@@ -42,9 +41,10 @@ from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active, flat_grasps
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
 from hapticmech_ros.session import Sample, SharedSession
-from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import STATE, user_prefixes

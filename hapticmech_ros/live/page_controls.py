@@ -21,7 +21,6 @@ import numpy as np
 import viser
 import viser.uplot
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import (
     Backend,
@@ -58,6 +57,7 @@ from hapticmech_ros.live.settings import (
     gain_sliders,
 )
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.view.palette import Colour
 

@@ -40,7 +40,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, solve_lower
@@ -50,6 +49,7 @@ from hapticmech_ros.mechanism.projection import Projected, project, refuse_flipp
 from hapticmech_ros.mechanism.refinement import Balance
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import DETERMINED, SINGULAR, SOLVER_RANK_TOLERANCE
+from hapticmech_ros.numerics import Array
 
 
 class Loops:

@@ -28,9 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import TreeModel, se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Closure, Coupling, LoopKind, OperationalPoint, Origin
 from hapticmech_ros.scene.rules import has_own_metric

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv, singular_joint
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
@@ -34,6 +33,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import TERMS_TAIL, Data, views_of
 from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.numerics import Array
 
 
 class PointKinematics(NamedTuple):

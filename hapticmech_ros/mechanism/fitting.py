@@ -22,12 +22,12 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.closures import Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, se3
 from hapticmech_ros.mechanism.tolerances import RESOLVED, SOLVER_RANK_TOLERANCE
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError
 from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 

@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.closures import (
     WORLD_AXES,
@@ -39,6 +38,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import NEAR, RESOLVED
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 

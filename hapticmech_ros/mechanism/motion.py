@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.schemes import SCHEMES
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.mechanism import Simulation
 
 NOTHING: Mapping[str, Array] = MappingProxyType({})

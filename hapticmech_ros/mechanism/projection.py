@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing
@@ -31,6 +30,7 @@ from hapticmech_ros.mechanism.tolerances import (
     PROJECTION_TOLERANCE,
     ROUNDING_TOLERANCE,
 )
+from hapticmech_ros.numerics import Array
 
 ASSEMBLY_TOLERANCE = 1e-12
 ASSEMBLY_ITERATIONS = 300

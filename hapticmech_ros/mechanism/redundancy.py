@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.closures import Active, LoopClosure
 from hapticmech_ros.mechanism.constraint_space import Closing, solve_lower
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.tolerances import SOLVER_RANK_TOLERANCE
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.mechanism import LoopKind
 
 POINT = ("x", "y", "z")

@@ -23,7 +23,6 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import failure
@@ -38,6 +37,7 @@ from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.mechanism.motion import Owed, Start, Stepped, end_of, not_finite
 from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
 from hapticmech_ros.mechanism.tolerances import ROUNDED_STEPS
+from hapticmech_ros.numerics import Array
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1

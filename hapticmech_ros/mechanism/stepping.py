@@ -14,7 +14,6 @@ from typing import cast
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InaccurateStepError
 from hapticmech_ros.mechanism.careful import careful_step
 from hapticmech_ros.mechanism.closures import Active
@@ -80,6 +79,7 @@ from hapticmech_ros.mechanism.tolerances import (
     PROJECTION_TOLERANCE,
     ROUNDING_TOLERANCE,
 )
+from hapticmech_ros.numerics import Array
 
 _NO_SAMPLES = np.zeros((0, 0))
 _NO_PUSHES = np.zeros((0, 10))

@@ -28,7 +28,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_delay import jitter_allowance
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError, shown
 from hapticmech_ros.loading import load_scene
@@ -46,8 +45,9 @@ from hapticmech_ros.nodes.node_time import Backlog, DurationHistogram, PeriodClo
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Listener, Origin, Sources, WithInfo
 from hapticmech_ros.nodes.timeouts import OwnPauses
-from hapticmech_ros.scene.rules import check_limits
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.scene.rules import check_limits
 from hapticmech_ros.wire.bounds import wrench_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.stamped import seconds_of
@@ -352,6 +352,7 @@ class Actor(Generic[P]):
         name: of the node, and of the executable.
         longest_wait_ns: for how long at most it waits for messages while active, ns, if it is to
             notice its own pauses and has no deadlines; else 0.
+        ends_forces: whether it drives a device, and so answers ``device/emergency_stop``.
         parameters: as they stand; replaced as a whole between two callbacks.
         scene, point: what is modelled, as one user has it, and the operational point held.
         shared_scene: the scene with all its ``hands``.
@@ -363,6 +364,7 @@ class Actor(Generic[P]):
     name: ClassVar[str]
     parameters_type: ClassVar[type[NodeParameters]]
     longest_wait_ns: ClassVar[int] = 0
+    ends_forces: ClassVar[bool] = False
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
@@ -27,6 +26,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     count_rigid,

@@ -22,13 +22,13 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Joy
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, stamp_ns
 from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
-from hapticmech_ros.scene.device import Motion
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene.device import Motion
 from hapticmech_ros.wire.topics import (
     DEVICE_BUTTONS,
     DEVICE_COMMAND,

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
     PERIOD,
@@ -43,6 +42,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
     write_stamp,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import (
     COMMANDED,
     GRASP,

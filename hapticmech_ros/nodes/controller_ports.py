@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
@@ -34,10 +33,11 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.parameters import ControllerParameters
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.readings import DeviceReading
 from hapticmech_ros.wire.topics import (

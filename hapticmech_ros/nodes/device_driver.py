@@ -23,12 +23,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Empty, Float64MultiArray
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.device import NO_WRENCH, DeviceState, SimulatedDevice
 from hapticmech_ros.device.safety import PositionServo, SafetyLimits, safety_limits
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host, LastValidState
@@ -47,6 +45,8 @@ from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
@@ -365,6 +365,8 @@ class DeviceDriver(ClockedActor[D]):
         held: its state when the hand could take hold; None if nobody is there.
         commanders: who publishes ``servo_cf``.
     """
+
+    ends_forces = True
 
     def __init__(self, node: Host, parameters: D) -> None:
         self._poses: PoseCommands | None = None

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
 from hapticmech_ros.control.device_side_kernels import (
@@ -51,6 +50,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE,

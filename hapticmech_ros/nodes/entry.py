@@ -13,10 +13,10 @@ import os
 import sys
 from collections.abc import Sequence
 
-from hapticmech_ros.system.discovery import choose_discovery
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.system.installation import OF_COMMANDS, refuse_middleware, refuse_unmet
 from hapticmech_ros.nodes.realtime import QuickStart
+from hapticmech_ros.system.discovery import choose_discovery
+from hapticmech_ros.system.installation import OF_COMMANDS, refuse_middleware, refuse_unmet
 from hapticmech_ros.wire.topics import DEVICE, FOLLOWER, HAPLY, PAGE, RELAY, ROBOT, VIEWER
 
 NODES = {

@@ -19,11 +19,11 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from rclpy.subscription import Subscription
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import ExpiringWrench
 from hapticmech_ros.nodes.messages import COMMAND_SUBSCRIBER, WORLD, checked_stamp, read_wrench
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.numerics.times import NANOSECONDS
 

@@ -14,7 +14,6 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
@@ -30,8 +29,9 @@ from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
-from hapticmech_ros.scene.hand import STILL_HAND
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
+from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP, device_bounds
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, HAND_WRENCH, START_HAND

@@ -20,8 +20,8 @@ from typing import Generic, TypeVar
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 

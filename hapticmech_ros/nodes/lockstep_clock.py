@@ -34,7 +34,6 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
@@ -57,8 +56,9 @@ from hapticmech_ros.nodes.messages import (
     set_stamp,
     write_wrench,
 )
-from hapticmech_ros.scene import Scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.cdr import FlatArray, array_stamp, decode, header_stamp
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device, whole_device
 from hapticmech_ros.wire.state import StateLayout

@@ -236,9 +236,10 @@ AWAKE_SHARE, AWAKE_NS = 10, 40_000
 # something else kept waiting would not have come earlier for looking at the clock.
 _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 # How often the middleware is looked at while the lane is waited for, with the first message or
-# deadline from then on, or by itself at the latest; and while there is more than was taken, or the
-# middleware brings messages of the lane's topics, as it did within the time below.
-LOOK_NS, LATEST_LOOK_NS, LOOK_OFTEN_NS = 4_000_000, 5_000_000, 200_000
+# deadline from then on, or so much later by itself: in a process that may be asked to end forces,
+# and in others, since each look costs a return to Python; and while there is more than was taken,
+# or the middleware brings messages of the lane's topics, as it did within the time below.
+STOPS_LOOK_NS, LOOK_NS, LATER_NS, LOOK_OFTEN_NS = 4_000_000, 8_000_000, 1_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
 # Callbacks in one look; and no more of them after so long: where much waits on the lane, one may
 # take seconds.
@@ -296,11 +297,15 @@ class Inbox:
     Args:
         executor: of the nodes.
         exchange: with the lane.
+        look_period_ns: how often the middleware is looked at while the lane is waited for.
     """
 
-    def __init__(self, executor: Executor, exchange: Exchange) -> None:
+    def __init__(
+        self, executor: Executor, exchange: Exchange, look_period_ns: int = LOOK_NS
+    ) -> None:
         self._executor = executor
         self._exchange = exchange
+        self._look_period_ns = look_period_ns
         self._look_ns = self._latest_ns = self._answer_ns = 0
         self._marked = False
         self._late_ns = 0
@@ -421,12 +426,17 @@ class Inbox:
         if self._marked or now - self._exchange.foreign_ns < STRANGE_NS:
             self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
         else:
-            self._look_ns, self._latest_ns = now + LOOK_NS, now + LATEST_LOOK_NS
+            self._look_ns = now + self._look_period_ns
+            self._latest_ns = self._look_ns + LATER_NS
         return self._marked
 
 
 class HasDeadlines(Protocol):
     """A node that says when it wants to act next."""
+
+    @property
+    def ends_forces(self) -> bool:
+        """Whether it is the node that is asked to end forces."""
 
     def look_at_clock(self) -> None:
         """Notice it if the machine's clock was set."""
@@ -448,7 +458,8 @@ def run_until(
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)  # type: ignore[arg-type]
-    inbox = Inbox(executor, exchange or Exchange())
+    period_ns = STOPS_LOOK_NS if any(node.ends_forces for node in nodes) else LOOK_NS
+    inbox = Inbox(executor, exchange or Exchange(), period_ns)
     _find_callers()
     gc.collect()
     gc.freeze()

@@ -51,8 +51,8 @@ from hapticmech_ros.nodes.parameters import (
 from hapticmech_ros.nodes.realtime import Realtime
 from hapticmech_ros.nodes.sources import Listener
 from hapticmech_ros.nodes.timeouts import OwnPauses
-from hapticmech_ros.system.readiness import Report, send_report
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.system.readiness import Report, send_report
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
@@ -279,6 +279,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self.trigger_activate()
         if self.failure is not None:
             raise self.failure
+
+    @property
+    def ends_forces(self) -> bool:
+        """Whether it is the node that is asked to end forces."""
+        return self._actor_type.ends_forces
 
     def next_deadline_ns(self) -> int | None:
         """Return when the node wants to go on by its own time; None: never, or by /clock."""

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.loop_layout import ON_MECHANISM
 from hapticmech_ros.nodes.lane_kernels import (
@@ -34,6 +33,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     time_of,
     wait_until,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 

@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
@@ -33,6 +32,7 @@ from hapticmech_ros.nodes.messages import (
     write_pose,
 )
 from hapticmech_ros.nodes.parameters import MechanismParameters
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.wire.bounds import pose_bounds, twist_bounds

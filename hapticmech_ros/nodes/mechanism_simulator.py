@@ -12,7 +12,6 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_layout import COMMANDED
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
@@ -38,6 +37,8 @@ from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
 from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
 from hapticmech_ros.session.sample import LeftState, totals_of
@@ -51,7 +52,6 @@ from hapticmech_ros.session.tick_kernels import (
     session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import ENERGY_FIELDS, energy_of, pack_energy

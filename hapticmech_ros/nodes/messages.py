@@ -36,11 +36,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import BagError, InvalidInputError, OutputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
-from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of

@@ -7,7 +7,6 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
@@ -20,11 +19,12 @@ from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
 from hapticmech_ros.nodes.plain_messages import PlainMessages, Publication, Received, frame_of
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import coupling, transmission
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation, PastRates
 from hapticmech_ros.operational.results import rank_of
-from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
 from hapticmech_ros.wire.layouts import (

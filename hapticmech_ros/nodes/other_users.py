@@ -13,14 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.other_hands import OtherHands, received_directly
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.inputs import Latest, Stamped
 from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.sources import Sources
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire, device_bounds
 from hapticmech_ros.wire.readings import read_device
 from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION

@@ -14,11 +14,11 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from hapticmech_ros.control.tuning import SCENES, TUNED
-from hapticmech_ros.system.cpu_list import cpus_of
 from hapticmech_ros.device.real_device import MOST_BUTTONS
-from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
 from hapticmech_ros.nodes.timeouts import COMMAND, MECHANISM_COMMAND, ByRate
+from hapticmech_ros.system.cpu_list import cpus_of
+from hapticmech_ros.system.discovery import Transport
 
 # Never: given at the start. Unconfigured: only while nothing is built from it. Any: at any time.
 Changes = Literal["never", "unconfigured", "any"]

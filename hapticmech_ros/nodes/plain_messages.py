@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 

@@ -10,7 +10,6 @@ from typing import TypeVar
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.device.real_device import RealDevice
 from hapticmech_ros.device.safety import MotionCheck
@@ -18,6 +17,7 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Host
 from hapticmech_ros.nodes.device_driver import DeviceDriver
 from hapticmech_ros.nodes.parameters import MountedParameters
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.holding_rules import pose_without_torques
 
 D = TypeVar("D", bound=MountedParameters)

@@ -15,7 +15,6 @@ import pinocchio as pin
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.device.real_device import Measured, RealDevice
 from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
@@ -25,8 +24,9 @@ from hapticmech_ros.nodes.inputs import joints_read
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER
 from hapticmech_ros.nodes.parameters import RelayParameters
 from hapticmech_ros.nodes.real_device_driver import RealDeviceDriver
-from hapticmech_ros.scene import Scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene import Scene
 
 # m and m/s that no device of this kind exceeds.
 FARTHEST, FASTEST = 2.0, 50.0

@@ -31,10 +31,10 @@ from hapticmech_ros.nodes.messages import (
 )
 from hapticmech_ros.nodes.robot_parameters import BY_RULE, FollowerParameters
 from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH, timeout_of
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order, load_arm
 from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, WrenchSensor
 from hapticmech_ros.robot.law import Gains, OperationalLaw, Tuning, inertia_ratio, loop_rates
-from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import twist_bounds
 from hapticmech_ros.wire.topics import EXTERNAL_WRENCH, POINT_POSE, POINT_TWIST
 from hapticmech_ros.wire.wrench import encode_wrench

@@ -19,13 +19,13 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hapticmech_ros.system.discovery import exposure
 from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
 from hapticmech_ros.nodes.timeouts import OwnPauses
+from hapticmech_ros.system.discovery import exposure
 from hapticmech_ros.system.readiness import SHOWN, report_ready
 
 if TYPE_CHECKING:

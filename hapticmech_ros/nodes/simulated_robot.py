@@ -10,16 +10,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.nodes.actor import ClockedActor, Host
 from hapticmech_ros.nodes.inputs import Latest, numbers_in
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, set_stamp
 from hapticmech_ros.nodes.robot_parameters import SimulatedRobotParameters
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.robot.interfaces import servo_torque
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
-from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.stamped import seconds_of
 
 # Of MuJoCo in a period.

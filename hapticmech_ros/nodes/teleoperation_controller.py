@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import Clutch, ControlArchitecture
 from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
@@ -22,7 +21,6 @@ from hapticmech_ros.control.rendering_controller import (
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.device.motion_kernels import MOTION
 from hapticmech_ros.device.safety import MotionCheck
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
@@ -50,9 +48,11 @@ from hapticmech_ros.nodes.plain_messages import (
 )
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
 from hapticmech_ros.wire.readings import (

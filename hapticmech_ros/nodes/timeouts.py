@@ -28,8 +28,8 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.inputs import NEVER
 from hapticmech_ros.nodes.lane_kernels import SHORTEST_PAUSE_NS
 from hapticmech_ros.nodes.sources import Origin
-from hapticmech_ros.scene.device import Device
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene.device import Device
 
 _REMEMBERED = 16
 MINUTE_NS = 60 * NANOSECONDS

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
+from hapticmech_ros.numerics import Array
 
 EPSILON = 2.220446049250313e-16
 # Below this angle, rad, four terms of a series are exact to rounding.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, local
+from hapticmech_ros.numerics import Array
 
 EPSILON = 2.220446049250313e-16
 SWEEPS = 60

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.bag.recorded_states import RecordedStates
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active, flat_grasp, grasp_of
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import ConstraintCounter
-from hapticmech_ros.numerics.times import NANOSECONDS
 
 # Number of states between reports of progress.
 TOLD = 1000

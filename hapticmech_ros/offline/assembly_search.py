@@ -12,12 +12,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import ClosureError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.projection import assemble
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint
 from hapticmech_ros.system.workers import worker_pool

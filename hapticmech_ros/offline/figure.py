@@ -11,7 +11,6 @@ import numpy.typing as npt
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.figure_style import (
     AXIS_COLOURS,
     BLUE,
@@ -24,6 +23,7 @@ from hapticmech_ros.experiment.figure_style import (
     legend,
     new_figure,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.offline.analysis import AnalysedStates, FeltStates
 from hapticmech_ros.offline.sweep import PrescribedJoint, SweptStates
 from hapticmech_ros.scene import Scene

@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.offline.analysis import FeltStates, felt_states
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene

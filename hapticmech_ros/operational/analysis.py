@@ -28,7 +28,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation, failure
@@ -36,6 +35,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.observation import Observation, observation_layout
 from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, consistent_wrench, observe_point
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import PointKinematics
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.operational.observe_kernels import (
     BEGUN,
     COUNT,

@@ -51,9 +51,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces, element_resistance
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -67,6 +65,10 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
 )
 from hapticmech_ros.mechanism.kernels.model import ERROR, LEAST, RANK, SPARSE, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 from hapticmech_ros.numerics.small_matrices import (
     cholesky,
     dot,
@@ -75,8 +77,6 @@ from hapticmech_ros.numerics.small_matrices import (
     orthogonalise,
     solve_lower,
 )
-from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
 # this share of the length, or the prediction is not used.

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.device import ImpedanceDevice, device_for
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
@@ -30,6 +28,8 @@ from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
 from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.operational.results import felt_masses

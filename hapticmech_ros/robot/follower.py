@@ -49,12 +49,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import Clutch, engage
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import dtrsv
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState, WrenchSensor
 from hapticmech_ros.robot.law import OperationalLaw, RobotState, Target, Tuning, TuningRamp

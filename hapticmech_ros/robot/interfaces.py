@@ -42,12 +42,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.inertia import dtrsv
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.robot.law import Command, OperationalLaw, Target
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
-from hapticmech_ros.numerics.saturation import limited
 
 _METRIC = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
 

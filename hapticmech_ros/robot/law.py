@@ -114,12 +114,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.clutch import pose_error
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv
 from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.results import RANK_TOLERANCE
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 
 # Of the contact between tool and a mass, N/m and N s/m.
 CONTACT = 20e3, 40.0

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InstallationError, InvalidInputError
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.linear_environment import LinearEnvironment
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint

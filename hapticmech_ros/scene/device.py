@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from hapticmech_ros.files import shared
-from hapticmech_ros.scene.part import Flag, Name, NonNegative, Part, Positive, Real, Vector3
 from hapticmech_ros.files.yaml_text import read_yaml
+from hapticmech_ros.scene.part import Flag, Name, NonNegative, Part, Positive, Real, Vector3
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
+from hapticmech_ros.files.yaml_text import document_in, read_yaml
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST
 from hapticmech_ros.scene.rules import broken_rules
-from hapticmech_ros.files.yaml_text import document_in, read_yaml
 
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?"
 _DEGREES = rf"([-+]?{_NUMBER}) *deg"

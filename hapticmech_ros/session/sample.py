@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlOutput, OperationalModel
 from hapticmech_ros.control.loop_layout import ANSWER
 from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism import PointKinematics
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.tick_kernels import TOTALS, SessionData

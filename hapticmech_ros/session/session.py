@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.account_kernels import MEMORY_SIZE
@@ -44,10 +43,12 @@ from hapticmech_ros.device import (
 from hapticmech_ros.device.kernels import DEVICE_MODEL
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation
@@ -88,7 +89,6 @@ from hapticmech_ros.session.tick_kernels import (
     session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.numerics.times import nanoseconds
 
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching

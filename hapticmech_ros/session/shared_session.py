@@ -10,19 +10,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands, received_directly
 from hapticmech_ros.device import SimulatedDevice
 from hapticmech_ros.errors import InvalidInputError, nearest
 from hapticmech_ros.mechanism.motion import NOTHING
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coupling, transmission
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import Run, Sample
 from hapticmech_ros.session.session import Session, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
-from hapticmech_ros.numerics.times import nanoseconds
 
 _NO_RECORDS = np.zeros((0, 0))
 

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import (
     Part,
     Size,
@@ -55,7 +54,6 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.kernels import PUSH as PUSHED
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     CONTACT_WORK,
@@ -81,6 +79,8 @@ from hapticmech_ros.mechanism.kernels.model import (
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
 
 _ONE = Field(1)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InaccurateStepError, InvalidInputError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation
@@ -29,6 +28,7 @@ from hapticmech_ros.mechanism.motion import (
 )
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project
 from hapticmech_ros.mechanism.stepping import Stepper
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
 

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import FileError, InvalidInputError
-from hapticmech_ros.scene.validation import angle_of
 from hapticmech_ros.files.yaml_text import read_yaml
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.scene.validation import angle_of
 
 # Scenes of one study.
 MOST_SCENES = 10_000_000

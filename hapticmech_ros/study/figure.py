@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.experiment.figure_style import BLUE, about, at_least, dress, new_figure
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.study.task import with_unit
 
 # Rows of panels at most: the numbers that come first, and vary.

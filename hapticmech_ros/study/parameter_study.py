@@ -32,16 +32,16 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from hapticmech_ros.analysis.study import Results, Sheet, plain
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, SceneError
 from hapticmech_ros.files import open_file
-from hapticmech_ros.system.installation import PACKAGE
 from hapticmech_ros.loading.loader import find_scene, scene_as_written, with_links
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.scene.validation import UNKNOWN_KEY, angle_of, with_changes, written_document
 from hapticmech_ros.study.design import Design
 from hapticmech_ros.study.figure import study_figure
 from hapticmech_ros.study.task import Numbers, Task, carry_out, with_unit
+from hapticmech_ros.system.installation import PACKAGE
 from hapticmech_ros.system.workers import Lost, WorkerPool, Workers, versions
 
 DEFINITION, ROWS, FAILURES = "study.json", "rows.bin", "failures.jsonl"

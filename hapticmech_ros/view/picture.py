@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Geometry, HalfSpace, Sphere

@@ -18,9 +18,9 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 

@@ -27,8 +27,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene import Scene

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import ClosureError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import is_massless
 from hapticmech_ros.mechanism.model import authored_state
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene

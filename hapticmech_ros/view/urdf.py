@@ -21,9 +21,9 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import placement_of
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, Link
 from hapticmech_ros.view import palette

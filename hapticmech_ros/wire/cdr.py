@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError, OutputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import Bounds
 from hapticmech_ros.wire.stamped import stamp_of
 

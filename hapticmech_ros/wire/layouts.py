@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control import DeviceMeasurement, OperationalModel, PointMeasurement
 from hapticmech_ros.control.measurements import (
     device_of,
@@ -30,6 +29,9 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.rendering_controller import LedgerEntry
 from hapticmech_ros.device import NO_WRENCH, DeviceState
+from hapticmech_ros.mechanism import Mechanism
+from hapticmech_ros.mechanism.closures import GRASP_SIZE
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
     DEVICE_SAMPLE,
     OPERATIONAL_MODEL,
@@ -38,8 +40,6 @@ from hapticmech_ros.numerics.layout import (
     Field,
     Layout,
 )
-from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.simulation import MechanismState
 from hapticmech_ros.wire.bounds import Bounds, bounds_of, check_unit

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import ANY_WRENCH, SixBounds
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 

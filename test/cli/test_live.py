@@ -8,10 +8,10 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from hapticmech_ros.system import installation
 from hapticmech_ros.cli.live import live
 from hapticmech_ros.errors import InstallationError, InvalidInputError
 from hapticmech_ros.live.settings import VISER
+from hapticmech_ros.system import installation
 
 
 @pytest.mark.parametrize("host", ["", "nowhere", "127.0.0.1:80", "256.0.0.1"])

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from formats.meshes import TETRAHEDRON, TEXTS, stl
-from hapticmech_ros.files.cage import Limits
 from hapticmech_ros.contact import hull as module
 from hapticmech_ros.contact.hull import mesh_hulls, read_mesh
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.files.cage import Limits
 from hapticmech_ros.scene.contacts import Mesh, Shape
 
 ONE = (1.0, 1.0, 1.0)

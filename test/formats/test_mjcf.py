@@ -12,10 +12,10 @@ import pytest
 from formats.imports import Read, notes_in
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.files.mjcf_compiler import compiled
 from hapticmech_ros.formats import mjcf_compiled, read_model
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import authored_state
-from hapticmech_ros.files.mjcf_compiler import compiled
 from hapticmech_ros.operational.analysis import analyse
 
 # Of the largest entry: rounding. MuJoCo keeps inertias as principal moments and quaternions, each

@@ -11,7 +11,6 @@ import pytest
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.platform import stewart_platform
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
@@ -19,6 +18,7 @@ from hapticmech_ros.mechanism.kernels import layout
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
 from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator

@@ -11,8 +11,8 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.numerics.small_matrices import orthogonalise
 from hapticmech_ros.mechanism.projection import project
+from hapticmech_ros.numerics.small_matrices import orthogonalise
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.factorisation import factored_as_dense

@@ -11,7 +11,6 @@ import sys
 
 import pytest
 
-from hapticmech_ros.system.cpu_list import cpus_of, listed
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import realtime
 from hapticmech_ros.nodes.parameters import (
@@ -24,6 +23,7 @@ from hapticmech_ros.nodes.parameters import (
     validated,
 )
 from hapticmech_ros.nodes.realtime import ENOUGH_CPUS, Realtime, Request
+from hapticmech_ros.system.cpu_list import cpus_of, listed
 from real_time import grants_nice, grants_real_time
 
 ASKING = """

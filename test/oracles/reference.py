@@ -15,10 +15,10 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.integrate import solve_ivp
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 # A segment starts on the closures, in local coordinates of its own. In between, closures keep their

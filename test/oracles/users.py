@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.files import shared
+from hapticmech_ros.numerics import Array
 
 MASS, INERTIA, REACH = 0.8, (1.1e-3, 0.9e-3, 1.4e-3), 0.06
 

@@ -25,8 +25,8 @@ from hapticmech_ros.nodes.actor import MOST_DEFECTS
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.messages import deserialized, set_stamp
 from hapticmech_ros.nodes.operating_state import COMMANDS
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import unpack_device
 from hapticmech_ros.wire.wrench import decode_wrench

@@ -12,9 +12,9 @@ import pytest
 
 from benchmarks.reliability.emulated_network import not_permitted
 from benchmarks.reliability.exposure import plain_environment, visit
-from hapticmech_ros.system.discovery import RANGE, listening
 from hapticmech_ros.graph import Graph, private_environment, stop_process
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.system.discovery import RANGE, listening
 from ros.harness import Peer
 
 pytestmark = pytest.mark.ros

@@ -26,8 +26,8 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.lockstep import LockstepRun, replay, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.state import StateLayout

@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
+from hapticmech_ros.files.yaml_text import read_yaml
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.key_reference import examples, meanings, parts, scene_schema
 from hapticmech_ros.scene.mechanism import JointType, ModelPart
 from hapticmech_ros.scene.validation import angle_of, written_document
-from hapticmech_ros.files.yaml_text import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 

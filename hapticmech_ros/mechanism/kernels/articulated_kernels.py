@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.model import Data, Model
-from hapticmech_ros.numerics.small_matrices import clear, dot6
 from hapticmech_ros.mechanism.kernels.tree_kernels import ARMATURE
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import clear, dot6
 
 
 @inner

@@ -23,12 +23,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, local, shaped
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.kernels.model import LEAST, RESOLVED_RANK, Data, Model
-from hapticmech_ros.numerics.small_matrices import cholesky
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import cholesky
 
 # Up to this square of a column of [-S, 1]ᵀ the factor of their products will do: rounding is
 # magnified by no more.

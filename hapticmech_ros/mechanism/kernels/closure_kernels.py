@@ -22,9 +22,9 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf, shaped
 from hapticmech_ros.mechanism.kernels.model import Model
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import cross, dot, dot6
 
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import add_pair, pair_power, pull_between
 from hapticmech_ros.mechanism.kernels.model import Data, Model
+from hapticmech_ros.numerics import Array
 
 # Columns of ``Model.element_values``, and of ``Model.spring_values``.
 STIFFNESS, REST, FRICTION, FRICTION_SPEED, LOWER, UPPER, STOP, STOP_DAMPING, DEPTH = range(9)

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.mechanism.kernels.element_kernels import (
     LOWER,
@@ -28,10 +27,11 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_point_forces,
     move_joints,
 )
-from hapticmech_ros.numerics.small_matrices import dot, remove
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.kernels.tree_kernels import CARRIED, bias_force_of, carried_place
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import dot, remove
 
 # Of an account of a step.
 OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, LOST, BALANCE = range(8)

@@ -15,7 +15,6 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local_whole, shaped
 from hapticmech_ros.mechanism.kernels.articulated_kernels import articulate
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED, factor_band
@@ -54,19 +53,20 @@ from hapticmech_ros.mechanism.kernels.model import (
     Model,
     unpack,
 )
-from hapticmech_ros.numerics.small_matrices import (
-    EPSILON,
-    cholesky,
-    dot_rows,
-    orthogonalise,
-    solve_lower,
-)
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
     DRIFT_FACTOR,
     RESOLVED,
     SOLVER_RANK_TOLERANCE,
+)
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import (
+    EPSILON,
+    cholesky,
+    dot_rows,
+    orthogonalise,
+    solve_lower,
 )
 
 # What a kernel returns where an SVD does not converge.

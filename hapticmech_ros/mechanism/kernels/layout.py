@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
@@ -27,6 +26,7 @@ from hapticmech_ros.mechanism.kernels.model import (
     pack,
     views_of,
 )
+from hapticmech_ros.numerics import Array
 
 
 class ActiveSet:

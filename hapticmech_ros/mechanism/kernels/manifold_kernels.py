@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, shaped
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import (
@@ -21,6 +20,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import (
     REVOLUTE,
     SPHERICAL,
 )
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.rotation_kernels import angular_rate, rotation_of
 
 # Below this angle, rad, six terms of Bernoulli's series are exact to rounding, above it the closed

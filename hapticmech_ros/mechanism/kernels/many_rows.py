@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, local_whole, shaped
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import EPSILON
 
 # QR takes less time from so many rows on; and an SVD is then that of R.

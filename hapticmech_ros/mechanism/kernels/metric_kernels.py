@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
@@ -24,6 +23,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import (
     turn_in,
 )
 from hapticmech_ros.mechanism.kernels.model import RANK, SPARSE, Data, Model
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
     dot_with_row,
     remove,

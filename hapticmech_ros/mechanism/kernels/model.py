@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import SIZES, Part, Size, Structure, inner, structure
-from hapticmech_ros.numerics.layout import Field, Layout
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import Field, Layout
 
 _ONE = Field(1)
 

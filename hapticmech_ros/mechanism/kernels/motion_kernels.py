@@ -8,12 +8,12 @@ body is its parent's and its joint's, and so is the derivative of it.
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, add_pair, bias_of, gear_bias
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
 from hapticmech_ros.mechanism.kernels.model import Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.numerics import Array
 
 
 @inner

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.mechanism.kernels.energy_kernels import (
     BALANCE,
@@ -49,7 +48,6 @@ from hapticmech_ros.mechanism.kernels.model import (
     unpack,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
-from hapticmech_ros.numerics.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import (
     Work,
     aim,
@@ -60,6 +58,8 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
     start_step,
 )
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, ROUNDED_STEPS
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import dot
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.

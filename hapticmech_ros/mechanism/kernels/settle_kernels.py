@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
@@ -31,7 +30,6 @@ from hapticmech_ros.mechanism.kernels.model import (
     Data,
     Model,
 )
-from hapticmech_ros.numerics.small_matrices import dot
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
@@ -43,6 +41,8 @@ from hapticmech_ros.mechanism.tolerances import (
     SIMPLIFIED,
     SINGULAR,
 )
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import dot
 
 # How a state ends: on the closures; with a loop that came apart; on the closures, but after a jump,
 # or with axes the other way.

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import Part, Structure, inner, local, shaped, structure
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
@@ -49,6 +48,9 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import (
     closure_bias,
     move_joints,
 )
+from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
+from hapticmech_ros.mechanism.schemes import COUPLED, DIAGONAL, REACHED, TSITOURAS_REACHED
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
     cholesky,
     dot,
@@ -57,8 +59,6 @@ from hapticmech_ros.numerics.small_matrices import (
     solve_lower,
     solve_lower_transposed,
 )
-from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
-from hapticmech_ros.mechanism.schemes import COUPLED, DIAGONAL, REACHED, TSITOURAS_REACHED
 
 IMPLICIT_STAGES: int = len(REACHED)
 

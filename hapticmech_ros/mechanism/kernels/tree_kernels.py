@@ -15,9 +15,9 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.compilation import inner, leaf
 from hapticmech_ros.mechanism.kernels.model import JOINT_COLUMNS, Data, Model
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import cross, dot6
 
 REVOLUTE, PRISMATIC, PLANAR, SPHERICAL, FREE = range(5)

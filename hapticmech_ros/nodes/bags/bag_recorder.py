@@ -22,14 +22,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag.storage import Messages
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.system.discovery import Transport
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.recorded_topic import BagSpool, RecordedTopic
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import Inbox, QuietEventsNode, StopRequest
 from hapticmech_ros.nodes.sources import Info
-from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.numerics.times import nanoseconds
+from hapticmech_ros.system.discovery import Transport
+from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import Rate, topic_of
 
 DISCOVERY_PERIOD_S = 0.2

@@ -15,9 +15,7 @@ from collections import deque
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.system.installation import refuse_unmet
 from hapticmech_ros.live.commands import (
     Command,
     Drag,
@@ -42,8 +40,10 @@ from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
 from hapticmech_ros.nodes.parameters import LiveParameters
 from hapticmech_ros.nodes.viewer.page_device import STALE, GraphCommands, PageDevice, PageLink
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, ReceivedUser, SceneSubscriber
-from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.system.installation import refuse_unmet
 from hapticmech_ros.wire.state import WireState
 from hapticmech_ros.wire.topics import DIAGNOSTICS, STATE
 

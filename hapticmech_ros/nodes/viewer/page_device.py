@@ -20,7 +20,6 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.control.tuning import TUNED
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.live.commands import (
@@ -42,8 +41,9 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER, write_pose
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.viewer.scene_inputs import SceneInput
-from hapticmech_ros.scene.hand import STILL_HAND
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
+from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
 from hapticmech_ros.wire.topics import (

@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray, UInt8
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps, grasp_of
@@ -21,9 +20,10 @@ from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host
 from hapticmech_ros.nodes.inputs import Latest
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, deserialized, read_pose, read_wrench
 from hapticmech_ros.nodes.parameters import SceneSubscriberParameters
+from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
-from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.contact_points import ContactLayout, ContactPoints
 from hapticmech_ros.wire.state import StateLayout, WireState

@@ -22,7 +22,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hapticmech_ros.numerics import Array
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.nodes.actor import Actor, Host
@@ -30,6 +29,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import LATCHED, WORLD, set_stamp, write_wrench
 from hapticmech_ros.nodes.parameters import FROM_NAMESPACE, ViewerParameters
 from hapticmech_ros.nodes.viewer.scene_inputs import Received, SceneSubscriber
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.view import (
