@@ -34,6 +34,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     UNTIL,
     VIEW,
     note_read,
+    pass_over,
     peek,
     publish_outside,
     send_to_all,
@@ -151,7 +152,7 @@ def keeps(wrench: Array, most: Array) -> bool:
 
 
 @kernel(
-    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
+    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
     " int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1], float64[::1],"
@@ -163,6 +164,7 @@ def keeps(wrench: Array, most: Array) -> bool:
 def answer_samples(
     link: Array,
     inputs: Array,
+    passed: Array,
     outputs: Array,
     words: Array,
     polled: Array,
@@ -204,6 +206,7 @@ def answer_samples(
     Args:
         link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
         inputs: (2, 8) likewise, of the samples and the models.
+        passed: (n, 8) likewise, of the device's topics that are passed over.
         outputs: (2, 17) likewise, of the commands to device and mechanism.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
@@ -267,6 +270,8 @@ def answer_samples(
             note_read(link, inputs[MODELS], ages, time, time - stamp, counted, sent)
             continue
         if not peek(link, inputs[STATES], words, polled[STATES], state_frame, state_prefix):
+            if pass_over(link, passed, words, polled[STATES]):
+                continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_sample(link, state, state_most, round_trip, time)

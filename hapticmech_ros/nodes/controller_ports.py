@@ -314,6 +314,9 @@ class CrtkDevice:
         answer: gets each sample (19,), its stamp and the time, ns.
         lost: gets the topics that are not fresh, instead.
         commanded: returns the wrench (6,) that was commanded last, N and N m, world axes.
+
+    Attributes:
+        streams: the topics, by their names on the lane, and who speaks on each.
     """
 
     def __init__(
@@ -330,6 +333,7 @@ class CrtkDevice:
         self._actor, self._bounds, self._timeout_ns, self._watch = actor, bounds, timeout_ns, watch
         self._wanted, self._answer, self._lost, self._commanded = wanted, answer, lost, commanded
         self._sensor = actor.scene.device.force_sensor
+        self.streams: list[tuple[str, Sources]] = []
         self.forget()
         if self._sensor == "measured":
             self._listen(HAND_FORCE.name, WrenchStamped, self._on_hand)
@@ -353,6 +357,7 @@ class CrtkDevice:
                 self._refusals[name] = str(error), now_ns
                 raise
 
+        self.streams.append((self._actor.lane_topic(name, kind), sources))
         self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, receive, sources, self._wanted)
 
     def _check_frame(self, name: str, frame: str) -> None:

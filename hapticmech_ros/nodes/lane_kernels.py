@@ -222,6 +222,31 @@ def take(topic: Array, words: Array, connection: int, frame: Array, copies: Arra
 
 
 @inner
+def pass_over(link: Array, passed: Array, words: Array, connection: int) -> bool:
+    """Take away a message that nobody reads now; return whether there was one.
+
+    One that the middleware carries too is left to Python, which knows it by its bytes.
+
+    Args:
+        link: what Python and kernel tell each other.
+        passed: (n, 8) likewise, of each topic that is passed over; with a header's first word of 0
+            it is not.
+        words: (5,) to work with.
+        connection: struct pollfd of what is read.
+    """
+    at = words.ctypes.data
+    if _recv(connection & 0xFFFFFFFF, at, HEADER_BYTES, _PEEK | _DONT_WAIT) != HEADER_BYTES:
+        return False
+    for i in range(passed.shape[0]):
+        if words[0] == passed[i, HEAD] and words[1] == passed[i, NUMBER]:
+            passed[i, COUNTED], passed[i, SENT_NS] = words[2], words[3]
+            passed[i, READ] = time_of(MONOTONIC, words) + link[AHEAD]
+            _recv(connection & 0xFFFFFFFF, at, 0, _DONT_WAIT)
+            return True
+    return False
+
+
+@inner
 def note_read(
     link: Array, topic: Array, ages: Array, time: int, age: int, counted: int, sent: int
 ) -> None:

@@ -84,6 +84,17 @@ class Publication(NamedTuple):
     size: int
 
 
+def _head(origin: Origin, code: int) -> int:
+    """Return the first word of the header of a publisher's messages, by their topic's number."""
+    return MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
+
+
+def _continued(origin: Origin, row: Array) -> Origin:
+    """Return the origin of a topic's last message, as the kernel left it in a row (8,)."""
+    number, counted = int(row[kernels.NUMBER]), int(row[kernels.COUNTED])
+    return origin._replace(number=number, sent=counted, sent_ns=int(row[kernels.SENT_NS]))
+
+
 class PlainCommand:
     """A WrenchStamped in ``world``, as bytes that are all alike but for stamp and wrench.
 
@@ -116,10 +127,13 @@ class PlainMessages:
         received: topics that are read.
         published: topics that are sent.
         size: of ``link``.
+        passed_over: topics of the first one's publisher that the actor does not read while it
+            reads that one, by their names on the lane.
 
     Attributes:
         link: (size,) what Python and kernel tell each other; see :mod:`.lane_kernels`.
         inputs, outputs: (n, 8) and (m, 17) likewise, of each topic.
+        passed: (k, 8) likewise, of each topic that is passed over.
         frames, values, prefixes, copies: of each topic that is read words for a message, a view of
             its data, what all messages begin with, and words for those that the middleware brings.
         targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
@@ -127,14 +141,21 @@ class PlainMessages:
     """
 
     def __init__(
-        self, actor: Any, received: Sequence[Received], published: Sequence[Publication], size: int
+        self,
+        actor: Any,
+        received: Sequence[Received],
+        published: Sequence[Publication],
+        size: int,
+        passed_over: Sequence[tuple[str, Sources]] = (),
     ) -> None:
         self._actor, self._received, self._published = actor, received, published
+        self._passed_over = passed_over
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
         self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
         self.link = np.zeros(size, dtype=np.int64)
         self.inputs = np.zeros((len(received), kernels.INPUT_SIZE), dtype=np.int64)
+        self.passed = np.zeros((len(passed_over), kernels.INPUT_SIZE), dtype=np.int64)
         self.outputs = np.zeros((len(published), kernels.OUTPUT_SIZE), dtype=np.int64)
         self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
         self.words = np.zeros(5, dtype=np.int64)
@@ -174,9 +195,7 @@ class PlainMessages:
         Args:
             at: which topic.
         """
-        row = self.inputs[at].tolist()
-        number, counted, sent_ns = row[kernels.NUMBER], row[kernels.COUNTED], row[kernels.SENT_NS]
-        return self._origins[at]._replace(number=number, sent=counted, sent_ns=sent_ns)
+        return _continued(self._origins[at], self.inputs[at])
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
@@ -231,9 +250,15 @@ class PlainMessages:
             connection, code = speaker
             first.append(connection)
             self._origins.append(origin)
-            row[kernels.HEAD] = MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
+            row[kernels.HEAD] = _head(origin, code)
             row[kernels.NUMBER] = origin.number
             row[kernels.READ] = row[kernels.COPIED] = 0
+        for (topic, sources), row in zip(self._passed_over, self.passed, strict=True):
+            origin = sources.only
+            speaker = origin and lane.speaker(topic, origin.via)
+            row[kernels.HEAD] = row[kernels.READ] = 0
+            if origin is not None and speaker is not None and speaker[0] == first[0]:
+                row[kernels.HEAD], row[kernels.NUMBER] = _head(origin, speaker[1]), origin.number
         others = [number for number in waited if number not in first]
         self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
@@ -256,6 +281,9 @@ class PlainMessages:
                 received.sources.received(self.origin(at), int(row[kernels.READ]))
             for copy in self.copies[at][: row[kernels.COPIED]]:
                 lane.copied.append((received.topic, self._bytes(copy, int(row[kernels.LENGTH]))))
+        for (_, sources), row in zip(self._passed_over, self.passed, strict=True):
+            if row[kernels.READ]:
+                sources.received(_continued(sources.latest, row), int(row[kernels.READ]))
         reads = int(link[kernels.READS])
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)

@@ -81,6 +81,7 @@ class SampleAnswers(PlainMessages):
         device: of the samples.
         analyser: of the operational models.
         outputs: topics of the answers, to device and mechanism.
+        crtk: topics that say the same as the samples, and who speaks on each.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class SampleAnswers(PlainMessages):
         device: Sources,
         analyser: Sources,
         outputs: tuple[Outlet, Outlet],
+        crtk: Sequence[tuple[str, Sources]],
     ) -> None:
         received = []
         for name, fields, sources in (
@@ -103,7 +105,7 @@ class SampleAnswers(PlainMessages):
             Publication(outlet, frame, command.size)
             for outlet, (frame, _) in zip(outputs, frames, strict=True)
         ]
-        super().__init__(actor, received, published, own.LINK_SIZE)
+        super().__init__(actor, received, published, own.LINK_SIZE, crtk)
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
@@ -127,7 +129,7 @@ class SampleAnswers(PlainMessages):
         device, point = self._commands
         self._answer = np.zeros(ANSWER.size)
         return own.answer_samples(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             actor.bounds.device.most,
             *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
@@ -231,7 +233,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._crtk.listen()
         self._buttons = ButtonInput(self)
         commands = self._outputs.to_device, self._outputs.to_point
-        self._plain = SampleAnswers(self, device, analyser, commands)
+        self._plain = SampleAnswers(self, device, analyser, commands, self._crtk.streams)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.report_counts)
 

@@ -39,6 +39,7 @@ from hapticmech_ros.wire.layouts import (
     pack_gain,
 )
 from hapticmech_ros.wire.readings import OperationalModelWriter, read_device
+from hapticmech_ros.wire.stamped import encode_pose
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND
 from hapticmech_ros.wire.wrench import encode_wrench
@@ -630,6 +631,49 @@ def test_samples_are_answered_as_python_answers_them(
     assert found[0] == found[1]
     for by_kernel, by_python in zip(*ended, strict=True):
         assert by_kernel.tobytes() == by_python.tobytes()
+
+
+POSES, AT_ORIGIN = "/device/measured_cp PoseStamped", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def test_what_a_device_says_beside_its_samples_needs_no_python(
+    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller reads CRTK's topics of drivers that have no samples; others publish both."""
+    process, inputs = rendering
+    actor, (device, analyser, _) = process.actor, process.peers
+    (sources,) = (who for topic, who in actor._crtk.streams if topic == POSES)
+    numbers = iter(range(1, 1000))
+
+    def speak(both: bool = False) -> None:
+        """Send a sample, and a pose before it, which the middleware may bring too."""
+        done, (sample, model) = actor._outputs.answers, inputs.next()
+        analyser.speak(model)
+        process.go(MS)
+        pose = encode_pose(AT_ORIGIN, next(numbers))
+        device.lane.send(POSES, 7, int(both), pose, both)
+        device.speak(sample)
+        process.until(lambda: actor._outputs.answers > done)
+
+    # Python has to know the publisher first.
+    speak()
+    sent = sources.latest.sent
+    codes = by_the_kernel(process, monkeypatch)
+    for _ in range(20):
+        speak()
+    # Now and then for the lane itself.
+    assert codes.count(lane_kernels.TO_READ) < 10
+    codes.clear()
+    assert sources.latest.sent == sent + 20
+    assert sources.latest.number == 0
+    assert not actor._rivals(process.host.now_ns())
+    # The copy is known by the message's bytes.
+    speak(both=True)
+    assert lane_kernels.TO_READ in codes
+    assert sources.latest.number == 1
+    # Somebody else who says where the device is.
+    analyser.lane.send(POSES, 7, 0, encode_pose(AT_ORIGIN, next(numbers)), False)
+    process.until(lambda: bool(actor._rivals(process.host.now_ns())))
 
 
 GAINS = "/device/local_feedback_gain Float64MultiArray"
