@@ -61,6 +61,8 @@ SILENCE_NS = NANOSECONDS // 4
 class BareNode(Node):
     """A node of the bare graph; its topics are those that the table gives to ``name``."""
 
+    ends_forces = False
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._time = NodeTime()
