@@ -12,34 +12,13 @@ import pytest
 
 from benchmarks.reliability.emulated_network import not_permitted
 from benchmarks.reliability.exposure import plain_environment, visit
-from hapticmech_ros.graph import Graph, private_environment, stop_process
-from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.graph import stop_process
 from hapticmech_ros.system.discovery import RANGE, listening
 from ros.harness import Peer
 
 pytestmark = pytest.mark.ros
 REASON = not_permitted()
 of_two_hosts = pytest.mark.skipif(bool(REASON), reason=REASON)
-
-# A program of somebody's, with Linux's receive buffers. It prints what these have dropped.
-JOINS = """
-import os, sys
-import rclpy
-rclpy.init()
-node = rclpy.create_node("reader")
-nodes = set(sys.argv[1:])
-while True:
-    rclpy.spin_once(node, timeout_sec=0.05)
-    met = nodes <= set(node.get_node_names()) and node.count_publishers("/diagnostics") == 4
-    if met and all(node.get_service_names_and_types_by_node(name, "/") for name in nodes):
-        break
-descriptors = [f"/proc/self/fd/{number}" for number in os.listdir("/proc/self/fd")]
-links = [os.readlink(one) for one in descriptors if os.path.exists(one)]
-sockets = {link[8:-1] for link in links if link.startswith("socket:[")}
-with open("/proc/net/udp") as table:
-    lines = [line.split() for line in list(table)[1:]]
-print(sum(int(line[12]) for line in lines if line[9] in sockets))
-"""
 
 COMMANDS = {
     "node": ["-m", "hapticmech_ros.nodes.entry", "haptic_device"],
@@ -106,17 +85,3 @@ def test_another_host_finds_what_was_opened_and_that_is_said(tmp_path: Path) -> 
     assert found.transitions > 0
     assert "open to the network (UDP 0.0.0.0" in found.told
     assert f"to restrict nodes to this machine: export {RANGE}=LOCALHOST" in found.told
-
-
-def test_discovery_fits_into_the_receive_buffer_of_a_program_that_joins(domain: int) -> None:
-    """What is dropped comes again seconds later, and an emergency stop would wait for it."""
-    # An ordinary program reads later than the nodes write.
-    command = ["nice", "-n", "39", sys.executable, "-c", JOINS, *NODES]
-    ordinary = plain_environment(ROS_DOMAIN_ID=str(domain))
-    with Graph("five_bar", environment=private_environment(domain)) as graph:
-        dropped = [
-            int(subprocess.run(command, env=ordinary, check=True, stdout=subprocess.PIPE).stdout)
-            for _ in range(6)
-        ]
-        graph.check()
-    assert dropped == [0] * len(dropped)
