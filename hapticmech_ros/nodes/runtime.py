@@ -17,6 +17,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from hapticmech_ros.errors import HapticMechError, as_ours
@@ -140,13 +141,15 @@ def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
 def _early_node() -> Node:
     """Return a hidden node, with which the middleware begins to look for the other processes.
 
-    It does so in threads of its own and takes half a second, as what a node imports does too.
+    It does so in threads of its own and takes half a second, as what a node imports does too. It
+    has no services: rclpy leaves that of type descriptions to the middleware when a node ends.
     """
     return rclpy.create_node(
         "_starting",
         use_global_arguments=False,
         enable_rosout=False,
         start_parameter_services=False,
+        parameter_overrides=[Parameter("start_type_description_service", value=False)],
     )
 
 
