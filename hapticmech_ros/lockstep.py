@@ -97,7 +97,7 @@ class LockstepRun:
             device), ``device`` (samples of the device, whose node is then left out), ``external``
             (wrenches on the mechanism's operational points).
         stall_timeout: s of silence endured: nodes start, find each other, get over a stall.
-        composed, namespace, hold, parameters, arguments: as of :class:`Graph`.
+        composed, namespace, hold, parameters, arguments, shown: as of :class:`Graph`.
     """
 
     scene: str
@@ -114,12 +114,22 @@ class LockstepRun:
     hold: tuple[str, ...] = ()
     parameters: Mapping[str, object] = field(default_factory=dict)
     arguments: tuple[str, ...] = ()
+    shown: bool = False
 
 
 def run_lockstep(
-    run: LockstepRun, environment: Mapping[str, str], asked_to_stop: Callable[[], bool]
+    run: LockstepRun,
+    environment: Mapping[str, str],
+    asked_to_stop: Callable[[], bool],
+    progress: Callable[[int], None] = lambda ticks: None,
 ) -> int:
     """Run to the end, or until asked to stop; return the number of ticks.
+
+    Args:
+        run: what to run.
+        environment: of the processes.
+        asked_to_stop: looked at now and then.
+        progress: called with the number of ticks so far.
 
     Raises:
         SceneError: no such scene, or a bad one.
@@ -139,6 +149,7 @@ def run_lockstep(
         nodes,
         run.hold,
         run.arguments,
+        shown=run.shown,
     )
     with graph:
         clock = start_process(_clock_command(run), environment, pipe_output=True)
@@ -147,6 +158,8 @@ def run_lockstep(
                 if event["event"] == "done":
                     return int(event["ticks"])
                 graph.check()
+                if event["event"] == "progress":
+                    progress(int(event["ticks"]))
                 if event["event"] == "failed":
                     raise LockstepError(f"lockstep: {event['reason']}")
                 if asked_to_stop():

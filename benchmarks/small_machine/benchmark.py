@@ -27,6 +27,7 @@ from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.graph import RATES
 
 PROCESSORS, BUSY, CORES = 2, 2, 1.2
 LOADS = ("alone", "busy", "quota")
@@ -44,7 +45,8 @@ class Settings:
         cores: quota of the load ``quota``, in processors.
         duration: s that the hand pushes; the scene's if None.
         loads: of :data:`LOADS`.
-        readers: programs that are started beside a graph afterwards, at the last run's rate.
+        readers: programs that are started beside a graph afterwards, at the rate of the last run in
+            real time, or the demo's lowest.
 
     Raises:
         InvalidInputError: an unknown load.
@@ -102,12 +104,11 @@ class Loaded:
         if self.skipped:
             return words, "skipped", *[NOTHING] * 9
         good = sum(run.passed for run in self.runs)
-        rates = {run.rate_hz for run in self.runs if run.rate_hz is not None}
         seconds = [run.seconds for run in self.runs]
         return (
             words,
             judged(f"{good} of {len(self.runs)}", self.passed),
-            ", ".join(f"{rate:g}" for rate in sorted(rates, reverse=True)) or NOTHING,
+            self._rates() or NOTHING,
             f"{statistics.median(seconds):.1f}",
             f"{max(seconds):.1f}",
             number(self._median("measured_hz"), ".1f"),
@@ -117,6 +118,13 @@ class Loaded:
             number(self._median("lost"), ".0f"),
             self._reads(),
         )
+
+    def _rates(self) -> str:
+        """Return the rates, and how many runs advanced by messages instead."""
+        rates = sorted({run.rate_hz for run in self.runs if run.rate_hz is not None}, reverse=True)
+        without = sum(run.rate_hz is None for run in self.runs if run.passed)
+        lockstep = [f"{without} in lockstep"] if without else []
+        return ", ".join([*(f"{rate:g}" for rate in rates), *lockstep])
 
     def _reads(self) -> str:
         if not self.reads_s:
@@ -158,7 +166,7 @@ class SmallMachineResults(MachineResults):
             f"passed: done within {self.settings.limit_s:g} s with right physics; medians: time of "
             "the command, rate of the device, deadlines missed by all nodes, sample to answer, "
             "messages lost by the recorder; a program: from its start until it has read from "
-            "a graph at the last run's rate, median (longest), beside it alone within "
+            "a graph at the last run's rate in real time, median (longest), beside it alone within "
             f"{READS_WITHIN_S:g} s"
         )
         yield Sheet(f"hapticmech demo {SCENE}", headings, rows, caption=caption, kept=40)
@@ -226,8 +234,9 @@ def _under(load: str, settings: Settings, out: Path, show: Show) -> Loaded:
                 runs.append(watch_demo(command, folder, settings.limit_s))
                 if not runs[-1].passed:
                     show(f"  did not pass: {'; '.join(runs[-1].failures)}")
-            rate_hz = runs[-1].rate_hz
-            if settings.readers and rate_hz is not None:
+            rates = [run.rate_hz for run in runs if run.rate_hz is not None]
+            if settings.readers:
+                rate_hz = rates[-1] if rates else min(RATES)
                 show(f"{settings.words(load)}: {settings.readers} programs beside a graph")
                 log = folder.with_name("graph.log")
                 try:

@@ -38,7 +38,7 @@ class DemoRun:
         seconds: from the start of the command to its end.
         failures: why it did not pass; none if it did.
         last_line: of what the command printed.
-        rate_hz: at which the graph was to run.
+        rate_hz: at which the graph was to run; None where it advanced in lockstep.
         measured_hz: at which the device has run.
         missed: deadlines of all nodes.
         p50_us, p99_us: of the time from a sample to its answer.
@@ -149,6 +149,8 @@ def faults(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _figures(graph: Mapping[str, Any]) -> dict[str, float | None]:
+    if graph.get("lockstep"):
+        return {"lost": graph.get("recorder_lost")}
     return {
         "rate_hz": graph.get("nominal_rate_hz"),
         "measured_hz": graph["measured_rate_hz"],

@@ -48,7 +48,7 @@ def demo(
             min=0.0,
             max=10000.0,
             help="Hz",
-            show_default="the scene's, or 500 or 250 if the machine does not carry that",
+            show_default="the scene's; if the machine does not carry it 500, 250, then lockstep",
         ),
     ] = 0.0,
     changes: ChangesOption = None,

@@ -30,6 +30,7 @@ from hapticmech_ros.graph import (
     stop_process,
 )
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.system.cpu_list import available_cores
 from hapticmech_ros.system.readiness import Report
@@ -60,7 +61,8 @@ def run_demo(
     """Run the experiment over ROS.
 
     Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
-    is run at a lower one, of :data:`~hapticmech_ros.graph.RATES`, unless a rate is given.
+    is run at a lower one, of :data:`~hapticmech_ros.graph.RATES`, unless a rate is given. Where it
+    does not carry the lowest one either, or delays the loop, the experiment is run in lockstep.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
@@ -82,6 +84,7 @@ def run_demo(
     Raises:
         SceneError: no such scene, or a bad one.
         DemoError: a node ended, or the hand never started.
+        LockstepError: the graph did not go on in lockstep.
         BagError: ``out/bag`` exists and is not a bag.
     """
     scene = load_scene(scene_name, control_rate)
@@ -93,7 +96,7 @@ def run_demo(
         _clear(bag)
         try:
             run = record_graph(
-                scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
+                scene_name, bag, composed, seconds, storage, show, rate, must_fit=not control_rate
             )
         except _DoesNotFitError as misfit:
             run = misfit.run
@@ -106,7 +109,12 @@ def run_demo(
         notify(f"{run.reason()}: the demo runs at {rate:g} Hz")
         lower = [one for one in lower if one < 0.99 * rate]
     if run.reduced_gains or not run.kept:
-        notify(f"{run.reason()}: take the results with care")
+        if control_rate:
+            notify(f"{run.reason()}: take the results with care")
+        else:
+            notify(f"{run.reason()}: the demo runs in lockstep, as fast as the machine can")
+            _clear(bag)
+            run = record_in_lockstep(scene_name, bag, composed, seconds, storage, show, rate)
     scene = load_scene(scene_name, rate)
     return _results(scene, bag, out, seconds, run, show)
 
@@ -117,7 +125,10 @@ def _results(
     """Write figures and summary of a recorded run, beside a session's, and return the summary."""
     show("reading the bag", None)
     health = replace(
-        health_from_bag(bag), interruptions=run.interruptions, reduced_gains=run.reduced_gains
+        health_from_bag(bag),
+        interruptions=run.interruptions,
+        reduced_gains=run.reduced_gains,
+        lockstep=run.lockstep,
     )
     if len(scene.held_points) > 1:
         shared = shared_record_from_bag(bag, scene, duration=seconds)
@@ -148,11 +159,13 @@ class GraphRun:
         interruptions: how often rendering broke off and began anew after the hands had started.
         reduced_gains: whether a controller has reduced its gains meanwhile, since the round trip to
             its device took longer than the scene's gains allow.
+        lockstep: whether the graph advanced by messages instead of by time.
     """
 
     load: GraphLoad | None
     interruptions: int
     reduced_gains: bool = False
+    lockstep: bool = False
 
     @property
     def kept(self) -> bool:
@@ -277,6 +290,45 @@ def record_graph(
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
+
+
+def record_in_lockstep(
+    scene_name: str,
+    bag: Path,
+    composed: bool,
+    seconds: float,
+    storage: str,
+    show: Show,
+    control_rate: float,
+) -> GraphRun:
+    """Record the same experiment by a graph that advances by messages, not by time.
+
+    Arguments are those of :func:`record_graph`.
+
+    Raises:
+        NodeDiedError: a node ended.
+        LockstepError: the graph did not go on.
+    """
+    scene = load_scene(scene_name, control_rate)
+    start = min(scene.held_at(point).hand.start_delay for point in scene.held_points)
+    run = LockstepRun(
+        scene_name,
+        control_rate=control_rate,
+        duration=start + seconds,
+        out=bag,
+        storage=storage,
+        composed=composed,
+        hold=scene.held_points if scene.hands else (),
+        shown=True,
+    )
+
+    def progress(ticks: int) -> None:
+        done = ticks * scene.simulation.period / run.duration
+        show("pushing and recording in lockstep", min(1.0, done))
+
+    show("starting the graph in lockstep", None)
+    run_lockstep(run, private_environment(), lambda: False, progress)
+    return GraphRun(None, 0, lockstep=True)
 
 
 def _look_whether_it_fits(run: GraphRun, must: bool) -> None:

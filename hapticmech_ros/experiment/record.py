@@ -205,12 +205,14 @@ class GraphHealth:
             has counted.
         reduced_gains: whether a controller had to reduce its gains for a longer delay; None: not
             known.
+        lockstep: whether the graph advanced by messages instead of by time; None: not known.
     """
 
     nodes: Mapping[str, NodeHealth]
     lost: Mapping[str, int | None] | None = None
     interruptions: int | None = None
     reduced_gains: bool | None = None
+    lockstep: bool | None = None
 
     def total(self, figure: str) -> float | None:
         """Return the sum of a figure over the nodes that report it; None if none does."""

@@ -106,6 +106,8 @@ def _coverage_rows(coverage: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if graph is None:
         return []
+    if graph["lockstep"]:
+        return [("rate, in lockstep", f"{graph['nominal_rate_hz']:g} Hz"), *_loss_rows(graph)]
     latency = [_number(graph[f"loop_latency_{k}_us"], 1e-3, "", 2) for k in ("p50", "p99", "max")]
     missed = graph["missed_deadlines"]
     return [

@@ -254,6 +254,7 @@ def _graph(record: ExperimentRecord, health: GraphHealth) -> Json:
     latency = {name: health.one(f"loop_latency_{name}_us") for name in ("p50", "p90", "p99", "max")}
     return {
         "nominal_rate_hz": 1.0 / record.period,
+        "lockstep": health.lockstep,
         "measured_rate_hz": intervals.size / span if span > 0.0 else None,
         "measured_interval_max_ms": _largest(1e3 * intervals),
         "measured_gaps": int(np.count_nonzero(intervals > GAP_PERIODS * record.period)),

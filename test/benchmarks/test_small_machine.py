@@ -123,6 +123,9 @@ def test_a_run_passes_and_its_figures_are_read(tmp_path: Path) -> None:
     graph = {**RIGHT["graph"], "nominal_rate_hz": 500.0, "recorder_lost": 3}
     run = watch_demo(demo(out, changed("graph", value=graph)), out, 60.0)
     assert (run.rate_hz, run.lost) == (500.0, 3)
+    graph["lockstep"] = True
+    run = watch_demo(demo(out, changed("graph", value=graph)), out, 60.0)
+    assert (run.passed, run.rate_hz, run.measured_hz, run.lost) == (True, None, None, 3)
 
 
 def test_a_run_that_fails_is_told_with_the_last_line_of_its_output(tmp_path: Path) -> None:
@@ -157,6 +160,8 @@ def test_one_failed_run_is_a_failed_load_and_a_skipped_one_is_not_passed() -> No
     assert skipped.row("quota")[1] == "skipped"
     row = Loaded("busy", (PASSED, FAILED)).row("busy")
     assert row == ("busy", "1 of 2", "1000", "27.5", "35.0", "999.0", "4", "130", "900", "0", "-")
+    lockstep = DemoRun(40.0, (), "results: demo", lost=0)
+    assert Loaded("busy", (PASSED, lockstep)).row("busy")[1:3] == ("2 of 2", "1000, 1 in lockstep")
     assert Loaded("busy", (FAILED,)).row("busy")[2:] == ("-", "35.0", "35.0", *["-"] * 6)
 
 

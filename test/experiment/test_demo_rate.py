@@ -45,6 +45,7 @@ class Machine:
         self.carries_hz, self.calm_hz, self.period_us = carries_hz, calm_hz, period_us
         self.prompt_hz = prompt_hz
         self.rates: list[float] = []
+        self.lockstep = 0
         self.said: list[str] = []
 
     def record(self, *arguments: Any, must_fit: bool) -> GraphRun:
@@ -58,12 +59,21 @@ class Machine:
             raise demo._DoesNotFitError(run)
         return run
 
+    def record_in_lockstep(self, *arguments: Any) -> GraphRun:
+        self.lockstep += 1
+        return GraphRun(None, 0, lockstep=True)
+
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     def begin(machine: Machine, control_rate: float = 0.0) -> float:
+        def results(scene: Any, *arguments: Any) -> dict[str, float]:
+            assert arguments[-2].lockstep == bool(machine.lockstep)
+            return {"period": scene.simulation.period}
+
         monkeypatch.setattr(demo, "record_graph", machine.record)
-        monkeypatch.setattr(demo, "_results", lambda scene, *_: {"period": scene.simulation.period})
+        monkeypatch.setattr(demo, "record_in_lockstep", machine.record_in_lockstep)
+        monkeypatch.setattr(demo, "_results", results)
         found = run_demo(
             "five_bar", tmp_path, control_rate=control_rate, notify=machine.said.append
         )
@@ -76,6 +86,7 @@ def test_a_machine_that_carries_the_scenes_rate_runs_it_once(run: Any) -> None:
     machine = Machine(carries_hz=1000.0)
     assert run(machine) == pytest.approx(1000.0)
     assert machine.rates == [1000.0]
+    assert machine.lockstep == 0
 
 
 def test_a_smaller_machine_runs_a_lower_rate_and_says_so(run: Any) -> None:
@@ -95,26 +106,27 @@ def test_an_interrupted_run_is_done_again_more_slowly(run: Any) -> None:
     machine = Machine(carries_hz=1000.0, calm_hz=250.0)
     assert run(machine) == pytest.approx(250.0)
     assert machine.rates == [1000.0, 500.0, 250.0]
-    assert not any("take the results with care" in one for one in machine.said)
+    assert machine.lockstep == 0
 
 
-def test_of_a_run_with_other_gains_than_the_scenes_that_is_said(run: Any) -> None:
+def test_a_run_with_other_gains_than_the_scenes_is_done_again_in_lockstep(run: Any) -> None:
     machine = Machine(carries_hz=1000.0, prompt_hz=500.0)
     assert run(machine) == pytest.approx(1000.0)
-    assert "gains allow, which were reduced: take the results with care" in machine.said[-1]
+    assert (machine.rates, machine.lockstep) == ([1000.0], 1)
+    assert "gains allow, which were reduced: the demo runs in lockstep" in machine.said[-1]
 
 
-def test_the_lowest_rate_is_run_whatever_it_gives_and_that_is_said(run: Any) -> None:
+def test_a_machine_that_carries_no_rate_runs_the_lowest_in_lockstep(run: Any) -> None:
     machine = Machine(carries_hz=10.0, calm_hz=10.0)
     assert run(machine) == pytest.approx(250.0)
-    assert machine.rates[-1] == 250.0
-    assert machine.said[-1].endswith("take the results with care")
+    assert (machine.rates[-1], machine.lockstep) == (250.0, 1)
+    assert "the demo runs in lockstep" in machine.said[-1]
 
 
 def test_a_rate_that_is_wanted_is_kept(run: Any) -> None:
     machine = Machine(carries_hz=100.0, calm_hz=100.0)
     assert run(machine, 400.0) == pytest.approx(400.0)
-    assert machine.rates == [400.0]
+    assert (machine.rates, machine.lockstep) == ([400.0], 0)
     assert machine.said[-1].endswith("take the results with care")
 
 
