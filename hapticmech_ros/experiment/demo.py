@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -200,11 +201,15 @@ def _engagements(reports: Mapping[str, Report]) -> int:
     )
 
 
-def _reduced_gains(reports: Mapping[str, Report]) -> bool:
-    """Return whether the gains of a controller are those for a longer delay than declared."""
+def _reduced_gains(reports: Mapping[str, Report], since: float) -> bool:
+    """Return whether the gains of a controller are those for a longer delay than declared.
+
+    Reports from before ``since``, s of the monotonic clock, are of a loop that nobody felt yet.
+    """
     delays = (
         [float(report.figures.get(name, 0.0)) for name in ("softened_for_ms", "designed_delay_ms")]
         for report in reports.values()
+        if float(report.figures.get("monotonic_s", 0.0)) > since
     )
     return any(present > declared for present, declared in delays)
 
@@ -263,7 +268,7 @@ def record_graph(
         with Graph(
             scene_name, composed, "", parameters, environment, hold=hold, shown=True
         ) as graph:
-            missing, pushing = ["the recorder"], False
+            missing, pushing, since = ["the recorder"], False, 0.0
             for event in events:
                 graph.check()
                 match event["event"]:
@@ -271,6 +276,7 @@ def record_graph(
                         missing = event["missing"]
                         show(_waiting(missing), None)
                     case "progress":
+                        since = since or time.monotonic()
                         pushing = True
                         show("pushing and recording", event["elapsed_s"] / seconds)
                     case "failed":
@@ -283,7 +289,7 @@ def record_graph(
                     load = watch.look(reports)
                     engaged = engaged if pushing else _engagements(reports)
                     broken = _engagements(reports) - engaged
-                    reduced = reduced or (pushing and _reduced_gains(reports))
+                    reduced = reduced or (pushing and _reduced_gains(reports, since))
                     _look_whether_it_fits(GraphRun(load, broken, reduced), must_fit)
                 else:
                     _look_whether_it_fits(GraphRun(starting.look(reports), 0), must_fit)

@@ -161,11 +161,16 @@ class Saturated:
 class Slow(Saturated):
     """A graph whose controller has reduced its gains for a longer delay than declared."""
 
+    declared_ms = 3.0
+
     def reports(self) -> dict[str, Report]:
         figures = {"softened_for_ms": "6.0", "designed_delay_ms": f"{self.declared_ms:.1f}"}
+        figures["monotonic_s"] = f"{self.reported():.6f}"
         return {"/controller": Report("/controller", True, "", figures)}
 
-    declared_ms = 3.0
+    def reported(self) -> float:
+        """Return when the controller has reported last, s of the monotonic clock."""
+        return time.monotonic()
 
 
 class Declared(Slow):
@@ -174,7 +179,16 @@ class Declared(Slow):
     declared_ms = 6.0
 
 
-@pytest.mark.parametrize(("graph", "reduced"), [(Slow, True), (Declared, False)])
+class SlowBefore(Slow):
+    """A graph whose gains were reduced while it started, as its last report says."""
+
+    def reported(self) -> float:
+        return self.begun
+
+
+@pytest.mark.parametrize(
+    ("graph", "reduced"), [(Slow, True), (Declared, False), (SlowBefore, False)]
+)
 def test_reduced_gains_are_found_in_the_diagnostics(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, graph: type[Slow], reduced: bool
 ) -> None:
