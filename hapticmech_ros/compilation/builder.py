@@ -35,6 +35,7 @@ from typing import Any
 from hapticmech_ros.compilation import decorators, structures
 from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.numerics.layout import records
 
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
@@ -71,10 +72,12 @@ def import_all() -> dict[str, Kernel]:
     found = decorators.collect()
     for name in _HOMES + _MORE_HOMES:
         importlib.import_module(f"hapticmech_ros.{name}")
-    from hapticmech_ros.compilation.numba_types import teach_structure
+    from hapticmech_ros.compilation.numba_types import teach_record, teach_structure
 
     for kind in structures.kinds:
         teach_structure(kind)
+    for one in records():
+        teach_record(one)
     return {one.name: one for one in found}
 
 

@@ -17,10 +17,13 @@ from hapticmech_ros.compilation import arrays
 from hapticmech_ros.compilation.inner_functions import translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
 from hapticmech_ros.compilation.structures import Part, Size
+from hapticmech_ros.numerics.layout import Nested, Record, Vector
 
 # Which have no types of their own.
 numba: Any = importlib.import_module("numba")
 extending: Any = importlib.import_module("numba.extending")
+templates: Any = importlib.import_module("numba.core.typing.templates")
+arrayobj: Any = importlib.import_module("numba.np.arrayobj")
 ir: Any = importlib.import_module("llvmlite.ir")
 types, carray, farray = numba.types, numba.carray, numba.farray
 _NUMBERS, _WHOLE = types.CPointer(types.float64), types.CPointer(types.int64)
@@ -169,6 +172,104 @@ def _part_getter(part: Part) -> Callable[[Any], Any]:
     if part.whole:
         return whole_vector if part.dimensions == 1 else whole_matrix
     return vector if part.dimensions == 1 else matrix
+
+
+class RecordType(types.Type):  # type: ignore[misc, name-defined]
+    """A record: where its first number is.
+
+    Args:
+        kind: of record.
+    """
+
+    def __init__(self, kind: type[Record]) -> None:
+        self.kind = kind
+        self.number = types.int64 if kind.dtype is int else types.float64
+        super().__init__(name=f"{kind.__module__}.{kind.__qualname__}")
+
+
+@extending.register_model(RecordType)
+class _RecordModel(extending.models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, typed: RecordType) -> None:
+        super().__init__(manager, typed, [("start", types.CPointer(typed.number))])
+
+
+@extending.infer_getattr
+class _RecordFields(templates.AttributeTemplate):  # type: ignore[misc]
+    key = RecordType
+
+    def generic_resolve(self, record: RecordType, name: str) -> Any:
+        """Return the type of a field."""
+        field = record.kind.fields.get(name)
+        if isinstance(field, Nested):
+            return RecordType(field.kind)
+        if isinstance(field, Vector):
+            return types.Array(record.number, len(field.shape), "C")
+        if name == "values":
+            return types.Array(record.number, 1, "C")
+        return None if field is None else record.number
+
+
+def _read_field(context: Any, builder: Any, record: RecordType, value: Any, name: str) -> Any:
+    if name == "values":
+        size = record.kind.layout.size
+        return _array(context, builder, record.number, builder.extract_value(value, 0), (size,))
+    field, found = record.kind.fields[name], _field_at(builder, record, value, name)
+    if isinstance(field, Nested):
+        return _record_at(context, builder, RecordType(field.kind), found)
+    if isinstance(field, Vector):
+        return _array(context, builder, record.number, found, field.shape)
+    return builder.load(found)
+
+
+def _write_field(context: Any, builder: Any, signature: Any, given: Any, name: str) -> None:
+    record, kind = signature.args
+    value = context.cast(builder, given[1], kind, record.number)
+    builder.store(value, _field_at(builder, record, given[0], name))
+
+
+def _field_at(builder: Any, record: RecordType, value: Any, name: str) -> Any:
+    first, at = builder.extract_value(value, 0), record.kind.fields[name].at
+    return builder.gep(first, [ir.Constant(_WORD, at)])
+
+
+def _record_at(context: Any, builder: Any, record: RecordType, start: Any) -> Any:
+    held = ir.Constant(context.get_value_type(record), ir.Undefined)
+    return builder.insert_value(held, start, 0)
+
+
+extending.lower_getattr_generic(RecordType)(_read_field)
+extending.lower_setattr_generic(RecordType)(_write_field)
+
+
+def teach_record(kind: type[Record]) -> None:
+    """Let kernels make a record of an array's numbers."""
+    made = RecordType(kind)
+
+    def construct(_context: Any) -> Any:
+        return lambda values: made
+
+    def make(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        start = _start(context, builder, signature.args[0], values[0])
+        return _record_at(context, builder, made, start)
+
+    extending.type_callable(kind)(construct)
+    extending.lower_builtin(kind, types.Any)(make)
+
+
+def _array(context: Any, builder: Any, dtype: Any, start: Any, shape: tuple[int, ...]) -> Any:
+    """Return an array in C order that begins at a pointer and belongs to nobody."""
+    array = context.make_array(types.Array(dtype, len(shape), "C"))(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(dtype))
+    strides = [size] if len(shape) == 1 else [size * shape[1], size]
+    arrayobj.populate_array(
+        array,
+        data=builder.bitcast(start, array.data.type),
+        shape=[ir.Constant(_WORD, one) for one in shape],
+        strides=[ir.Constant(_WORD, one) for one in strides],
+        itemsize=ir.Constant(_WORD, size),
+        meminfo=None,
+    )
+    return array._getvalue()
 
 
 @functools.cache

@@ -34,7 +34,7 @@ from hapticmech_ros.control.account_kernels import (
 )
 from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import COMMANDED, DEVICE_ACCOUNT, ON_HAND, ON_MECHANISM
-from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
+from hapticmech_ros.device.safety_kernels import Safety, stay_bounded, stay_within
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.numerics.saturation import limit
@@ -73,7 +73,7 @@ def act(
         given: the last answer that was given, whether it has arrived or not.
         commanded: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
         device: the device's account.
-        safety: its envelope, a :data:`~hapticmech_ros.device.safety_kernels.SAFETY`.
+        safety: its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
             that has arrived.
         sample: (19,) of the device.
@@ -288,9 +288,10 @@ def allow(account: Array, safety: Array, command: Array, sample: Array, added: A
     Passivity control comes last but for the bounds of force and workspace: it has to predict the
     energy that is given, and a slew rate after it would let old commands give more.
     """
-    stay_within(safety, command, sample[:3])
+    envelope = Safety(safety)
+    stay_within(envelope, command, sample[:3])
     if enforce(account, command, sample, added):
-        stay_bounded(safety, command, sample[:3])
+        stay_bounded(envelope, command, sample[:3])
 
 
 @inner
@@ -347,7 +348,7 @@ def allow_command(
 
     Args:
         account: (account,) of the device, changed; see ``loop_layout``.
-        safety: (numbers,) the envelope, changed; see ``safety_layout``.
+        safety: (numbers,) the envelope, a ``device.safety_kernels.Safety``; changed.
         command: (6,) on the hand, by the device, N and N m, world axes; changed.
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.

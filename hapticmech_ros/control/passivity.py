@@ -258,6 +258,6 @@ class DeviceSide:
         """
         found = np.array(command, dtype=float)
         given = math.nan if to_mechanism is None else to_mechanism
-        arrays = self.passivity.account, self.envelope.numbers
+        arrays = self.passivity.account, self.envelope.numbers.values
         allow_command(*arrays, found, sample, applied, added, given)
         return found

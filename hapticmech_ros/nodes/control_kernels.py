@@ -19,7 +19,7 @@ from hapticmech_ros.control.account_kernels import (
     remember_commanded,
 )
 from hapticmech_ros.control.loop_layout import FORCE_LOCAL
-from hapticmech_ros.device.motion_kernels import SOUND, follow_sample
+from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
@@ -44,6 +44,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
     COMMANDED,
     GRASP,
@@ -238,7 +239,7 @@ def answer_samples(
         past: (n, 6) those until now, changed.
         locality: (3,) what the device closes.
         answer: (answer,) to fill; see ``loop_layout``.
-        motion: (numbers,) of the device's motion, changed; see ``motion_kernels``.
+        motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
         round_trip: s, as the device has reported it.
@@ -279,7 +280,8 @@ def answer_samples(
             return TO_READ
         sample = state[SAMPLE : SAMPLE + SAMPLE_SIZE]
         put(moved, motion)
-        if follow_sample(moved, sample, (stamp - link[MOVED]) / 1e9) != SOUND:
+        elapsed_s = (stamp - link[MOVED]) / 1e9
+        if follow_sample(Motion(moved), DeviceSample(sample), elapsed_s) != SOUND:
             return TO_READ
         put(before, account)
         period, time_s = account[PERIOD], (time - link[EPOCH]) / 1e9

@@ -647,7 +647,7 @@ class DeviceDriver(ClockedActor[D]):
                 **self._losses.figures(),
                 "fault": fault,
                 "changed_by_passivity": str(self.side.passivity.changed),
-                **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
+                **{reason.counted_as: str(count) for reason, count in counts.items()},
                 **self.answers.figures(),
                 **self._users.figures(self.loop, now),
                 **self.latency.summary("loop_latency"),

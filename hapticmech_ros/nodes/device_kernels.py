@@ -184,7 +184,7 @@ def drive_at_deadlines(
         state: (107,) of the device, changed.
         later: (107,) to work with.
         account: (account,) of the device; see ``loop_layout``.
-        safety: (numbers,) its envelope; see ``safety_layout``.
+        safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.

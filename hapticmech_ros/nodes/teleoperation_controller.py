@@ -19,7 +19,7 @@ from hapticmech_ros.control.rendering_controller import (
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.device.motion_kernels import MOTION
+from hapticmech_ros.device.motion_kernels import Motion
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
@@ -109,7 +109,7 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
-        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), np.zeros(MOTION.size)
+        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
         self._settings = self._locality = np.zeros(0)
         self.link[own.PERIOD_NS] = nanoseconds(actor.period_s)
@@ -137,7 +137,13 @@ class SampleAnswers(PlainMessages):
             *(*device, self.targets[0], *point, self.targets[1]),
             *(self._most, self._known, self._grasp),
             *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),
-            *(self._locality, self._answer, actor.motion.numbers, self._moved, self._wrenches),
+            *(
+                self._locality,
+                self._answer,
+                actor.motion.numbers.values,
+                self._moved,
+                self._wrenches,
+            ),
             *(actor.path.round_trip, self.ages),
         )
 

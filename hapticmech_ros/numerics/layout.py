@@ -9,7 +9,11 @@ and how large each number may be all follow from that.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar, overload
+
+import numpy as np
+
+from hapticmech_ros.numerics import Array
 
 SECONDS = ("seconds", "nanoseconds")
 TWIST = ("linear_velocity",) * 3 + ("angular_velocity",) * 3
@@ -78,27 +82,212 @@ class Layout(Mapping[str, int]):
                 yield field.quantities[index % len(field.quantities)]
 
 
-# What a device measures: where the point held is, how it moves, and F_h.
-DEVICE_SAMPLE = Layout(
-    {
-        "position": Field(3, ("position",)),
-        "quaternion": Field(4, ("quaternion",)),
-        "twist": Field(6, TWIST),
-        "hand_wrench": Field(6, WRENCH),
-    }
-)
-# What rendering needs of an operational point: s, X, P_c, Π and a_0, its pose and twist, and F_c.
-# Matrices go row by row; of s and of rows that the task space does not have, the rest is zero.
-OPERATIONAL_MODEL = Layout(
-    {
-        "s": Field(6, ("ratio",)),
-        "inverse_inertia": Field(36, ("inverse_inertia",)),
-        "constraint_projector": Field(36, ("ratio",)),
-        "wrench_projector": Field(36, ("ratio",)),
-        "free_acceleration": Field(6, ("acceleration",)),
-        "position": Field(3, ("position",)),
-        "quaternion": Field(4, ("quaternion",)),
-        "twist": Field(6, TWIST),
-        "contact": Field(6, WRENCH),
-    }
-)
+class Record:
+    """An array of float64 (or int64) numbers whose fields have names; kernels read it so as well.
+
+    A subclass declares its fields in order, those of its base first::
+
+        class Spring(Record):
+            stiffness = Number()
+            rest = Vector(3, "position")
+
+    ``Spring(values).stiffness`` is then ``values[0]``, and ``Spring(values).rest`` a view of the
+    next three. In kernels the same lines cost what an index costs.
+
+    Args:
+        values: (n,) the numbers, in C order; zero if left out.
+
+    Attributes:
+        values: (n,) the numbers.
+        layout: where each field is.
+        fields: by name.
+        dtype: of the numbers.
+    """
+
+    __slots__ = ("values",)
+    layout: ClassVar[Layout] = Layout({})
+    fields: ClassVar[dict[str, RecordField]] = {}
+    dtype: ClassVar[type] = float
+
+    def __init__(self, values: Array | None = None) -> None:
+        self.values: Array = np.zeros(self.layout.size, self.dtype) if values is None else values
+
+    def __init_subclass__(cls) -> None:
+        own = {name: one for name, one in vars(cls).items() if isinstance(one, RecordField)}
+        cls.fields = {**cls.fields, **own}
+        at = cls.layout.size
+        for field in own.values():
+            field.at = at
+            at += field.size
+        parts = {name: Field(one.size, one.quantities) for name, one in cls.fields.items()}
+        cls.layout = Layout(parts)
+
+
+def records() -> Iterator[type[Record]]:
+    """Yield the kinds of record that are known so far."""
+    waiting = [Record]
+    while waiting:
+        kinds = waiting.pop().__subclasses__()
+        waiting += kinds
+        yield from kinds
+
+
+class RecordField:
+    """A field of a record.
+
+    Attributes:
+        at: index of its first number.
+        size: how many it has.
+        quantities: what they are, over and over.
+    """
+
+    def __init__(self, size: int, quantities: tuple[str, ...]) -> None:
+        self.size = size
+        self.quantities = quantities
+        self.at = 0
+
+
+class Number(RecordField):
+    """One number, read as a float.
+
+    Args:
+        quantity: what it is.
+    """
+
+    def __init__(self, quantity: str = ANY) -> None:
+        super().__init__(1, (quantity,))
+
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Number: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> float: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Number | float:
+        """Return the number."""
+        return self if record is None else float(record.values[self.at])
+
+    def __set__(self, record: Record, value: float) -> None:
+        """Write the number."""
+        record.values[self.at] = value
+
+
+class Whole(RecordField):
+    """One number of a record of whole ones."""
+
+    def __init__(self) -> None:
+        super().__init__(1, (ANY,))
+
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Whole: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> int: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Whole | int:
+        """Return the number."""
+        return self if record is None else int(record.values[self.at])
+
+    def __set__(self, record: Record, value: int) -> None:
+        """Write the number."""
+        record.values[self.at] = value
+
+
+class Vector(RecordField):
+    """A view of some numbers; of rows and columns, a matrix.
+
+    Args:
+        size: how many.
+        quantities: what they are, over and over.
+        columns: of a matrix, which is stored row by row; 0 for a vector.
+    """
+
+    def __init__(
+        self, size: int, quantities: str | tuple[str, ...] = ANY, columns: int = 0
+    ) -> None:
+        named = (quantities,) if isinstance(quantities, str) else quantities
+        super().__init__(size, named)
+        self.shape = (size // columns, columns) if columns else (size,)
+
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Vector: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> Array: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Vector | Array:
+        """Return the view."""
+        if record is None:
+            return self
+        found = record.values[self.at : self.at + self.size]
+        return found if len(self.shape) == 1 else found.reshape(self.shape)
+
+
+def matrix(rows: int, columns: int, quantities: str | tuple[str, ...] = ANY) -> Vector:
+    """Return a field that is read as a matrix, stored row by row."""
+    return Vector(rows * columns, quantities, columns)
+
+
+Inside = TypeVar("Inside", bound=Record)
+
+
+class Nested(RecordField):
+    """A record in a record.
+
+    Args:
+        kind: of the record inside.
+    """
+
+    def __init__(self, kind: type[Inside]) -> None:
+        super().__init__(kind.layout.size, tuple(kind.layout.quantities()))
+        self.kind = kind
+
+    def __get__(self, record: Record | None, owner: type[Record]) -> Any:
+        """Return the record inside, a view."""
+        if record is None:
+            return self
+        return self.kind(record.values[self.at : self.at + self.size])
+
+
+class DeviceSample(Record):
+    """What a device measures, world axes: where the point held is, how it moves, and F_h.
+
+    Attributes:
+        position: m.
+        quaternion: x, y, z, w.
+        twist: m/s and rad/s.
+        hand_wrench: F_h, by the hand, on the device, at the point held, N and N m.
+    """
+
+    position = Vector(3, "position")
+    quaternion = Vector(4, "quaternion")
+    twist = Vector(6, TWIST)
+    hand_wrench = Vector(6, WRENCH)
+
+
+DEVICE_SAMPLE = DeviceSample.layout
+
+
+class OperationalModelSample(Record):
+    """What rendering needs of an operational point, at one time; axes of the world, at the point.
+
+    Matrices go row by row; of s and of rows that the task space does not have, the rest is zero.
+
+    Attributes:
+        s: sqrt(μ), descending.
+        inverse_inertia: X, 1/kg, 1/(kg m) and 1/(kg m²).
+        constraint_projector: P_c.
+        wrench_projector: Π.
+        free_acceleration: a_0, m/s² and rad/s².
+        position: m.
+        quaternion: x, y, z, w.
+        twist: m/s and rad/s.
+        contact: F_c, by the environment, on the mechanism, N and N m.
+    """
+
+    s = Vector(6, "ratio")
+    inverse_inertia = matrix(6, 6, "inverse_inertia")
+    constraint_projector = matrix(6, 6, "ratio")
+    wrench_projector = matrix(6, 6, "ratio")
+    free_acceleration = Vector(6, "acceleration")
+    position = Vector(3, "position")
+    quaternion = Vector(4, "quaternion")
+    twist = Vector(6, TWIST)
+    contact = Vector(6, WRENCH)
+
+
+OPERATIONAL_MODEL = OperationalModelSample.layout

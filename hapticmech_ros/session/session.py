@@ -42,6 +42,7 @@ from hapticmech_ros.device import (
 )
 from hapticmech_ros.device.kernels import DEVICE_MODEL
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
@@ -492,7 +493,7 @@ class Session:
             "faded": np.zeros(6),
             "commanded": side.queue,
             "account": passivity.account,
-            "safety": envelope.numbers,
+            "safety": envelope.numbers.values,
             # Those on the way, the row after them, and the one that has arrived last.
             "answers": np.zeros((len(side.queue) + 2, ANSWER.size)),
             "sample": np.zeros(DEVICE_SAMPLE.size),
@@ -520,7 +521,7 @@ class Session:
         }
         data = session_data(sizes, parts)
         side.account, side.queue = data.controller, data.commanded
-        passivity.account, envelope.numbers = data.account, data.safety
+        passivity.account, envelope.numbers = data.account, Safety(data.safety)
         self._counter.numbers = data.counter
         if channels is not None:
             forth, back = channels
