@@ -311,7 +311,7 @@ def record_in_lockstep(
     show: Show,
     control_rate: float,
 ) -> GraphRun:
-    """Record the same experiment by a graph that advances by messages, not by time.
+    """Record the same by a graph that advances by messages, not by time; return how it went.
 
     Arguments are those of :func:`record_graph`.
 
