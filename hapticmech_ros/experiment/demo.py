@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -204,14 +203,18 @@ def _engagements(reports: Mapping[str, Report]) -> int:
 def _reduced_gains(reports: Mapping[str, Report], since: float) -> bool:
     """Return whether the gains of a controller are those for a longer delay than declared.
 
-    Reports from before ``since``, s of the monotonic clock, are of a loop that nobody felt yet.
+    Reports up to ``since``, s of the monotonic clock, are of a loop that nobody felt yet.
     """
     delays = (
         [float(report.figures.get(name, 0.0)) for name in ("softened_for_ms", "designed_delay_ms")]
         for report in reports.values()
-        if float(report.figures.get("monotonic_s", 0.0)) > since
+        if _time_of(report) > since
     )
     return any(present > declared for present, declared in delays)
+
+
+def _time_of(report: Report) -> float:
+    return float(report.figures.get("monotonic_s", 0.0))
 
 
 def record_graph(
@@ -276,7 +279,8 @@ def record_graph(
                         missing = event["missing"]
                         show(_waiting(missing), None)
                     case "progress":
-                        since = since or time.monotonic()
+                        if not pushing:
+                            since = max(map(_time_of, graph.reports().values()), default=0.0)
                         pushing = True
                         show("pushing and recording", event["elapsed_s"] / seconds)
                     case "failed":
@@ -307,7 +311,7 @@ def record_in_lockstep(
     show: Show,
     control_rate: float,
 ) -> GraphRun:
-    """Record the same experiment by a graph that advances by messages, not by time.
+    """Record the same by a graph that advances by messages, not by time; return how it went.
 
     Arguments are those of :func:`record_graph`.
 
