@@ -40,7 +40,7 @@ from hapticmech_ros.numerics.layout import records
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
-    *("device.impedance_device", "wire.readings", "contact.stepping"),
+    *("device.impedance_device", "wire.layouts", "contact.stepping"),
     *("session.session", "nodes.lane_kernels"),
     *("nodes.analysis_kernels", "nodes.control_kernels"),
     *("nodes.device_kernels", "nodes.mechanism_kernels"),

@@ -63,6 +63,7 @@ _SOURCES = (
     "control/account_kernels.py",
     "control/device_side_kernels.py",
     "session/tick_kernels.py",
+    "wire/messages.py",
     "wire/kernels.py",
     "nodes/lane_kernels.py",
     "nodes/analysis_kernels.py",

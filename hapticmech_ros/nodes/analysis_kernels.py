@@ -35,13 +35,13 @@ from hapticmech_ros.operational.observe_kernels import (
     remember_state,
 )
 from hapticmech_ros.wire.kernels import (
-    COUNT,
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,
     UNSOUND,
     sound_stamp,
     write_operational_model,
 )
+from hapticmech_ros.wire.messages import OperationalModelMessage
 
 # Where in a state what begins: flags of closures, position, rates, the point's F_c, its place and
 # its flag; the number of the point. How long the last state may be ago, ns; its stamp, and since
@@ -193,14 +193,15 @@ def answer_states(
         if code != 0:
             return TO_READ
         model, contact = observation[:MODEL_SIZE], values[link[CONTACT] : link[CONTACT] + 6]
-        write_operational_model(out, stamp, model, contact, values[link[FLAG]], grasp)
+        message = OperationalModelMessage(out)
+        write_operational_model(message, stamp, model, contact, values[link[FLAG]], grasp)
         if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
         take(inputs[0], words, polled[0], frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link[FIRST]) / 1e9
-        out[COUNT] = count_rigid(counter, observation[: rows.size], since)
+        message.count = count_rigid(counter, observation[: rows.size], since)
         send_to_all(outputs[0], words, out_frame, targets, real)
         note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp

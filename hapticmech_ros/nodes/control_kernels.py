@@ -7,7 +7,6 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
     PERIOD,
-    SAMPLE_SIZE,
     TWIST,
     WRENCHES,
     account_for_hand,
@@ -46,19 +45,13 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
-    COMMANDED,
-    GRASP,
-    GRASP_SIZE,
-    MODEL,
     MODEL_QUATERNION,
-    OBEYS,
     QUATERNION_TOLERANCE,
-    ROUND_TRIP,
-    SAMPLE,
     SAMPLE_QUATERNION,
     UNSOUND,
     sound_stamp,
 )
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
 
 # How long inputs may be silent, and since when times count, ns; the period, ns; when the device was
 # heard last, ns; stamp of the operational model, and of the one that was answered last, ns; the
@@ -102,40 +95,44 @@ def note_sender(link: Array, sender: int, stamp: int, counted: int) -> None:
 
 
 @inner
-def plain_model(link: Array, values: Array, most: Array, grasp: Array, time: int) -> int:
+def plain_model(
+    link: Array, model: OperationalModelMessage, most: Array, grasp: Array, time: int
+) -> int:
     """Return the stamp, ns, of an operational model that keeps the rules, as before; or UNSOUND.
 
     Args:
         link: see above.
-        values: (151,) the model.
+        model: the message.
         most: (151,) largest magnitudes.
         grasp: (7,) where the operational point is.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, MODEL_QUATERNION, QUATERNION_TOLERANCE)
-    if stamp == UNSOUND or abs(time - stamp) > link[OLDEST] or values[COMMANDED] != 1.0:
+    stamp = sound_stamp(model.values, most, MODEL_QUATERNION, QUATERNION_TOLERANCE)
+    if stamp == UNSOUND or abs(time - stamp) > link[OLDEST] or model.commanded != 1.0:
         return UNSOUND
-    for i in range(GRASP_SIZE):
-        if values[GRASP + i] != grasp[i]:
+    for i in range(grasp.size):
+        if model.grasp[i] != grasp[i]:
             return UNSOUND
     return UNSOUND if time - link[LAST] > link[TIMEOUT] else stamp
 
 
 @inner
-def plain_sample(link: Array, values: Array, most: Array, round_trip: float, time: int) -> int:
+def plain_sample(
+    link: Array, state: DeviceStateMessage, most: Array, round_trip: float, time: int
+) -> int:
     """Return the stamp, ns, of a sample that is answered as those before it were; or UNSOUND.
 
     Args:
         link: see above.
-        values: (29,) the sample.
+        state: the message.
         most: (29,) largest magnitudes.
         round_trip: s, as the device has reported it.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
+    stamp = sound_stamp(state.values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
     if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
         return UNSOUND
-    if values[OBEYS] != 1.0 or values[ROUND_TRIP] != round_trip:
+    if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
     if stamp < link[NEWEST] or stamp == time or stamp >= link[GAIN_FROM] or link[VIEW] == 1:
         return UNSOUND
@@ -261,11 +258,11 @@ def answer_samples(
             if not peek(link, inputs[MODELS], words, polled[MODELS], model_frame, model_prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
-            stamp = plain_model(link, model, model_most, grasp, time)
+            stamp = plain_model(link, OperationalModelMessage(model), model_most, grasp, time)
             if stamp == UNSOUND or has_paused(link, OF_ANALYSER, stamp, counted):
                 return TO_READ
             take(inputs[MODELS], words, polled[MODELS], model_frame, model_copies)
-            put(known, model[MODEL : MODEL + known.size])
+            put(known, OperationalModelMessage(model).operational_model.values)
             link[MODEL_NS] = stamp
             note_sender(link, OF_ANALYSER, stamp, counted)
             note_read(link, inputs[MODELS], ages, time, time - stamp, counted, sent)
@@ -275,10 +272,10 @@ def answer_samples(
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_sample(link, state, state_most, round_trip, time)
+        stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trip, time)
         if stamp == UNSOUND or has_paused(link, OF_DEVICE, stamp, counted):
             return TO_READ
-        sample = state[SAMPLE : SAMPLE + SAMPLE_SIZE]
+        sample = DeviceStateMessage(state).sample.values
         put(moved, motion)
         elapsed_s = (stamp - link[MOVED]) / 1e9
         if follow_sample(Motion(moved), DeviceSample(sample), elapsed_s) != SOUND:

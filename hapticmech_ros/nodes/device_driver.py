@@ -50,17 +50,14 @@ from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.wire.bounds import message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    DEVICE_ENERGY_FIELDS,
-    DEVICE_FIELDS,
-    DEVICE_MEASURED,
-    GAIN_FIELDS,
+from hapticmech_ros.wire.layouts import write_device_state
+from hapticmech_ros.wire.messages import (
+    UNLIMITED,
     DeviceEnergy,
-    DeviceWriter,
-    device_bounds,
-    gain_bounds,
-    pack_device_energy,
+    DeviceStateMessage,
+    LocalFeedbackGain,
 )
 from hapticmech_ros.wire.stamped import JointStateWriter, encode_pose, encode_twist, nearest_stamp
 from hapticmech_ros.wire.topics import (
@@ -221,7 +218,7 @@ class DeviceView:
         self._publish_twist = actor.view(DEVICE_TWIST, TwistStamped)
         self._publish_setpoint = actor.view(DEVICE_SETPOINT, WrenchStamped)
         self._publish_joints = actor.view(DEVICE_JOINTS, JointState)
-        self._energy = FlatArray(DEVICE_ENERGY_FIELDS)
+        self._energy = FlatArray(DeviceEnergy.layout)
         self._publish_energy = actor.view(DEVICE_ENERGY, Float64MultiArray)
         self._publish_pose = actor.view(DEVICE_POSE, PoseStamped)
 
@@ -235,15 +232,15 @@ class DeviceView:
         """
         if not self._publish_energy.wanted:
             return
-        energy = DeviceEnergy(
+        energy = DeviceEnergy.of(
             time_ns,
-            account.hand(sample),
-            account.actuators,
-            account.mechanism or 0.0,
-            account.available,
-            account.dissipated,
+            from_hand=account.hand(sample),
+            taken_by_actuators=account.actuators,
+            to_mechanism=account.mechanism or 0.0,
+            available=min(account.available, UNLIMITED),
+            dissipated=account.dissipated,
         )
-        self._publish_energy.publish(self._energy.encode(pack_device_energy(energy)))
+        self._publish_energy.publish(self._energy.encode(energy.values))
 
     def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
         """Publish a state with the wrench (6,) of all that push, at a time (ns).
@@ -390,8 +387,10 @@ class DeviceDriver(ClockedActor[D]):
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         self.latency = DurationHistogram()
         self._ticks = 0
-        self._wire = FlatArray(DEVICE_FIELDS, device_bounds(self.limits))
-        self._written = DeviceWriter()
+        self._wire = FlatArray(
+            DeviceStateMessage.layout, message_bounds(DeviceStateMessage, self.limits)
+        )
+        self._written = DeviceStateMessage()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._view = DeviceView(self)
         self.buttons = ButtonOutput(self)
@@ -424,7 +423,7 @@ class DeviceDriver(ClockedActor[D]):
             self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
-            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
+            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, LocalFeedbackGain.layout, gains)
         self._users.listen(lambda: self.loop)
 
     def new_device(self) -> SimulatedDevice:
@@ -449,7 +448,9 @@ class DeviceDriver(ClockedActor[D]):
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
         others = self._users.begin()
-        return LocalLoop(self.period_s, gain_bounds(self.limits), paired, others)
+        return LocalLoop(
+            self.period_s, message_bounds(LocalFeedbackGain, self.limits), paired, others
+        )
 
     @property
     def _is_local(self) -> bool:
@@ -532,7 +533,7 @@ class DeviceDriver(ClockedActor[D]):
         self._push = self.pushed(deadline_ns)
         self._publish(deadline_ns)
         self._last_valid.keep(self._state)
-        self.loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
+        self.loop.measured(self._written.sample.values, deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_unpublished:
             self._publish_view(deadline_ns)
         self._ticks += 1
@@ -605,19 +606,19 @@ class DeviceDriver(ClockedActor[D]):
         if code == kernels.TO_SAY:
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
         elif code == kernels.TO_LOOK_AT:
-            self._written.encode(self._state, NO_WRENCH, clock.last_deadline_ns)
+            write_device_state(self._written, self._state, NO_WRENCH, clock.last_deadline_ns)
             self.failures.run("tick", self._publish_view, clock.last_deadline_ns)
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)
         reported = self.answers.round_trip, self.answers.obeys or self.lockstep
-        self._written.encode(self._state, sensed, stamp_ns, *reported)
+        write_device_state(self._written, self._state, sensed, stamp_ns, *reported)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
         self._operating.publish(self.node.active)
-        self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
+        self._view.publish(self._state, self._written.sample.hand_wrench, stamp_ns)
         self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
         if self._poses is not None:
             self._poses.publish(stamp_ns)

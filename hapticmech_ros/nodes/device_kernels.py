@@ -53,11 +53,11 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
-    SAMPLE,
     SAMPLE_QUATERNION,
     UNSOUND,
     sound_stamp,
 )
+from hapticmech_ros.wire.messages import DeviceStateMessage
 
 # The next deadline and the period, ns, by the node's time; how long a command stands, and how long
 # what says how it depends on the device, ns; since when a command stands, and the one before, and
@@ -68,6 +68,8 @@ NEXT, PERIOD, TIMEOUT, FRESH, RECEIVED, RECEIVED_BEFORE, ANSWERED, ANSWERED_BEFO
     OWN, OWN + 8
 )
 NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
+# Where in a message what is published of a state begins.
+PUBLISHED = DeviceStateMessage.layout.start("position")
 LINK_SIZE = OWN + 16
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
@@ -252,7 +254,7 @@ def drive_at_deadlines(
         link[NEXT] += link[PERIOD]
         link[DONE] += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[SAMPLE : SAMPLE + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        put(out[PUBLISHED : PUBLISHED + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
         if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
             return TO_SAY

@@ -32,8 +32,9 @@ from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Pub
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.scene.hand import STILL_HAND
+from hapticmech_ros.wire.bounds import message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP, device_bounds
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, HAND_WRENCH, START_HAND
 
 
@@ -112,19 +113,20 @@ class DeviceTicks(PlainMessages):
     """
 
     def __init__(self, actor: HapticDevice, device: ImpedanceDevice, outlet: Outlet) -> None:
-        command, sample = PlainCommand(actor.wrenches), FlatArray(DEVICE_FIELDS)
-        frame, self._out = frame_of(sample.prefix, sample.size)
+        command, sample = PlainCommand(actor.wrenches), FlatArray(DeviceStateMessage.layout)
+        frame, values = frame_of(sample.prefix, sample.size)
+        self._out = DeviceStateMessage(values)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
         published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
         received = command.received(topic, actor.commanders)
         super().__init__(actor, [received], [published], own.LINK_SIZE)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
-        self._most = device_bounds(actor.limits).most
+        self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
         self._state, self._later = np.zeros(DEVICE_STATE.size), np.zeros(DEVICE_STATE.size)
         self._given, self._model = math.nan, NO_GAIN
-        self._out[OBEYS] = 1.0
+        self._out.obeys = True
 
     def ready(self) -> bool:
         """Tell the kernel how the driver is; return whether it may do anything for it."""
@@ -136,7 +138,7 @@ class DeviceTicks(PlainMessages):
         if actor.held is not None and actor.held is not device.held:
             device.take_hold(actor.held)
         self._given, self._model = given, gain[0]
-        self._out[ROUND_TRIP] = actor.answers.round_trip
+        self._out.round_trip = actor.answers.round_trip
         return True
 
     def run(self) -> int:
@@ -147,7 +149,7 @@ class DeviceTicks(PlainMessages):
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             *(self._command.most, self._commands),
-            *(self._frame, self._out, self._most, actor.fastest, self.targets[0]),
+            *(self._frame, self._out.values, self._most, actor.fastest, self.targets[0]),
             *(self._device.data, self._state, self._later),
             *(side.passivity.account, side.envelope.numbers.values),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),

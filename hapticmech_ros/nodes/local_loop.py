@@ -25,13 +25,11 @@ from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
 from hapticmech_ros.wire.layouts import (
     CouplingMatrices,
-    LocalFeedbackGain,
-    gain_bounds,
-    unpack_gain,
 )
+from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 _HAND = DEVICE_SAMPLE.slice("hand_wrench")
 # A gain older than this says nothing of where the mechanism is now.
@@ -90,7 +88,7 @@ class LocalLoop:
         self._coupling: Latest[CouplingMatrices] = Latest()
         self.couplings: Stamped[CouplingMatrices] = Stamped()
         self._newest_ns = NEVER
-        self._bounds = bounds or gain_bounds()
+        self._bounds = bounds or message_bounds(LocalFeedbackGain)
         self._paired, self._paired_ns = paired, nanoseconds(PAIRED.at(period))
         self._pair: Pair | None = None
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
@@ -158,10 +156,10 @@ class LocalLoop:
             age_limit_ns: how far, ns, its stamps may be from now.
 
         Raises:
-            InvalidInputError: as :func:`~hapticmech_ros.wire.layouts.unpack_gain`, or a stamp
+            InvalidInputError: as :func:`~hapticmech_ros.wire.bounds.read`, or a stamp
                 that is too far from now.
         """
-        gain = unpack_gain(values, self._bounds)
+        gain = read(LocalFeedbackGain, values, self._bounds)
         for stamp_ns in (gain.stamp_ns, gain.answered_ns):
             check_age(stamp_ns, now_ns, age_limit_ns)
         if lockstep:

@@ -54,7 +54,10 @@ from hapticmech_ros.session.tick_kernels import (
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS, energy_of, pack_energy
+from hapticmech_ros.wire.layouts import (
+    energy_of,
+)
+from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topics import (
@@ -238,7 +241,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._joints = JointStateWriter(coordinate_names(self._mechanism))
         self._layout = StateLayout(self._mechanism)
         self._wire = FlatArray(self._layout.fields, self._layout.bounds)
-        self._energy = FlatArray(ENERGY_FIELDS)
+        self._energy = FlatArray(MechanismEnergy.layout)
         self._publish_wire = self.output(STATE, Float64MultiArray)
         self._publish_joints = self.view(JOINT_STATES, JointState)
         self._publish_energy = self.view(ENERGY, Float64MultiArray)
@@ -584,7 +587,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._contact_port.publish(self.state.touching, time_ns)
         if self._publish_energy.wanted:
             energies = energy_of(self._mechanism, self.state, time_ns)
-            self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
+            self._publish_energy.publish(self._energy.encode(energies.values))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
         """Return the point that the parameter ``grasp`` moves, where it moves it."""

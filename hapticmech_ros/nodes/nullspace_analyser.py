@@ -25,16 +25,14 @@ from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import coupling, transmission
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation, PastRates
 from hapticmech_ros.operational.results import rank_of
-from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.bounds import Bounds, message_bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
 from hapticmech_ros.wire.layouts import (
-    COMMANDED,
-    OPERATIONAL_MODEL_FIELDS,
     CouplingMatrices,
     CouplingWire,
-    operational_model_bounds,
+    OperationalModelWriter,
 )
-from hapticmech_ros.wire.readings import OperationalModelWriter
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,
@@ -49,7 +47,7 @@ from hapticmech_ros.wire.topics import (
 
 # A pause in states longer than this starts the count anew: the mechanism may be elsewhere.
 RESTART_PAUSE_NS = NANOSECONDS // 4
-MODEL_COUNT = OPERATIONAL_MODEL_FIELDS.start("count")
+MODEL_COUNT = OperationalModelMessage.layout.start("count")
 
 
 class StateAnswers(PlainMessages):
@@ -171,8 +169,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.analyses = 0
         periods, period_ns = periods_before(self.scene), nanoseconds(self.scene.simulation.period)
         self.past = PastRates(periods, period_ns, self.mechanism.nv)
-        bounds = operational_model_bounds(self.limits)
-        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, bounds)
+        bounds = message_bounds(OperationalModelMessage, self.limits)
+        self._encoder = FlatArray(OperationalModelMessage.layout, bounds)
         frame, self._values = frame_of(self._encoder.prefix, self._encoder.size)
         self._model = OperationalModelWriter(self.analyser, self.past, self._values)
         self.grasp = flat_grasp(self.scene, self.analyser.point)
@@ -257,7 +255,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             "analyses": str(self.analyses),
             "achieved_rate_hz": f"{rate:.1f}",
             "count": count,
-            "inverse_inertia_rank": str(rank_of(self._model.s)),
+            "inverse_inertia_rank": str(rank_of(self._model.message.s)),
         }
         return fresh, sentence, figures
 
@@ -279,12 +277,12 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         except (HapticMechError, ArithmeticError, ValueError) as error:
             rule = f"must be a state that can be analysed: {error}"
             raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
-        count = self._counted(model.s, state.stamp_ns)
-        model.count(count)
+        count = self._counted(model.message.s, state.stamp_ns)
+        model.message.count = count
         if self.lockstep or self.analyses % self.view_every == 0:
             # Before the model, which is answered when it comes.
             self._transmit(state, found.analysis)
-        self._publish_model.publish(self._encoder.encode(model.values))
+        self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
             self.publish_view(found.analysis, count)
         self.analyses += 1
@@ -323,10 +321,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._silenced = True
         self._count = None
         self.node.get_logger().warning(f"{fault}: no operational model is published")
-        if not self._model.values[0]:
+        message = self._model.message
+        if not message.stamp_ns:
             return  # nobody was told anything
-        self._model.values[COMMANDED] = 0.0
-        self._publish_model.publish(self._encoder.encode(self._model.values))
+        message.commanded = False
+        self._publish_model.publish(self._encoder.encode(message.values))
 
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""

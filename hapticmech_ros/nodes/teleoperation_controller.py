@@ -53,14 +53,12 @@ from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
-from hapticmech_ros.wire.readings import (
-    OperationalModelReading,
-    read_device,
-    read_operational_model,
+from hapticmech_ros.wire.layouts import (
     reading_bounds,
 )
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
 from hapticmech_ros.wire.topics import (
     DEVICE_POSE,
     DEVICE_STATE,
@@ -94,8 +92,8 @@ class SampleAnswers(PlainMessages):
     ) -> None:
         received = []
         for name, fields, sources in (
-            (DEVICE_STATE.name, DEVICE_FIELDS, device),
-            (POINT_MODEL.of(actor.point), OPERATIONAL_MODEL_FIELDS, analyser),
+            (DEVICE_STATE.name, DeviceStateMessage.layout, device),
+            (POINT_MODEL.of(actor.point), OperationalModelMessage.layout, analyser),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
             received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
@@ -194,10 +192,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
         self._command_stamps = 0, 0
-        self._model: Latest[OperationalModelReading] = Latest()
+        self._model: Latest[OperationalModelMessage] = Latest()
         self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
         self._devices: Stamped[Array] = Stamped()
-        self._models: Stamped[OperationalModelReading] = Stamped()
+        self._models: Stamped[OperationalModelMessage] = Stamped()
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
@@ -221,7 +219,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             DEVICE_STATE.name,
             self.control_input,
             self._on_device_state,
-            DEVICE_FIELDS,
+            DeviceStateMessage.layout,
             device := self.watch(DEVICE_STATE.name),
         )
         model = POINT_MODEL.of(self.point)
@@ -229,7 +227,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             model,
             self.control_input,
             self._on_operational_model,
-            OPERATIONAL_MODEL_FIELDS,
+            OperationalModelMessage.layout,
             analyser := self.watch(model),
         )
         self._of_device, self._of_analyser = device, analyser
@@ -371,8 +369,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         return self._crtk.lacking(now_ns) or [names]
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        inputs = read_device(values, self.bounds.device)
-        stamp, device = inputs.stamp_ns, inputs.measured
+        inputs = read(DeviceStateMessage, values, self.bounds.device)
+        stamp, device = inputs.stamp_ns, inputs.sample.values
         received = self.lockstep or self.path.received(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
         self._device_pauses.received(stamp, self._of_device.latest, now_ns)
@@ -439,7 +437,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self._answer_to(device, model, stamp, now_ns)
 
-    def _answer_paced(self, model: OperationalModelReading, now_ns: int) -> None:
+    def _answer_paced(self, model: OperationalModelMessage, now_ns: int) -> None:
         """Answer the newest sample that a network has brought, now that the analysis is there."""
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
@@ -459,12 +457,12 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._answer_to(found[0], model, found[1], now_ns)
 
     def _answer_to(
-        self, device: Array, model: OperationalModelReading, stamp: int, now_ns: int
+        self, device: Array, model: OperationalModelMessage, stamp: int, now_ns: int
     ) -> None:
         paced = self.path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
         ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
-        operational_model, clutch = model.operational_model, self._clutch
+        operational_model, clutch = model.operational_model.values, self._clutch
         time_s = self._time_s(now_ns)
         if clutch is None:
             clutch = self._control.engage(time_s, device, operational_model, ahead)
@@ -476,12 +474,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         elif not (self.path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
-        elif model.grasp != self._grasp:
+        elif model.grasp.tobytes() != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             clutch = self._control.engage(time_s, device, operational_model, ahead, self._carried)
             self.side.held_elsewhere()
             self.grasps += 1
-        self._grasp = model.grasp
+        self._grasp = model.grasp.tobytes()
         self._clutch = self._control.with_slip(time_s, clutch, device, operational_model)
         inputs = ControllerInput(
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
@@ -523,7 +521,9 @@ class TeleoperationController(Actor[ControllerParameters]):
             return None
         ours = self._local and self.path.obeyed and self.path.is_settled and not self.path.paced
         simple = self.side.is_ideal and not (control.answers_in_python or control.is_ramping)
-        if not (ours and simple and self._outputs.are_plain and model.grasp == self._grasp):
+        if not (
+            ours and simple and self._outputs.are_plain and model.grasp.tobytes() == self._grasp
+        ):
             return None
         pressed = self._buttons.is_pressed(self.parameters.clutch_button)
         if self.lockstep or pressed or self._fault(self.now_ns()):
@@ -536,8 +536,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
         link[kernels.OWN :] = numbers
         link[kernels.VIEW] = self._outputs.until_view
-        known[:] = model.operational_model
-        grasp[:] = np.frombuffer(model.grasp)
+        known[:] = model.operational_model.values
+        grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
         return settings, self.side.locality(True, False)
 
@@ -553,7 +553,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         stamp_ns = int(link[own.MODEL_NS])
         before = self._model.value
         if before is not None:
-            found = before._replace(stamp_ns=stamp_ns, operational_model=known.copy())
+            found = OperationalModelMessage(before.values.copy())
+            found.stamp_ns, found.operational_model.values[:] = stamp_ns, known
             self._model.put(found, stamp_ns)
         self._model_pauses.went_on(stamp_ns, origin, now_ns)
 
@@ -663,7 +664,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
-        found = read_operational_model(values, self.bounds.model)
+        found = read(OperationalModelMessage, values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._model.put(found, found.stamp_ns)
         self._model_pauses.received(found.stamp_ns, self._of_analyser.latest, now_ns)

@@ -9,7 +9,7 @@ and how large each number may be all follow from that.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple, TypeVar, overload
+from typing import ClassVar, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 
@@ -119,8 +119,19 @@ class Record:
         for field in own.values():
             field.at = at
             at += field.size
-        parts = {name: Field(one.size, one.quantities) for name, one in cls.fields.items()}
+        parts: dict[str, Field] = {}
+        for name, field in cls.fields.items():
+            if isinstance(field, Nested) and field.flat:
+                parts.update(field.kind.layout.fields)
+            else:
+                parts[name] = Field(field.size, field.quantities)
         cls.layout = Layout(parts)
+
+    def fill(self, **fields: object) -> None:
+        """Write fields, each by its name."""
+        for name, value in fields.items():
+            field = self.fields[name]
+            self.values[field.at : field.at + field.size] = np.ravel(np.asarray(value))
 
 
 def records() -> Iterator[type[Record]]:
@@ -170,11 +181,34 @@ class Number(RecordField):
         record.values[self.at] = value
 
 
-class Whole(RecordField):
-    """One number of a record of whole ones."""
+class Flag(RecordField):
+    """One number that is 0 or 1, read as a bool."""
 
     def __init__(self) -> None:
-        super().__init__(1, (ANY,))
+        super().__init__(1, ("flags",))
+
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Flag: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> bool: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Flag | bool:
+        """Return whether it is set."""
+        return self if record is None else bool(record.values[self.at])
+
+    def __set__(self, record: Record, value: float) -> None:
+        """Write the number."""
+        record.values[self.at] = value
+
+
+class Whole(RecordField):
+    """One whole number.
+
+    Args:
+        quantity: what it is.
+    """
+
+    def __init__(self, quantity: str = ANY) -> None:
+        super().__init__(1, (quantity,))
 
     @overload
     def __get__(self, record: None, owner: type[Record]) -> Whole: ...
@@ -225,18 +259,24 @@ def matrix(rows: int, columns: int, quantities: str | tuple[str, ...] = ANY) -> 
 Inside = TypeVar("Inside", bound=Record)
 
 
-class Nested(RecordField):
+class Nested(RecordField, Generic[Inside]):
     """A record in a record.
 
     Args:
         kind: of the record inside.
+        flat: whether the layout names its fields one by one.
     """
 
-    def __init__(self, kind: type[Inside]) -> None:
+    def __init__(self, kind: type[Inside], flat: bool = False) -> None:
         super().__init__(kind.layout.size, tuple(kind.layout.quantities()))
         self.kind = kind
+        self.flat = flat
 
-    def __get__(self, record: Record | None, owner: type[Record]) -> Any:
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Nested[Inside]: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> Inside: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Nested[Inside] | Inside:
         """Return the record inside, a view."""
         if record is None:
             return self
