@@ -9,7 +9,6 @@ which no NaN and no infinity passes.
 
 from __future__ import annotations
 
-import functools
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -219,9 +218,8 @@ def message_bounds(kind: type[Message], limits: Limits | None = None) -> Bounds:
     return bounds_of(kind.what, kind.layout, limits)
 
 
-@functools.cache
-def _any_bounds(kind: type[Message]) -> Bounds:
-    return message_bounds(kind)
+# Where no scene is known.
+_any_bounds: dict[type[Message], Bounds] = {}
 
 
 def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
@@ -237,8 +235,9 @@ def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
     """
     # Numbers inside a message's bytes need not lie as kernels expect.
     values = kind.completed(np.array(data, dtype=float))
-    known: type[Message] = kind
-    (_any_bounds(known) if bounds is None else bounds).stamp(values)
+    if bounds is None and kind not in _any_bounds:
+        _any_bounds[kind] = message_bounds(kind)
+    (bounds or _any_bounds[kind]).stamp(values)
     return kind(values)
 
 
