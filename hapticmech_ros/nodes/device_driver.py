@@ -538,13 +538,13 @@ class DeviceDriver(ClockedActor[D]):
             self._publish_view(deadline_ns)
         self._ticks += 1
 
-    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
         """Return E_m as it is told if the next steps need nothing but commands; None if they do.
 
         J; NaN while nobody tells it.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill; see ``device_kernels``.
+            link: how things stand, to fill.
             commands: (2, 6) to fill: what is commanded, and what was at the last sample, N and N m.
             state: (107,) to fill, of the device.
         """
@@ -563,45 +563,49 @@ class DeviceDriver(ClockedActor[D]):
         for row, (wrench, _) in zip(commands, (acting, before), strict=True):
             row[:] = wrench
         state[:] = self._state.flat
-        link[kernels.OWN :] = (
-            *(clock.next_ns, self.period_ns, self.timeout_ns, FRESH_NS),
-            *(self._command.stamp_ns, self._command.before_ns, acting[1], before[1]),
-            *(*self.answers.last, 0, -1 if held is None else self._ticks_held),
-            *(gain[1], self.loop.count, self.answers.until_renewed, 0),
-        )
+        link.next, link.period = clock.next_ns, self.period_ns
+        link.timeout, link.fresh = self.timeout_ns, FRESH_NS
+        link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
+        link.answered, link.answered_before = acting[1], before[1]
+        link.newest, link.arrived = self.answers.last
+        link.done, link.held = 0, -1 if held is None else self._ticks_held
+        link.gain_ns, link.remembers = gain[1], self.loop.count
+        link.most_trips, link.trips = self.answers.until_renewed, 0
         # The first one whose number is divided by it is seen.
-        link[kernels.VIEW] = 1 + -self._ticks % self.view_every
+        link.view = 1 + -self._ticks % self.view_every
         given = self.loop.to_mechanism
         return math.nan if given is None else given
 
-    def moved(self, link: Array, commands: Array, state: Array, trips: Array, code: int) -> None:
+    def moved(
+        self, link: own.DeviceLink, commands: Array, state: Array, trips: Array, code: int
+    ) -> None:
         """Go on from where the kernel has moved the device to.
 
         Args:
-            link: (24,) as of :meth:`plainly`.
+            link: as of :meth:`plainly`.
             commands: (2, 6) likewise.
             state: (107,) likewise.
             trips: (n,) s, of samples and their answers.
             code: why the kernel returned.
         """
-        numbers, wrenches, clock = link.tolist(), commands.copy(), self.clock
+        wrenches, clock = commands.copy(), self.clock
         if clock is None:
             return
-        self._command.put((wrenches[0], numbers[own.ANSWERED]), numbers[own.RECEIVED])
-        self.answers.went_on(numbers[own.NEWEST : own.ARRIVED + 1], trips.tolist())
-        steps = numbers[own.DONE]
+        self._command.put((wrenches[0], link.answered), link.received)
+        self.answers.went_on((link.newest, link.arrived), trips.tolist())
+        steps = link.done
         if steps == 0:
             return
-        before = wrenches[1], numbers[own.ANSWERED_BEFORE]
-        self._command.before, self._command.before_ns = before, numbers[own.RECEIVED_BEFORE]
+        before = wrenches[1], link.answered_before
+        self._command.before, self._command.before_ns = before, link.received_before
         self._state = DeviceState(state.copy())
-        self._ticks_held = max(numbers[own.HELD], self._ticks_held)
-        clock.next_ns = numbers[own.NEXT]
+        self._ticks_held = max(link.held, self._ticks_held)
+        clock.next_ns = link.next
         clock.periods += steps
         published = steps - (code == kernels.TO_SAY)
         self._ticks += published
         if published:
-            self.loop.went_on(numbers[own.REMEMBERS], clock.last_deadline_ns)
+            self.loop.went_on(link.remembers, clock.last_deadline_ns)
             self._last_valid.keep(self._state, published)
         if code == kernels.TO_SAY:
             self.failures.run("tick", self._publish, clock.last_deadline_ns)

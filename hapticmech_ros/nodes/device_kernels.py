@@ -24,12 +24,9 @@ from hapticmech_ros.device.kernels import (
 )
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.nodes.lane_kernels import (
-    AHEAD,
     MONOTONIC,
     NOTHING,
     OTHER,
-    OWN,
-    READS,
     REALTIME,
     SECOND,
     TIME_IS_UP,
@@ -38,7 +35,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SAY,
     TO_SEND,
-    UNTIL,
+    Link,
+    Reading,
+    Sending,
     is_set,
     look_is_due,
     note_read,
@@ -51,6 +50,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import Whole
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,
@@ -59,20 +59,45 @@ from hapticmech_ros.wire.kernels import (
 )
 from hapticmech_ros.wire.messages import DeviceStateMessage
 
-# The next deadline and the period, ns, by the node's time; how long a command stands, and how long
-# what says how it depends on the device, ns; since when a command stands, and the one before, and
-# which samples they answer, ns; the newest stamp, and when it came; how many steps were done; how
-# many periods the hand has held, or -1; since when it is known how commands depend on the device;
-# how many samples are remembered; and how many round trips may be noted, and were.
-NEXT, PERIOD, TIMEOUT, FRESH, RECEIVED, RECEIVED_BEFORE, ANSWERED, ANSWERED_BEFORE = range(
-    OWN, OWN + 8
-)
-NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
 # Where in a message what is published of a state begins.
 PUBLISHED = DeviceStateMessage.layout.start("position")
-LINK_SIZE = OWN + 16
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
+
+
+class DeviceLink(Link):
+    """How things stand, for the device; times are ns, by the node's time.
+
+    Attributes:
+        next, period: the next deadline, and the period.
+        timeout, fresh: how long a command stands, and how long what says how it depends on the
+            device.
+        received, received_before: since when a command stands, and the one before.
+        answered, answered_before: which samples they answer.
+        newest, arrived: the newest stamp, and when it came.
+        done: how many steps were done.
+        held: for how many periods the hand has held, or -1.
+        gain_ns: since when it is known how commands depend on the device.
+        remembers: how many samples are remembered.
+        most_trips, trips: how many round trips may be noted, and were.
+    """
+
+    next = Whole()
+    period = Whole()
+    timeout = Whole()
+    fresh = Whole()
+    received = Whole()
+    received_before = Whole()
+    answered = Whole()
+    answered_before = Whole()
+    newest = Whole()
+    arrived = Whole()
+    done = Whole()
+    held = Whole()
+    gain_ns = Whole()
+    remembers = Whole()
+    most_trips = Whole()
+    trips = Whole()
 
 
 @inner
@@ -100,23 +125,23 @@ def find_sample(stamps: Array, count: int, stamp: int) -> int:
 
 @inner
 def remember_sample(
-    link: Array, stamps: Array, samples: Array, hand: Array, stamp: int, sample: Array
+    link: DeviceLink, stamps: Array, samples: Array, hand: Array, stamp: int, sample: Array
 ) -> None:
     """Remember a sample (19,); see ``local_loop``.
 
     Args:
-        link: see above.
+        link: how things stand.
         stamps: (n,) as of :func:`find_sample`.
         samples: (n, 19) the samples.
         hand: (22,) the hand's last wrenches.
         stamp: ns.
         sample: (19,) of the device.
     """
-    row = link[REMEMBERS] % stamps.size
+    row = link.remembers % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
-    link[REMEMBERS] += 1
+    remember(hand, link.period / 1e9, sample[REPORTED:APPLIED])
+    link.remembers += 1
 
 
 @kernel(
@@ -130,7 +155,7 @@ def remember_sample(
     waits=True,
 )
 def drive_at_deadlines(
-    link: Array,
+    shared: Array,
     inputs: Array,
     outputs: Array,
     words: Array,
@@ -165,9 +190,9 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 8) likewise, of the commands.
-        outputs: (1, 17) likewise, of the samples.
+        shared: (24,) how things stand, a :class:`DeviceLink`; changed.
+        inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
+        outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
@@ -200,67 +225,69 @@ def drive_at_deadlines(
     Returns:
         Why it returns.
     """
-    while link[READS] < ages.size:
-        deadline = link[NEXT] - link[AHEAD]
+    link, read, sends = DeviceLink(shared), Reading(inputs[0]), Sending(outputs[0])
+    while link.reads < ages.size:
+        deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
         if now < deadline:
-            if now >= link[UNTIL]:
+            if now >= link.until:
                 break
-            found = wait_until(min(deadline, link[UNTIL]), link, words, polled, 1)
+            found = wait_until(min(deadline, link.until), link, words, polled, 1)
             if found == NOTHING:
                 continue
-            if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
+            if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
-            overtaken = stamp < link[NEWEST] or stamp == time
-            if stamp == UNSOUND or overtaken or link[TRIPS] == link[MOST_TRIPS]:
+            overtaken = stamp < link.newest or stamp == time
+            if stamp == UNSOUND or overtaken or link.trips == link.most_trips:
                 return TO_READ
-            take(inputs[0], words, polled[0], frame, copies)
+            take(read, words, polled[0], frame, copies)
             put(commands[0], values)
-            link[RECEIVED], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
-            if row_of(stamps, link[REMEMBERS], stamp) >= 0:
-                trips[link[TRIPS]] = (time - stamp) / 1e9
-                link[TRIPS] += 1
-            note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
+            link.received, link.answered, link.newest, link.arrived = time, stamp, stamp, time
+            if row_of(stamps, link.remembers, stamp) >= 0:
+                trips[link.trips] = (time - stamp) / 1e9
+                link.trips += 1
+            note_read(link, read, ages, time, time - stamp, counted, sent)
             continue
-        now_real, time = time_of(REALTIME, words), now + link[AHEAD]
-        if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
+        now_real, time = time_of(REALTIME, words), now + link.ahead
+        if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
-        known = link[NEXT] - link[PERIOD] - 1
-        before = 1 if link[RECEIVED] > known else 0
-        received, answered = link[RECEIVED + before], link[ANSWERED + before]
-        silent = max(time - link[RECEIVED], time - link[RECEIVED_BEFORE], known - received)
-        if silent > link[TIMEOUT]:
+        known = link.next - link.period - 1
+        before, received, answered = 0, link.received, link.answered
+        if link.received > known:
+            before, received, answered = 1, link.received_before, link.answered_before
+        silent = max(time - link.received, time - link.received_before, known - received)
+        if silent > link.timeout:
             return TO_ACT
         sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
         put(sample, state[:SAMPLE_SIZE])
         put(asked, commands[before])
-        row = row_of(stamps, link[REMEMBERS], answered)
-        if row >= 0 and time - link[GAIN_NS] <= link[FRESH]:
-            newest = samples[(link[REMEMBERS] - 1) % stamps.size]
+        row = row_of(stamps, link.remembers, answered)
+        if row >= 0 and time - link.gain_ns <= link.fresh:
+            newest = samples[(link.remembers - 1) % stamps.size]
             correct(commands[before], model, samples[row], newest, hand, period, others, asked)
         compensate(device, state[SPEED:REPORTED], added)
         account_for_actuators(account, sample, state[APPLIED:BODY])
         take_energy(account, given)
         allow(account, safety, asked, sample, added)
         command_device(device, state, asked)
-        move_device(device, state, link[HELD], later)
+        move_device(device, state, link.held, later)
         put(state, later)
-        link[HELD] += int(link[HELD] >= 0)
+        link.held += int(link.held >= 0)
         put(commands[1], commands[0])
-        link[RECEIVED_BEFORE], link[ANSWERED_BEFORE] = link[RECEIVED], link[ANSWERED]
-        stamp = link[NEXT]
-        link[NEXT] += link[PERIOD]
-        link[DONE] += 1
+        link.received_before, link.answered_before = link.received, link.answered
+        stamp = link.next
+        link.next += link.period
+        link.done += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[PUBLISHED : PUBLISHED + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
         if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
             return TO_SAY
-        send_to_all(outputs[0], words, out_frame, targets, now_real)
+        send_to_all(sends, words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
-        left = publish_outside(outputs[0], out_frame)
+        left = publish_outside(sends, out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

@@ -119,7 +119,8 @@ class DeviceTicks(PlainMessages):
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
         published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
         received = command.received(topic, actor.commanders)
-        super().__init__(actor, [received], [published], own.LINK_SIZE)
+        self.link = own.DeviceLink()
+        super().__init__(actor, [received], [published], self.link)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
@@ -145,7 +146,7 @@ class DeviceTicks(PlainMessages):
         """Call the kernel; return why it returned."""
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
         return own.drive_at_deadlines(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             *(self._command.most, self._commands),
@@ -160,10 +161,10 @@ class DeviceTicks(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the driver what the kernel did."""
-        actor, trips = self._driver, self._trips[: int(self.link[own.TRIPS])]
+        actor, trips = self._driver, self._trips[: self.link.trips]
         for age_ns in self.ages[:reads].tolist():
             actor.latency.add(age_ns)
-        if reads or self.link[own.DONE]:
+        if reads or self.link.done:
             actor.moved(self.link, self._commands, self._state, trips, code)
 
 
@@ -229,11 +230,11 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         self.wait_by(None)
         super().deactivate()
 
-    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
         """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill.
+            link: how things stand, to fill.
             commands: (2, 6) to fill, N and N m.
             state: (107,) to fill, of the device.
         """

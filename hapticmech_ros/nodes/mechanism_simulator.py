@@ -90,9 +90,8 @@ class MechanismTicks(PlainMessages):
         frame, self._out = frame_of(state.prefix, state.size)
         topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
         published = Publication(outlet, frame, len(state.prefix) + 8 * state.size)
-        super().__init__(
-            actor, [command.received(topic, port.controllers)], [published], own.LINK_SIZE
-        )
+        self.link = link = own.MechanismLink()
+        super().__init__(actor, [command.received(topic, port.controllers)], [published], link)
         self._frame, self._command = frame, command
         self._simulator, self._out_most = actor, layout.bounds.most
         self._commands = np.zeros((2, 6))
@@ -115,8 +114,8 @@ class MechanismTicks(PlainMessages):
         self._scene = actor.simulator.scene
         self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
         changing = ("position", "velocity", "commanded")
-        self.link[own.POSITION : own.FLAG + 1] = [layout.at[part].start for part in changing]
-        self.link[own.PERIOD] = nanoseconds(actor.period_s)
+        link.fill(**{part: layout.at[part].start for part in changing})
+        link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
         """Tell the kernel how the mechanism is; return whether it may do anything for it."""
@@ -124,14 +123,12 @@ class MechanismTicks(PlainMessages):
         if not actor.steps_plainly or actor.clock is None:
             return False
         port = actor.port
-        link[own.NEXT], link[own.DONE] = actor.clock.next_ns, 0
-        link[own.TIMEOUT], link[own.RAMP] = port.command.timeout_ns, port.command.ramp_ns
-        link[own.SINCE] = port.since_ns
-        link[own.RECEIVED : own.ARRIVED + 1] = (
-            *port.command.put_into(self._commands),
-            *port.order.last,
-        )
-        link[kernels.VIEW] = actor.until_view
+        link.next, link.done = actor.clock.next_ns, 0
+        link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
+        link.since = port.since_ns
+        link.received, link.received_before = port.command.put_into(self._commands)
+        link.newest, link.arrived = port.order.last
+        link.view = actor.until_view
         state, scene = actor.state, actor.simulator.scene
         # Terms are of the operational point's place, which is another scene's once it has moved.
         if state is not self._known or scene is not self._scene:
@@ -160,7 +157,7 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
         return own.move_at_deadlines(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             self._command.most,
@@ -183,19 +180,16 @@ class MechanismTicks(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the simulator what the kernel did."""
-        actor, link, port = self._simulator, self.link.tolist(), self._simulator.port
-        if reads or link[own.DONE]:
-            received = link[own.RECEIVED : own.ARRIVED + 1]
-            port.command.take_from(self._commands, *received[:2])
-            port.order.last = received[2], received[3]
-        if link[own.DONE]:
+        actor, link, port = self._simulator, self.link, self._simulator.port
+        if reads or link.done:
+            port.command.take_from(self._commands, link.received, link.received_before)
+            port.order.last = link.newest, link.arrived
+        if link.done:
             known, data = self._known or actor.state, self._data
             state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
             self._known = state
             published = code != kernels.TO_SAY
-            actor.moved(
-                state, link[own.DONE], link[own.NEXT], published, code == kernels.TO_LOOK_AT
-            )
+            actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):

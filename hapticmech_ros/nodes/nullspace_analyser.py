@@ -74,7 +74,8 @@ class StateAnswers(PlainMessages):
         topic = actor.lane_topic(STATE.name, Float64MultiArray)
         received = Received(topic, sources, state.prefix, state.size, len(state.prefix))
         published = Publication(outlet, frame, len(model.prefix) + 8 * model.size)
-        super().__init__(actor, [received], [published], own.LINK_SIZE)
+        self.link = link = own.AnalyserLink()
+        super().__init__(actor, [received], [published], link)
         self._frame = frame
         self._analyser = actor
         self._most, self._out_most = layout.bounds.most, out_bounds.most
@@ -82,15 +83,14 @@ class StateAnswers(PlainMessages):
         self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
         # There is one point only: see ``answers_plainly``.
-        starts = [layout.at[part].start for part in layout.at]
-        self.link[own.CLOSED : own.POINT + 1] = *starts, actor.analyser.index
-        self.link[own.PAUSE] = RESTART_PAUSE_NS
+        link.fill(**{part: layout.at[part].start for part in layout.at})
+        link.point, link.pause = actor.analyser.index, RESTART_PAUSE_NS
 
     def ready(self) -> bool:
         """Tell the kernel how the analyser is; return whether it may do anything for it."""
         actor, link = self._analyser, self.link
-        link[own.FIRST], link[own.LAST] = actor.first_ns, actor.last_ns
-        link[kernels.VIEW] = actor.until_view
+        link.first, link.last = actor.first_ns, actor.last_ns
+        link.view = actor.until_view
         return actor.answers_plainly
 
     def run(self) -> int:
@@ -101,7 +101,7 @@ class StateAnswers(PlainMessages):
             self._ahead = np.empty(active_set.size)
         self._observation = np.empty(analyser.layout.size)
         return own.answer_states(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             self._most,
             np.array(actor.closed, dtype=float),
@@ -130,7 +130,7 @@ class StateAnswers(PlainMessages):
         """Tell the analyser what the kernel did."""
         actor, count = self._analyser, int(self._out[MODEL_COUNT])
         if reads:
-            actor.answered(reads, int(self.link[own.LAST]), count)
+            actor.answered(reads, self.link.last, count)
         if code == kernels.TO_LOOK_AT:
             analyser = actor.analyser
             found = self._observation, analyser.layout, analyser.rows, actor.mechanism.nv

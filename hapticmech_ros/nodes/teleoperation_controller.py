@@ -23,7 +23,6 @@ from hapticmech_ros.device.motion_kernels import Motion
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
-from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_ports import (
@@ -103,14 +102,15 @@ class SampleAnswers(PlainMessages):
             Publication(outlet, frame, command.size)
             for outlet, (frame, _) in zip(outputs, frames, strict=True)
         ]
-        super().__init__(actor, received, published, own.LINK_SIZE, crtk)
+        self.link = own.ControllerLink()
+        super().__init__(actor, received, published, self.link, crtk)
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
         self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
         self._settings = self._locality = np.zeros(0)
-        self.link[own.PERIOD_NS] = nanoseconds(actor.period_s)
+        self.link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
         """Tell the kernel how the controller is; return whether it may do anything for it."""
@@ -118,7 +118,7 @@ class SampleAnswers(PlainMessages):
         if found is None:
             return False
         self._settings, self._locality = found
-        self.link[own.SAMPLE_NS] = 0
+        self.link.sample_ns = 0
         return True
 
     def run(self) -> int:
@@ -127,7 +127,7 @@ class SampleAnswers(PlainMessages):
         device, point = self._commands
         self._answer = np.zeros(ANSWER.size)
         return own.answer_samples(
-            *(self.link, self.inputs, self.passed, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             actor.bounds.device.most,
             *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
@@ -147,11 +147,11 @@ class SampleAnswers(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the controller what the kernel did."""
-        of_device, of_analyser = self.inputs[:, kernels.READ].tolist()
-        if of_analyser:
+        states, models = self.reading
+        if models.read:
             origin = self.origin(own.MODELS)
-            self._controller.received_model(self.link, self._known, origin, of_analyser)
-        if of_device:
+            self._controller.received_model(self.link, self._known, origin, models.read)
+        if states.read:
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
 
@@ -506,13 +506,15 @@ class TeleoperationController(Actor[ControllerParameters]):
             if name in found
         }
 
-    def plainly(self, link: Array, known: Array, grasp: Array) -> tuple[Array, Array] | None:
+    def plainly(
+        self, link: own.ControllerLink, known: Array, grasp: Array
+    ) -> tuple[Array, Array] | None:
         """Return settings (59,) and locality (3,) if samples may be answered by the kernel now.
 
         That is while it renders, and nothing but the inputs changes from one sample to the next.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill.
+            link: how things stand, to fill.
             known: (139,) to fill: the operational model as it was heard last.
             grasp: (7,) to fill: where it has the point.
         """
@@ -528,29 +530,31 @@ class TeleoperationController(Actor[ControllerParameters]):
         pressed = self._buttons.is_pressed(self.parameters.clutch_button)
         if self.lockstep or pressed or self._fault(self.now_ns()):
             return None
-        numbers = (
-            *(self.timeout_ns, self._epoch_ns, nanoseconds(self.period_s), self._last_ns),
-            *(self._model.stamp_ns, self._rendered_ns, *self.path.last),
-            *(self._outputs.gain_from_ns, self.motion.stamp_ns),
-            *(*self._device_pauses.last[1:], *self._model_pauses.last[1:], 0, 0),
-        )
-        link[kernels.OWN :] = numbers
-        link[kernels.VIEW] = self._outputs.until_view
+        link.timeout, link.epoch, link.last = self.timeout_ns, self._epoch_ns, self._last_ns
+        link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
+        link.newest, link.arrived = self.path.last
+        link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
+        link.of_device.values[:] = self._device_pauses.last[1:]
+        link.of_analyser.values[:] = self._model_pauses.last[1:]
+        link.sample_ns = link.answers = 0
+        link.view = self._outputs.until_view
         known[:] = model.operational_model.values
         grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
         return settings, self.side.locality(True, False)
 
-    def received_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
+    def received_model(
+        self, link: own.ControllerLink, known: Array, origin: Origin, now_ns: int
+    ) -> None:
         """Take the last operational model that the kernel has heard.
 
         Args:
-            link: (24,) what Python and kernel tell each other.
+            link: how things stand.
             known: (139,) the model.
             origin: whom it comes from.
             now_ns: when it came, ns.
         """
-        stamp_ns = int(link[own.MODEL_NS])
+        stamp_ns = link.model_ns
         before = self._model.value
         if before is not None:
             found = OperationalModelMessage(before.values.copy())
@@ -558,24 +562,23 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._model.put(found, stamp_ns)
         self._model_pauses.went_on(stamp_ns, origin, now_ns)
 
-    def answered(self, link: Array, answer: Array, origin: Origin) -> None:
+    def answered(self, link: own.ControllerLink, answer: Array, origin: Origin) -> None:
         """Note what the kernel has answered.
 
         Args:
-            link: (24,) what Python and kernel tell each other.
+            link: how things stand.
             answer: (answer,) the last one; see ``loop_layout``.
             origin: of the sample.
         """
-        numbers = link.tolist()
-        stamp_ns, now_ns = numbers[own.SAMPLE_NS], numbers[own.LAST]
+        stamp_ns, now_ns = link.sample_ns, link.last
         self._last_ns = self._state_ns = now_ns
-        self._rendered_ns = numbers[own.RENDERED]
-        self.path.last = numbers[own.NEWEST], numbers[own.ARRIVED]
-        self.motion.stamp_ns = numbers[own.MOVED]
+        self._rendered_ns = link.rendered
+        self.path.last = link.newest, link.arrived
+        self.motion.stamp_ns = link.moved
         self._device_pauses.went_on(stamp_ns, origin, now_ns)
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
-        self._outputs.answers += numbers[own.ANSWERS]
+        self._outputs.answers += link.answers
 
     def _opened(self) -> bool:
         """Disengage while the clutch's button is pressed; return whether it is."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
+import numpy.typing as npt
 
 from hapticmech_ros.numerics import Array
 
@@ -127,11 +128,11 @@ class Record:
                 parts[name] = Field(field.size, field.quantities)
         cls.layout = Layout(parts)
 
-    def fill(self, **fields: object) -> None:
-        """Write fields, each by its name."""
+    def fill(self, **fields: npt.ArrayLike) -> None:
+        """Write fields, each by its name: as many numbers as it has."""
         for name, value in fields.items():
             field = self.fields[name]
-            self.values[field.at : field.at + field.size] = np.ravel(np.asarray(value))
+            self.values[field.at : field.at + field.size] = np.reshape(value, field.size)
 
 
 def records() -> Iterator[type[Record]]:
@@ -158,69 +159,56 @@ class RecordField:
         self.at = 0
 
 
-class Number(RecordField):
-    """One number, read as a float.
+Read = TypeVar("Read", float, int, bool)
+
+
+class Scalar(RecordField, Generic[Read]):
+    """One number.
 
     Args:
         quantity: what it is.
+
+    Attributes:
+        read: what it is read as, in Python; kernels read the number.
     """
+
+    read: type[Read]
 
     def __init__(self, quantity: str = ANY) -> None:
         super().__init__(1, (quantity,))
 
     @overload
-    def __get__(self, record: None, owner: type[Record]) -> Number: ...
+    def __get__(self, record: None, owner: type[Record]) -> Scalar[Read]: ...
     @overload
-    def __get__(self, record: Record, owner: type[Record]) -> float: ...
-    def __get__(self, record: Record | None, owner: type[Record]) -> Number | float:
+    def __get__(self, record: Record, owner: type[Record]) -> Read: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Scalar[Read] | Read:
         """Return the number."""
-        return self if record is None else float(record.values[self.at])
+        return self if record is None else self.read(record.values[self.at])
 
     def __set__(self, record: Record, value: float) -> None:
         """Write the number."""
         record.values[self.at] = value
 
 
-class Flag(RecordField):
+class Number(Scalar[float]):
+    """One number, read as a float."""
+
+    read = float
+
+
+class Whole(Scalar[int]):
+    """One whole number."""
+
+    read = int
+
+
+class Flag(Scalar[bool]):
     """One number that is 0 or 1, read as a bool."""
 
+    read = bool
+
     def __init__(self) -> None:
-        super().__init__(1, ("flags",))
-
-    @overload
-    def __get__(self, record: None, owner: type[Record]) -> Flag: ...
-    @overload
-    def __get__(self, record: Record, owner: type[Record]) -> bool: ...
-    def __get__(self, record: Record | None, owner: type[Record]) -> Flag | bool:
-        """Return whether it is set."""
-        return self if record is None else bool(record.values[self.at])
-
-    def __set__(self, record: Record, value: float) -> None:
-        """Write the number."""
-        record.values[self.at] = value
-
-
-class Whole(RecordField):
-    """One whole number.
-
-    Args:
-        quantity: what it is.
-    """
-
-    def __init__(self, quantity: str = ANY) -> None:
-        super().__init__(1, (quantity,))
-
-    @overload
-    def __get__(self, record: None, owner: type[Record]) -> Whole: ...
-    @overload
-    def __get__(self, record: Record, owner: type[Record]) -> int: ...
-    def __get__(self, record: Record | None, owner: type[Record]) -> Whole | int:
-        """Return the number."""
-        return self if record is None else int(record.values[self.at])
-
-    def __set__(self, record: Record, value: int) -> None:
-        """Write the number."""
-        record.values[self.at] = value
+        super().__init__("flags")
 
 
 class Vector(RecordField):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import ClassVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
@@ -59,7 +60,7 @@ class Message(Record):
         self.stamp[:] = seconds_of(time_ns)
 
     @classmethod
-    def of(cls: type[Kind], stamp_ns: int, **fields: object) -> Kind:
+    def of(cls: type[Kind], stamp_ns: int, **fields: npt.ArrayLike) -> Kind:
         """Return a message of a time, ns, with these fields; the others are zero."""
         made = cls()
         made.stamp_ns = stamp_ns
