@@ -166,7 +166,7 @@ def plain_sample(
         return UNSOUND
     if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
-    if stamp < link.newest or stamp == time or stamp >= link.gain_from or link.view == 1:
+    if stamp < link.newest or stamp == time or stamp >= link.gain_from or link.until_view == 1:
         return UNSOUND
     silent = max(time - link.last, time - link.model_ns)
     return UNSOUND if silent > link.timeout else stamp
@@ -356,7 +356,7 @@ def answer_samples(
         link.last, link.newest, link.arrived = time, stamp, time
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
-        link.view -= int(link.view > 0)
+        link.until_view -= int(link.until_view > 0)
         left = publish_outside(for_device, device_frame)
         if publish_outside(for_point, point_frame) or left:
             return TO_SEND

@@ -572,7 +572,7 @@ class DeviceDriver(ClockedActor[D]):
         link.gain_ns, link.remembers = gain[1], self.loop.count
         link.most_trips, link.trips = self.answers.until_renewed, 0
         # The first one whose number is divided by it is seen.
-        link.view = 1 + -self._ticks % self.view_every
+        link.until_view = 1 + -self._ticks % self.view_every
         given = self.loop.to_mechanism
         return math.nan if given is None else given
 

@@ -70,7 +70,7 @@ class Link(Record):
         step: how far the machine's time may be from that, ns.
         oldest: how old a stamp may be, ns.
         behind: how long a message may have been on its way, ns.
-        view: after how many more messages what is sent is looked at; 0 for never.
+        until_view: after how many messages what is sent is looked at; 0 for never.
         idle: by the kernel: when it had to wait last, ns of the monotonic clock.
         reads: how many messages it has read.
     """
@@ -81,7 +81,7 @@ class Link(Record):
     step = Whole()
     oldest = Whole()
     behind = Whole()
-    view = Whole()
+    until_view = Whole()
     idle = Whole()
     reads = Whole()
 
@@ -397,7 +397,7 @@ def publish_outside(topic: Sending, frame: Array) -> bool:
 @inner
 def look_is_due(link: Link) -> bool:
     """Return whether what was sent last is to be looked at."""
-    if link.view == 0:
+    if link.until_view == 0:
         return False
-    link.view -= 1
-    return bool(link.view == 0)
+    link.until_view -= 1
+    return bool(link.until_view == 0)

@@ -128,7 +128,7 @@ class MechanismTicks(PlainMessages):
         link.since = port.since_ns
         link.received, link.received_before = port.command.put_into(self._commands)
         link.newest, link.arrived = port.order.last
-        link.view = actor.until_view
+        link.until_view = actor.until_view
         state, scene = actor.state, actor.simulator.scene
         # Terms are of the operational point's place, which is another scene's once it has moved.
         if state is not self._known or scene is not self._scene:

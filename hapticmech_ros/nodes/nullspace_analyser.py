@@ -90,7 +90,7 @@ class StateAnswers(PlainMessages):
         """Tell the kernel how the analyser is; return whether it may do anything for it."""
         actor, link = self._analyser, self.link
         link.first, link.last = actor.first_ns, actor.last_ns
-        link.view = actor.until_view
+        link.until_view = actor.until_view
         return actor.answers_plainly
 
     def run(self) -> int:

@@ -537,7 +537,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.of_device.values[:] = self._device_pauses.last[1:]
         link.of_analyser.values[:] = self._model_pauses.last[1:]
         link.sample_ns = link.answers = 0
-        link.view = self._outputs.until_view
+        link.until_view = self._outputs.until_view
         known[:] = model.operational_model.values
         grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
