@@ -48,7 +48,7 @@ class AnalyserLink(Link):
     """How things stand, for the analyser.
 
     Attributes:
-        closed, position, velocity, contact, place, commanded: where in a state begin the flags of
+        closed, position, velocity, contact, grasp, commanded: where in a state begin the flags of
             closures, position, rates, the point's F_c, its place and its flag.
         point: number of the point.
         pause: how long the last state may be ago, ns.
@@ -60,7 +60,7 @@ class AnalyserLink(Link):
     position = Whole()
     velocity = Whole()
     contact = Whole()
-    place = Whole()
+    grasp = Whole()
     commanded = Whole()
     point = Whole()
     pause = Whole()
@@ -86,7 +86,7 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
         if values[link.closed + i] != active[i]:
             return UNSOUND
     for i in range(grasp.size):
-        if values[link.place + i] != grasp[i]:
+        if values[link.grasp + i] != grasp[i]:
             return UNSOUND
     commanded = values[link.commanded]
     return stamp if commanded == 0.0 or commanded == 1.0 else UNSOUND

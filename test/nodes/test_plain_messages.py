@@ -17,9 +17,9 @@ import pytest
 
 from benchmarks.reliability.fake_graph import Host
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.nodes import device_kernels, lane_kernels
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
+from hapticmech_ros.nodes import lane_kernels
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
@@ -29,7 +29,6 @@ from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControlle
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.wire import kernels
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import (
@@ -420,20 +419,6 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
     assert "no context" in actor.failures.last
 
 
-def test_where_the_answers_numbers_are_is_one_table() -> None:
-    starts = OperationalModelMessage.layout.starts("count", "s", "commanded", "grasp", "quaternion")
-    assert starts == (
-        kernels.COUNT,
-        kernels.MODEL,
-        kernels.COMMANDED,
-        kernels.GRASP,
-        kernels.MODEL_QUATERNION,
-    )
-    names = "position", "quaternion", "round_trip", "obeys"
-    places = kernels.SAMPLE, kernels.SAMPLE_QUATERNION, kernels.ROUND_TRIP, kernels.OBEYS
-    assert DeviceStateMessage.layout.starts(*names) == places
-
-
 @pytest.fixture
 def moving(folder: Path) -> Iterator[Process]:
     process = Process(MechanismSimulator, "five_bar", folder, (STATES, COMMANDS))
@@ -552,7 +537,7 @@ class Inputs:
             *(np.zeros((1, 6)), self._grasps, (True,)),
         )
         self._writer.evaluate(told)
-        return self._device.encode(values), self._model.encode(self._writer.values)
+        return self._device.encode(values), self._model.encode(self._writer.message.values)
 
 
 @pytest.fixture
@@ -592,7 +577,7 @@ def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
 
 def arrays_of(actor: Any) -> list[Any]:
     """Return the arrays in which it remembers the rest."""
-    return [actor.side.account, actor.side.queue, actor.side.past, actor.motion.numbers]
+    return [actor.side.account, actor.side.queue, actor.side.past, actor.motion.numbers.values]
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
@@ -712,14 +697,14 @@ class Logged:
 
         def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
             # A message ends the run: see below.
-            steps, received = int(link[device_kernels.DONE]), int(link[device_kernels.RECEIVED])
-            last = int(link[device_kernels.NEXT]) - actor.period_ns
+            steps, received = link.done, link.received
+            last = link.next - actor.period_ns
             self.by_kernel += steps
             for step in range(steps):
                 deadline = last - (steps - 1 - step) * actor.period_ns
                 note(("tick", (1, deadline), deadline))
             if received != actor._command.stamp_ns:
-                stamp = int(link[device_kernels.ANSWERED])
+                stamp = link.answered
                 note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, received), received))
             moved(link, commands, *rest)
 
