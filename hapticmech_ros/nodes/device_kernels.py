@@ -13,11 +13,9 @@ from hapticmech_ros.control.device_side_kernels import (
     take_energy,
 )
 from hapticmech_ros.device.kernels import (
-    APPLIED,
-    BODY,
-    PUBLISHED_SIZE,
-    REPORTED,
-    SPEED,
+    DeviceModel,
+    PublishedState,
+    SimulatedState,
     command_device,
     compensate,
     move_device,
@@ -51,6 +49,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE,
@@ -113,7 +112,7 @@ def remember_sample(
     row = link[REMEMBERS] % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
+    remember(hand, link[PERIOD] / 1e9, DeviceSample(sample).hand_wrench)
     link[REMEMBERS] += 1
 
 
@@ -180,8 +179,9 @@ def drive_at_deadlines(
         out_most: (29,) largest magnitude of each number.
         fastest: (2,) m/s and rad/s, that the device can be moved.
         targets: (2 n,) to whom it is sent.
-        device: (numbers,) see ``device_layout``.
-        state: (107,) of the device, changed.
+        device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
+            its hand.
+        state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
         later: (107,) to work with.
         account: (account,) of the device; see ``loop_layout``.
         safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
@@ -198,6 +198,8 @@ def drive_at_deadlines(
     Returns:
         Why it returns.
     """
+    body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
+    measured, published = DeviceSample(state).values, PublishedState(state).values
     while link[READS] < ages.size:
         deadline = link[NEXT] - link[AHEAD]
         now = time_of(MONOTONIC, words)
@@ -232,18 +234,18 @@ def drive_at_deadlines(
         if silent > link[TIMEOUT]:
             return TO_ACT
         sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
-        put(sample, state[:SAMPLE_SIZE])
+        put(sample, measured)
         put(asked, commands[before])
         row = row_of(stamps, link[REMEMBERS], answered)
         if row >= 0 and time - link[GAIN_NS] <= link[FRESH]:
             newest = samples[(link[REMEMBERS] - 1) % stamps.size]
             correct(commands[before], model, samples[row], newest, hand, period, others, asked)
-        compensate(device, state[SPEED:REPORTED], added)
-        account_for_actuators(account, sample, state[APPLIED:BODY])
+        compensate(body, now_there.twist, added)
+        account_for_actuators(account, sample, now_there.applied)
         take_energy(account, given)
         allow(account, safety, asked, sample, added)
-        command_device(device, state, asked)
-        move_device(device, state, link[HELD], later)
+        command_device(body, now_there, asked)
+        move_device(device, now_there, link[HELD], next_there)
         put(state, later)
         link[HELD] += int(link[HELD] >= 0)
         put(commands[1], commands[0])
@@ -252,12 +254,12 @@ def drive_at_deadlines(
         link[NEXT] += link[PERIOD]
         link[DONE] += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[SAMPLE : SAMPLE + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        put(out[SAMPLE : SAMPLE + published.size], published)
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
-        if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
+        if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
         send_to_all(outputs[0], words, out_frame, targets, now_real)
-        remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
+        remember_sample(link, stamps, samples, hand, stamp, measured)
         left = publish_outside(outputs[0], out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
