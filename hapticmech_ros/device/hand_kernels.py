@@ -43,8 +43,7 @@ class Place(Record):
         rotation: its axes, in columns.
     """
 
-    position = Vector(3)
-    rotation = matrix(3, 3)
+    position, rotation = Vector(3), matrix(3, 3)
 
 
 class Body(Place):
@@ -65,16 +64,15 @@ class Spring(Record):
         damping: N s/m and N m s/rad.
     """
 
-    stiffness = Vector(6)
-    damping = Vector(6)
+    stiffness, damping = Vector(6), Vector(6)
 
 
 class HandModel(Record):
     """What a hand is.
 
     Attributes:
-        kind: which law.
-        start: its delay, s.
+        kind: which law: ``NOBODY``, ``CONSTANT``, ``SPRING``, ``SCRIPT`` or ``STAIRS``.
+        start: s, its delay since it could take hold.
         spring: to the target; of a constant wrench, its stiffness is that wrench, N and N m.
         trembling: amplitude of the wrench that tremor adds, N and N m.
         sway: amplitude of what tremor adds to the target, m and rad.
@@ -85,19 +83,15 @@ class HandModel(Record):
         grip: spring and damper of the grip.
     """
 
-    kind = Number()
-    start = Number()
+    kind, start = Number(), Number()
     spring = Nested(Spring)
-    trembling = Vector(6)
-    sway = Vector(6)
-    speed = Number()
-    holds_first = Number()
-    switches = Number()
+    trembling, sway, speed = Vector(6), Vector(6), Number()
+    holds_first, switches = Number(), Number()
     limb_mass = Vector(6)
     grip = Nested(Spring)
 
 
-BODY_SIZE, HAND_SIZE = Body.layout.size, HandModel.layout.size
+BODY_SIZE = Body.layout.size
 
 
 @inner
@@ -122,7 +116,7 @@ def hand_wrench(
 
     Args:
         hand: what it is.
-        plan: what is behind that.
+        plan: times when it switches, and its table.
         elapsed: s since it could take hold.
         body: the device.
         held: where it was when the hand took hold.

@@ -142,7 +142,7 @@ class ImpedanceDevice:
             ticks = -1
         elif held is not self.held:
             self.take_hold(held)
-        self._model.push[:] = push
+        DeviceModel(self.data).push[:] = push
         flat = np.empty(SimulatedState.layout.size)
         obeys, asked = command is not None, NO_WRENCH if command is None else command
         asked = np.ascontiguousarray(asked, dtype=float)
@@ -155,13 +155,9 @@ class ImpedanceDevice:
 
     def take_hold(self, held: DeviceState) -> None:
         """Say where the device was when the hand could take hold."""
-        place, pose = self._model.held, held.pose
+        place, pose = DeviceModel(self.data).held, held.pose
         place.position[:], place.rotation[:] = pose.translation, pose.rotation
         self.held = held
-
-    @property
-    def _model(self) -> DeviceModel:
-        return DeviceModel(self.data)
 
     @property
     def _senses(self) -> bool:
@@ -170,7 +166,7 @@ class ImpedanceDevice:
     def _advance_by(self, law: HandLaw, state: DeviceState, ticks: int, flat: Array) -> None:
         """Advance a period that has begun, with the hand's wrench by a law in Python."""
         before, now, held = np.empty(kernels.SUBSTEP_SIZE), DeviceState(flat), False
-        data, model, substeps = self.data, self._model, self.device.substeps
+        data, model, substeps = self.data, DeviceModel(self.data), self.device.substeps
         self._push(law, kernels.time_of(model, ticks, 0), now)
         for index in range(substeps):
             kernels.half_substep(data, flat, before)

@@ -102,9 +102,7 @@ class Stop(Record):
         damping: N s/m or N m s/rad.
     """
 
-    limit = Number()
-    stiffness = Number()
-    damping = Number()
+    limit, stiffness, damping = Number(), Number(), Number()
 
 
 class DeviceModel(Record):
@@ -117,7 +115,7 @@ class DeviceModel(Record):
         step: of the integration, h, s.
         period: of a sample, T, s.
         substeps: steps in a period.
-        filter_gain: of the velocity filter, per period.
+        filter_gain: of the velocity filter, share of what is new that a period takes over.
         force_limit, torque_limit: of the actuators, N and N m.
         position_step, angle_step: of the encoders, m and rad; 0 if ideal.
         lag: share of the actuators' error that is left after a step; 0 if they have none.
@@ -146,37 +144,18 @@ class DeviceModel(Record):
         hand: what holds it.
     """
 
-    step = Number()
-    period = Number()
-    substeps = Number()
-    filter_gain = Number()
-    force_limit = Number()
-    torque_limit = Number()
-    position_step = Number()
-    angle_step = Number()
-    lag = Number()
-    lag_mean = Number()
-    friction = Number()
-    angular_friction = Number()
-    stop = Nested(Stop)
-    angular_stop = Nested(Stop)
-    damping = Vector(6)
-    gain = Vector(6)
-    held_gain = Vector(6)
-    arm = Vector(6)
-    command = Vector(6)
-    weight = Vector(6)
-    push = Vector(6)
+    step, period, substeps, filter_gain = Number(), Number(), Number(), Number()
+    force_limit, torque_limit = Number(), Number()
+    position_step, angle_step = Number(), Number()
+    lag, lag_mean = Number(), Number()
+    friction, angular_friction = Number(), Number()
+    stop, angular_stop = Nested(Stop), Nested(Stop)
+    damping, gain, held_gain, arm = Vector(6), Vector(6), Vector(6), Vector(6)
+    command, weight, push = Vector(6), Vector(6), Vector(6)
     held = Nested(Place)
-    task = Vector(6)
-    acts = Vector(6)
-    compensated = Number()
-    dead_zone = Number()
-    angular_dead_zone = Number()
-    lifts = Number()
-    senses_itself = Number()
-    observer_share = Number()
-    actuator_share = Number()
+    task, acts = Vector(6), Vector(6)
+    compensated, dead_zone, angular_dead_zone, lifts = Number(), Number(), Number(), Number()
+    senses_itself, observer_share, actuator_share = Number(), Number(), Number()
     inertia = Vector(6)
     hand = Nested(HandModel)
 
@@ -205,14 +184,11 @@ class SimulatedState(PublishedState):
         own: F_h by the hand, on the device, N and N m, world axes at the point held.
     """
 
-    body = Nested(Body)
-    seen = matrix(3, 3)
-    home = Nested(Place)
-    anchor = Nested(Place)
+    body, seen = Nested(Body), matrix(3, 3)
+    home, anchor = Nested(Place), Nested(Place)
     window = Number()
     limb = Nested(Body)
-    pull = Vector(6, WRENCH)
-    own = Vector(6, WRENCH)
+    pull, own = Vector(6, WRENCH), Vector(6, WRENCH)
 
 
 class Substep(Record):
@@ -226,8 +202,7 @@ class Substep(Record):
     """
 
     twist = Vector(6, TWIST)
-    others = Vector(6, WRENCH)
-    own = Vector(6, WRENCH)
+    others, own = Vector(6, WRENCH), Vector(6, WRENCH)
     limb_twist = Vector(6, TWIST)
 
 
@@ -414,8 +389,7 @@ def _take(device: DeviceModel, plan: Array, ticks: int, index: int, out: Simulat
 @inner
 def _has_limb(device: DeviceModel, out: SimulatedState) -> bool:
     """Return whether a mass behind a grip moves with the hand now."""
-    moves: bool = out.window != OPEN and device.hand.limb_mass[0] > 0.0
-    return moves
+    return bool(out.window != OPEN and device.hand.limb_mass[0] > 0.0)
 
 
 @inner
@@ -457,8 +431,13 @@ def _quantise(device: DeviceModel, out: SimulatedState) -> None:
 
 
 @inner
-def _estimate(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
-    """Fill the measured twist from encoder differences, low-passed."""
+def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
+    """Fill what the encoders say of the body in ``out``; its twist by differences, low-passed."""
+    _quantise(device, out)
+    quaternion_of(out.seen, out.quaternion)
+    if device.position_step == 0.0 and device.angle_step == 0.0:
+        put(out.twist, out.body.twist)
+        return
     moved, turn = local(6), shaped(local(9), (3, 3))
     multiply_transposed(out.seen, before.seen, turn)
     log3(turn, moved[3:])
@@ -467,17 +446,6 @@ def _estimate(device: DeviceModel, before: SimulatedState, out: SimulatedState) 
     for i in range(6):
         old = before.twist[i]
         out.twist[i] = old + device.filter_gain * (moved[i] / device.period - old)
-
-
-@inner
-def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
-    """Fill what the encoders say of the body in ``out``."""
-    _quantise(device, out)
-    if device.position_step == 0.0 and device.angle_step == 0.0:
-        put(out.twist, out.body.twist)
-    else:
-        _estimate(device, before, out)
-    quaternion_of(out.seen, out.quaternion)
 
 
 @inner
@@ -601,9 +569,8 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (107,) to fill.
     """
-    start = SimulatedState(state)
-    _command(DeviceModel(data), start, command, obeys)
-    move_device(data, start, ticks, SimulatedState(out))
+    _command(DeviceModel(data), SimulatedState(state), command, obeys)
+    move_device(data, SimulatedState(state), ticks, SimulatedState(out))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
@@ -664,8 +631,7 @@ def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> 
         before: (24,) of the last substep; see :func:`end_substep`.
         out: (107,) state, completed.
     """
-    device, start = DeviceModel(data), SimulatedState(state)
-    _finish(device, start, held, Substep(before), SimulatedState(out))
+    _finish(DeviceModel(data), SimulatedState(state), held, Substep(before), SimulatedState(out))
 
 
 @kernel("void(float64[::1], boolean, float64[::1])")

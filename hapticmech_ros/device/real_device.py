@@ -43,8 +43,7 @@ class HandObserver:
         self._rate = 2.0 * math.pi * device.observer_bandwidth
         self._model = DeviceModel(ImpedanceDevice(device, 1.0 / self._rate, planar).data)
         # What actuators did is known.
-        self._model.actuator_share = 0.0
-        self._model.weight[:] = 0.0
+        self._model.actuator_share, self._model.weight[:] = 0.0, 0.0
         self._before, self._now = SimulatedState(), SimulatedState()
         self._time: float | None = None
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from hapticmech_ros.device import ImpedanceDevice, grasp_schedule_of
 from hapticmech_ros.device.hand import hand_numbers
-from hapticmech_ros.device.hand_kernels import HAND_SIZE, Body, HandModel, Place, hand_wrench
+from hapticmech_ros.device.hand_kernels import Body, HandModel, Place, hand_wrench
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
@@ -22,7 +22,7 @@ def body_of(device, hand=None, planar=False):
 def law_of(hand):
     """Return what a scene's hand does as a law in Python: the kernels' own, not compiled."""
     numbers = hand_numbers(hand, grasp_schedule_of(hand))
-    model, plan = HandModel(numbers), numbers[HAND_SIZE:]
+    model, plan = HandModel(numbers), numbers[HandModel.layout.size :]
 
     def law(elapsed, pose, twist, held):
         wrench = np.empty(6)
