@@ -1,11 +1,18 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records: arrays whose fields have names, in Python; kernels read them in test_kernel_calls."""
+"""Records: arrays whose fields have names, in Python and compiled."""
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 
+from hapticmech_ros.compilation import local, put
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import Nested, Number, Record, Vector, Whole, matrix
 
 
@@ -50,3 +57,41 @@ def test_the_layout_has_the_same_places_and_quantities() -> None:
     assert Bench.layout.slice("rest", "turns") == slice(1, 10)
     quantities = list(Bench.layout.quantities())
     assert quantities[:4] == quantities[10:] == ["stiffness", *["position"] * 3]
+
+
+def test_a_record_has_no_more_than_its_own_numbers() -> None:
+    values = np.arange(20.0)
+    assert Spring(Bench(values).values).values.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+def write(bench: Bench, given: Array) -> None:
+    """Write fields that are not read afterwards, of an argument and of a record on the stack."""
+    other, room = bench.other, local(3)
+    put(room, given)
+    own = Spring(local(4))
+    for i in range(3):
+        other.rest[i] = 2.0 * room[i]
+        own.rest[i] = 3.0 * room[i]
+    bench.stiffness = own.rest[1]
+
+
+def compiled() -> None:
+    """Print what the same function leaves when Numba has translated it."""
+    from hapticmech_ros.compilation.numba_types import numba, teach_record, translated
+
+    for kind in (Spring, Bench):
+        teach_record(kind)
+    inner = translated(write)
+    bench = Bench()
+    numba.njit(lambda values, given: inner(Bench(values), given))(bench.values, np.arange(1.0, 4.0))
+    sys.stdout.write(json.dumps(bench.values.tolist()))
+
+
+def test_what_kernels_write_to_fields_is_written() -> None:
+    bench = Bench()
+    write(bench, np.arange(1.0, 4.0))
+    assert bench.values[[0, 11, 12, 13]].tolist() == [6.0, 2.0, 4.0, 6.0]
+    command = [sys.executable, "-c", "import test_records; test_records.compiled()"]
+    folder = Path(__file__).parent
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == bench.values.tolist()

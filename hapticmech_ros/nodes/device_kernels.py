@@ -13,11 +13,9 @@ from hapticmech_ros.control.device_side_kernels import (
     take_energy,
 )
 from hapticmech_ros.device.kernels import (
-    APPLIED,
-    BODY,
-    PUBLISHED_SIZE,
-    REPORTED,
-    SPEED,
+    DeviceModel,
+    PublishedState,
+    SimulatedState,
     command_device,
     compensate,
     move_device,
@@ -50,7 +48,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Whole
+from hapticmech_ros.numerics.layout import DeviceSample, Whole
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,
@@ -140,7 +138,7 @@ def remember_sample(
     row = link.remembers % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link.period / 1e9, sample[REPORTED:APPLIED])
+    remember(hand, link.period / 1e9, DeviceSample(sample).hand_wrench)
     link.remembers += 1
 
 
@@ -207,8 +205,9 @@ def drive_at_deadlines(
         out_most: (29,) largest magnitude of each number.
         fastest: (2,) m/s and rad/s, that the device can be moved.
         targets: (2 n,) to whom it is sent.
-        device: (numbers,) see ``device_layout``.
-        state: (107,) of the device, changed.
+        device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
+            its hand.
+        state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
         later: (107,) to work with.
         account: (account,) of the device; see ``loop_layout``.
         safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
@@ -226,6 +225,8 @@ def drive_at_deadlines(
         Why it returns.
     """
     link, read, sends = DeviceLink(shared), Reading(inputs[0]), Sending(outputs[0])
+    body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
+    measured, published = DeviceSample(state).values, PublishedState(state).values
     while link.reads < ages.size:
         deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
@@ -261,18 +262,18 @@ def drive_at_deadlines(
         if silent > link.timeout:
             return TO_ACT
         sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
-        put(sample, state[:SAMPLE_SIZE])
+        put(sample, measured)
         put(asked, commands[before])
         row = row_of(stamps, link.remembers, answered)
         if row >= 0 and time - link.gain_ns <= link.fresh:
             newest = samples[(link.remembers - 1) % stamps.size]
             correct(commands[before], model, samples[row], newest, hand, period, others, asked)
-        compensate(device, state[SPEED:REPORTED], added)
-        account_for_actuators(account, sample, state[APPLIED:BODY])
+        compensate(body, now_there.twist, added)
+        account_for_actuators(account, sample, now_there.applied)
         take_energy(account, given)
         allow(account, safety, asked, sample, added)
-        command_device(device, state, asked)
-        move_device(device, state, link.held, later)
+        command_device(body, now_there, asked)
+        move_device(device, now_there, link.held, next_there)
         put(state, later)
         link.held += int(link.held >= 0)
         put(commands[1], commands[0])
@@ -281,12 +282,12 @@ def drive_at_deadlines(
         link.next += link.period
         link.done += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[PUBLISHED : PUBLISHED + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        put(out[PUBLISHED : PUBLISHED + published.size], published)
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
-        if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
+        if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
         send_to_all(sends, words, out_frame, targets, now_real)
-        remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
+        remember_sample(link, stamps, samples, hand, stamp, measured)
         left = publish_outside(sends, out_frame)
         if look_is_due(link):
             return TO_LOOK_AT

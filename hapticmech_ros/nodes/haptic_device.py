@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
-from hapticmech_ros.device.kernels import DEVICE_STATE
+from hapticmech_ros.device.kernels import SimulatedState
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.errors import HapticMechError, OutputError
 from hapticmech_ros.nodes import device_kernels as own
@@ -125,7 +125,7 @@ class DeviceTicks(PlainMessages):
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
-        self._state, self._later = np.zeros(DEVICE_STATE.size), np.zeros(DEVICE_STATE.size)
+        self._state, self._later = SimulatedState().values, SimulatedState().values
         self._given, self._model = math.nan, NO_GAIN
         self._out.obeys = True
 

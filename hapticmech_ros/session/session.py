@@ -40,7 +40,7 @@ from hapticmech_ros.device import (
     SimulatedDevice,
     device_for,
 )
-from hapticmech_ros.device.kernels import DEVICE_MODEL
+from hapticmech_ros.device.kernels import DeviceModel
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.errors import InvalidInputError
@@ -466,7 +466,7 @@ class Session:
         analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity
         nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-        body = np.zeros(DEVICE_MODEL.size)
+        body = DeviceModel().values
         if isinstance(self._device, ImpedanceDevice):
             self._device.take_hold(self._held)
             body = self._device.data

@@ -42,18 +42,13 @@ from hapticmech_ros.control.device_side_kernels import ACTUATORS, act
 from hapticmech_ros.control.kernels import TAG, receive, send
 from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
 from hapticmech_ros.device.kernels import (
-    APPLIED,
-    BODY,
     MEASURED,
-    REPORTED,
-    SEEN,
-    SENSES_ITSELF,
-    SPEED,
+    DeviceModel,
+    SimulatedState,
     command_device,
     compensate,
     move_device,
 )
-from hapticmech_ros.device.kernels import PUSH as PUSHED
 from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     CONTACT_WORK,
@@ -80,7 +75,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, DeviceSample, Field, Layout
 from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
 
 _ONE = Field(1)
@@ -137,8 +132,8 @@ class SessionData(Structure):
         safety: its envelope.
         answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
         sample: (19,) of the device.
-        device: the device, see ``device_layout``.
-        state: (107,) of the device.
+        device: a ``device.kernels.DeviceModel``, and the plan of its hand.
+        state: (107,) of the device, a ``SimulatedState``.
         later: (107,) its next one.
         counter: of joint constraints.
         wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``COMMANDED`` of ``loop_layout``.
@@ -247,12 +242,12 @@ LATCH_LOSS, MOST_MOVED = TOTALS.starts("latch_loss", "moved")
 @inner
 def sense(data: SessionData) -> None:
     """Fill the device's sample, and what its driver adds to the next command."""
-    device, state, sample = data.device, data.state, data.sample
-    put(sample, state[:APPLIED])
-    if device[SENSES_ITSELF] == MEASURED:
+    device, measured, sample = DeviceModel(data.device), DeviceSample(data.state), data.sample
+    put(sample, measured.values)
+    if device.senses_itself == MEASURED:
         for i in range(6):
             sample[PUSH + i] += data.push[i]
-    compensate(device, state[SPEED:REPORTED], data.added)
+    compensate(device, measured.twist, data.added)
 
 
 @inner
@@ -378,7 +373,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         answers,
         data.sample,
         data.hand,
-        data.state[APPLIED:BODY],
+        SimulatedState(data.state).applied,
         data.added,
         data.others,
         data.wrenches,
@@ -388,9 +383,10 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
 @inner
 def move_hand(data: SessionData, tick: int) -> None:
     """Move the device, and the hand that holds it, on by a period."""
-    put(data.device[PUSHED : PUSHED + 6], data.push)
-    command_device(data.device, data.state, data.wrenches[ON_HAND])
-    move_device(data.device, data.state, tick, data.later)
+    device, state = DeviceModel(data.device), SimulatedState(data.state)
+    put(device.push, data.push)
+    command_device(device, state, data.wrenches[ON_HAND])
+    move_device(data.device, state, tick, SimulatedState(data.later))
     put(data.state, data.later)
 
 
@@ -481,13 +477,14 @@ def append(row: Array, at: int, part: Array) -> int:
 def write_record(data: SessionData, time: float, row: Array) -> None:
     """Fill a row of a run; see :func:`~hapticmech_ros.session.sample.run_layout`."""
     given = data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1]
+    state = SimulatedState(data.state)
     row[0] = time
     at = append(row, 1, data.q)
     at = append(row, at, data.v)
     at = append(row, at, data.sample)
-    at = append(row, at, data.state[APPLIED:BODY])
+    at = append(row, at, state.applied)
     at = append(row, at, data.added)
-    at = append(row, at, data.state[BODY:SEEN])
+    at = append(row, at, state.body.values)
     at = append(row, at, data.observation[:MODEL_SIZE])
     at = append(row, at, given[WRENCHES:MODELLED])
     at = append(row, at, data.wrenches[ON_HAND])
