@@ -6,10 +6,6 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
-    PERIOD,
-    SAMPLE_SIZE,
-    TWIST,
-    WRENCHES,
     account_for_hand,
     account_for_motion,
     conclude,
@@ -18,7 +14,12 @@ from hapticmech_ros.control.account_kernels import (
     queue_wrench,
     remember_commanded,
 )
-from hapticmech_ros.control.loop_layout import FORCE_LOCAL
+from hapticmech_ros.control.loop_layout import (
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    Locality,
+)
 from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
@@ -44,7 +45,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.wire.kernels import (
     COMMANDED,
     GRASP,
@@ -231,14 +232,14 @@ def answer_samples(
         most: (6,) largest magnitudes of a wrench.
         known: (139,) the operational model as it was heard last; changed.
         grasp: (7,) where it has the point.
-        account: (account,) of the controller, changed; see ``loop_layout``.
-        before: (account,) to work with.
-        settings: (59,) of the controllers.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        before: (numbers,) to work with.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         faded: (6,) zeros.
         queue: (d, 6) commands to the mechanism that do not act yet, changed.
         past: (n, 6) those until now, changed.
-        locality: (3,) what the device closes.
-        answer: (answer,) to fill; see ``loop_layout``.
+        locality: (3,) what the device closes, a ``Locality``.
+        answer: (numbers,) an ``Answer`` to fill.
         motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
@@ -248,6 +249,8 @@ def answer_samples(
     Returns:
         Why it returns.
     """
+    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
+    closed, seen = Locality(locality), OperationalModelSample(known)
     while link[READS] < ages.size:
         if time_of(MONOTONIC, words) >= link[UNTIL]:
             break
@@ -278,17 +281,17 @@ def answer_samples(
         stamp = plain_sample(link, state, state_most, round_trip, time)
         if stamp == UNSOUND or has_paused(link, OF_DEVICE, stamp, counted):
             return TO_READ
-        sample = state[SAMPLE : SAMPLE + SAMPLE_SIZE]
+        sample = DeviceSample(state[SAMPLE:])
         put(moved, motion)
         elapsed_s = (stamp - link[MOVED]) / 1e9
-        if follow_sample(Motion(moved), DeviceSample(sample), elapsed_s) != SOUND:
+        if follow_sample(Motion(moved), sample, elapsed_s) != SOUND:
             return TO_READ
         put(before, account)
-        period, time_s = account[PERIOD], (time - link[EPOCH]) / 1e9
+        period, time_s = side.period, (time - link[EPOCH]) / 1e9
         late = (stamp - link[MODEL_NS]) // link[PERIOD_NS] * period
         ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         flying = queue
-        if ahead != 0.0 and locality[FORCE_LOCAL] != 0.0:
+        if ahead != 0.0 and closed.force_channel != 0.0:
             # A state that is late by n periods lacks n commands more than others do.
             number = queue.shape[0] + round(ahead / period)
             if number > past.shape[0]:
@@ -298,14 +301,12 @@ def answer_samples(
         elapsed = 0.0
         if link[RENDERED] > 0:
             elapsed = max(round((link[MODEL_NS] - link[RENDERED]) / 1e9 / period), 0) * period
-        account_for_motion(account, known[TWIST : TWIST + 6], elapsed)
-        account_for_hand(account, sample)
-        give_answer(
-            account, settings, faded, flying, sample, known, time_s, ahead, locality, answer
-        )
-        conclude(account, settings, sample, known, time_s, locality, answer)
-        passive_wrench(account, answer, wrenches[0])
-        put(to_device, answer[WRENCHES : WRENCHES + 6])
+        account_for_motion(side, seen.twist, elapsed)
+        account_for_hand(side, sample)
+        give_answer(side, gains, faded, flying, sample, seen, time_s, ahead, closed, given)
+        conclude(side, gains, sample, seen, time_s, closed, given)
+        passive_wrench(side, given, wrenches[0])
+        put(to_device, given.wrenches.on_hand)
         put(to_point, wrenches[0])
         if not (keeps(to_device, most) and keeps(to_point, most)):
             put(account, before)
@@ -316,7 +317,7 @@ def answer_samples(
         send_to_all(outputs[TO_DEVICE], words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
         send_to_all(outputs[TO_POINT], words, point_frame, point_targets, real)
-        queue_wrench(account, queue, wrenches[0], wrenches[1])
+        queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
         put(motion, moved)
         note_sender(link, OF_DEVICE, stamp, counted)

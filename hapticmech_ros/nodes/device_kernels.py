@@ -5,12 +5,18 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
+from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
     account_for_actuators,
     allow,
     correct,
     take_energy,
+)
+from hapticmech_ros.control.loop_layout import (
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
 )
 from hapticmech_ros.device.kernels import (
     APPLIED,
@@ -23,6 +29,7 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.motion_kernels import is_too_fast
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
     AHEAD,
     MONOTONIC,
@@ -51,6 +58,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, DeviceSample
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE,
@@ -68,7 +76,7 @@ NEXT, PERIOD, TIMEOUT, FRESH, RECEIVED, RECEIVED_BEFORE, ANSWERED, ANSWERED_BEFO
     OWN, OWN + 8
 )
 NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
-LINK_SIZE = OWN + 16
+LINK_SIZE, SAMPLE_SIZE = OWN + 16, DEVICE_SAMPLE.size
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
 
@@ -113,7 +121,7 @@ def remember_sample(
     row = link[REMEMBERS] % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
+    remember(HandMemory(hand), link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
     link[REMEMBERS] += 1
 
 
@@ -183,12 +191,12 @@ def drive_at_deadlines(
         device: (numbers,) see ``device_layout``.
         state: (107,) of the device, changed.
         later: (107,) to work with.
-        account: (account,) of the device; see ``loop_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
         safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.
-        model: (108,) how commands depend on the device: G, K and B.
+        model: (108,) how commands depend on the device, a ``LocalModel``.
         others: (19,) zeros.
         period: s.
         given: E_m as it was received, J; NaN while nobody sends it.
@@ -198,6 +206,7 @@ def drive_at_deadlines(
     Returns:
         Why it returns.
     """
+    side = DeviceAccount(account)
     while link[READS] < ages.size:
         deadline = link[NEXT] - link[AHEAD]
         now = time_of(MONOTONIC, words)
@@ -231,17 +240,26 @@ def drive_at_deadlines(
         silent = max(time - link[RECEIVED], time - link[RECEIVED_BEFORE], known - received)
         if silent > link[TIMEOUT]:
             return TO_ACT
-        sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
-        put(sample, state[:SAMPLE_SIZE])
+        sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
+        put(sample.values, state[:SAMPLE_SIZE])
         put(asked, commands[before])
         row = row_of(stamps, link[REMEMBERS], answered)
         if row >= 0 and time - link[GAIN_NS] <= link[FRESH]:
-            newest = samples[(link[REMEMBERS] - 1) % stamps.size]
-            correct(commands[before], model, samples[row], newest, hand, period, others, asked)
+            newest = DeviceSample(samples[(link[REMEMBERS] - 1) % stamps.size])
+            correct(
+                commands[before],
+                LocalModel(model),
+                DeviceSample(samples[row]),
+                newest,
+                HandMemory(hand),
+                period,
+                HandsCorrection(others),
+                asked,
+            )
         compensate(device, state[SPEED:REPORTED], added)
-        account_for_actuators(account, sample, state[APPLIED:BODY])
-        take_energy(account, given)
-        allow(account, safety, asked, sample, added)
+        account_for_actuators(side, sample, state[APPLIED:BODY])
+        take_energy(side, given)
+        allow(side, Safety(safety), asked, sample, added)
         command_device(device, state, asked)
         move_device(device, state, link[HELD], later)
         put(state, later)

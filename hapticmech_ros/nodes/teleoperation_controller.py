@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -109,8 +109,8 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
-        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), Motion().values
-        self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
+        self._before, self._moved = ControllerAccount().values, Motion().values
+        self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
         self.link[own.PERIOD_NS] = nanoseconds(actor.period_s)
 
@@ -127,7 +127,7 @@ class SampleAnswers(PlainMessages):
         """Call the kernel; return why it returned."""
         actor, side = self._controller, self._controller.side
         device, point = self._commands
-        self._answer = np.zeros(ANSWER.size)
+        self._answer = Answer()
         return own.answer_samples(
             *(self.link, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
@@ -136,14 +136,9 @@ class SampleAnswers(PlainMessages):
             actor.bounds.model.most,
             *(*device, self.targets[0], *point, self.targets[1]),
             *(self._most, self._known, self._grasp),
-            *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),
-            *(
-                self._locality,
-                self._answer,
-                actor.motion.numbers.values,
-                self._moved,
-                self._wrenches,
-            ),
+            *(side.account.values, self._before, self._settings, NO_WRENCH),
+            *(side.queue, side.past, self._locality, self._answer.values),
+            *(actor.motion.numbers.values, self._moved, self._wrenches),
             *(actor.path.round_trip, self.ages),
         )
 
@@ -539,7 +534,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         known[:] = model.operational_model
         grasp[:] = np.frombuffer(model.grasp)
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
-        return settings, self.side.locality(True, False)
+        return settings, self.side.locality(True, False).values
 
     def received_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
         """Take the last operational model that the kernel has heard.
@@ -557,12 +552,12 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._model.put(found, stamp_ns)
         self._model_pauses.went_on(stamp_ns, origin, now_ns)
 
-    def answered(self, link: Array, answer: Array, origin: Origin) -> None:
+    def answered(self, link: Array, answer: Answer, origin: Origin) -> None:
         """Note what the kernel has answered.
 
         Args:
             link: (24,) what Python and kernel tell each other.
-            answer: (answer,) the last one; see ``loop_layout``.
+            answer: the last one.
             origin: of the sample.
         """
         numbers = link.tolist()

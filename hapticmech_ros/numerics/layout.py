@@ -9,7 +9,7 @@ and how large each number may be all follow from that.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, NamedTuple, TypeVar, overload
+from typing import ClassVar, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 
@@ -225,7 +225,7 @@ def matrix(rows: int, columns: int, quantities: str | tuple[str, ...] = ANY) -> 
 Inside = TypeVar("Inside", bound=Record)
 
 
-class Nested(RecordField):
+class Nested(RecordField, Generic[Inside]):
     """A record in a record.
 
     Args:
@@ -236,14 +236,30 @@ class Nested(RecordField):
         super().__init__(kind.layout.size, tuple(kind.layout.quantities()))
         self.kind = kind
 
-    def __get__(self, record: Record | None, owner: type[Record]) -> Any:
+    @overload
+    def __get__(self, record: None, owner: type[Record]) -> Nested[Inside]: ...
+    @overload
+    def __get__(self, record: Record, owner: type[Record]) -> Inside: ...
+    def __get__(self, record: Record | None, owner: type[Record]) -> Nested[Inside] | Inside:
         """Return the record inside, a view."""
         if record is None:
             return self
         return self.kind(record.values[self.at : self.at + self.size])
 
 
-class DeviceSample(Record):
+class Pose(Record):
+    """Where something is, world axes.
+
+    Attributes:
+        position: m.
+        quaternion: x, y, z, w.
+    """
+
+    position = Vector(3, "position")
+    quaternion = Vector(4, "quaternion")
+
+
+class DeviceSample(Pose):
     """What a device measures, world axes: where the point held is, how it moves, and F_h.
 
     Attributes:
@@ -253,8 +269,6 @@ class DeviceSample(Record):
         hand_wrench: F_h, by the hand, on the device, at the point held, N and N m.
     """
 
-    position = Vector(3, "position")
-    quaternion = Vector(4, "quaternion")
     twist = Vector(6, TWIST)
     hand_wrench = Vector(6, WRENCH)
 
