@@ -357,15 +357,10 @@ def hand_on_mechanism(
     commanded: Array,
 ) -> None:
     """Fill the wrench that measured forces command on the mechanism (6,): s (C3 F_h + C5 F_c)."""
-    through, task, c3, c5 = (
-        force_let_through(settings, time),
-        settings.task,
-        settings.c3,
-        settings.c5,
-    )
+    through, task = force_let_through(settings, time), settings.task
     for i in range(6):
         hand, touch = device.hand_wrench[i], model.contact[i]
-        commanded[i] = through * task[i] * (c3 * hand + c5 * touch)
+        commanded[i] = through * task[i] * (settings.c3 * hand + settings.c5 * touch)
 
 
 @inner
