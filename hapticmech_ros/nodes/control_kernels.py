@@ -6,9 +6,6 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.control.account_kernels import (
-    PERIOD,
-    TWIST,
-    WRENCHES,
     account_for_hand,
     account_for_motion,
     conclude,
@@ -17,7 +14,12 @@ from hapticmech_ros.control.account_kernels import (
     queue_wrench,
     remember_commanded,
 )
-from hapticmech_ros.control.loop_layout import FORCE_LOCAL
+from hapticmech_ros.control.loop_layout import (
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    Locality,
+)
 from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
@@ -41,7 +43,12 @@ from hapticmech_ros.nodes.lane_kernels import (
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample, Nested, Record, Whole
+from hapticmech_ros.numerics.layout import (
+    Nested,
+    OperationalModelSample,
+    Record,
+    Whole,
+)
 from hapticmech_ros.wire.kernels import (
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,
@@ -261,14 +268,14 @@ def answer_samples(
         most: (6,) largest magnitudes of a wrench.
         known: (139,) the operational model as it was heard last; changed.
         grasp: (7,) where it has the point.
-        account: (account,) of the controller, changed; see ``loop_layout``.
-        before: (account,) to work with.
-        settings: (59,) of the controllers.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        before: (numbers,) to work with.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         faded: (6,) zeros.
         queue: (d, 6) commands to the mechanism that do not act yet, changed.
         past: (n, 6) those until now, changed.
-        locality: (3,) what the device closes.
-        answer: (answer,) to fill; see ``loop_layout``.
+        locality: (3,) what the device closes, a ``Locality``.
+        answer: (numbers,) an ``Answer`` to fill.
         motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
@@ -280,6 +287,8 @@ def answer_samples(
     """
     link, states, models = ControllerLink(shared), Reading(inputs[STATES]), Reading(inputs[MODELS])
     for_device, for_point = Sending(outputs[TO_DEVICE]), Sending(outputs[TO_POINT])
+    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
+    closed, seen = Locality(locality), OperationalModelSample(known)
     while link.reads < ages.size:
         if time_of(MONOTONIC, words) >= link.until:
             break
@@ -310,17 +319,17 @@ def answer_samples(
         stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trip, time)
         if stamp == UNSOUND or has_paused(link.of_device, stamp, counted, link.period):
             return TO_READ
-        sample = DeviceStateMessage(state).sample.values
+        sample = DeviceStateMessage(state).sample
         put(moved, motion)
         elapsed_s = (stamp - link.moved) / 1e9
-        if follow_sample(Motion(moved), DeviceSample(sample), elapsed_s) != SOUND:
+        if follow_sample(Motion(moved), sample, elapsed_s) != SOUND:
             return TO_READ
         put(before, account)
-        period, time_s = account[PERIOD], (time - link.epoch) / 1e9
+        period, time_s = side.period, (time - link.epoch) / 1e9
         late = (stamp - link.model_ns) // link.period * period
         ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         flying = queue
-        if ahead != 0.0 and locality[FORCE_LOCAL] != 0.0:
+        if ahead != 0.0 and closed.force_channel != 0.0:
             # A state that is late by n periods lacks n commands more than others do.
             number = queue.shape[0] + round(ahead / period)
             if number > past.shape[0]:
@@ -330,14 +339,12 @@ def answer_samples(
         elapsed = 0.0
         if link.rendered > 0:
             elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
-        account_for_motion(account, known[TWIST : TWIST + 6], elapsed)
-        account_for_hand(account, sample)
-        give_answer(
-            account, settings, faded, flying, sample, known, time_s, ahead, locality, answer
-        )
-        conclude(account, settings, sample, known, time_s, locality, answer)
-        passive_wrench(account, answer, wrenches[0])
-        put(to_device, answer[WRENCHES : WRENCHES + 6])
+        account_for_motion(side, seen.twist, elapsed)
+        account_for_hand(side, sample)
+        give_answer(side, gains, faded, flying, sample, seen, time_s, ahead, closed, given)
+        conclude(side, gains, sample, seen, time_s, closed, given)
+        passive_wrench(side, given, wrenches[0])
+        put(to_device, given.wrenches.on_hand)
         put(to_point, wrenches[0])
         if not (keeps(to_device, most) and keeps(to_point, most)):
             put(account, before)
@@ -348,7 +355,7 @@ def answer_samples(
         send_to_all(for_device, words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
         send_to_all(for_point, words, point_frame, point_targets, real)
-        queue_wrench(account, queue, wrenches[0], wrenches[1])
+        queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
         put(motion, moved)
         note_sender(link.of_device, stamp, counted)

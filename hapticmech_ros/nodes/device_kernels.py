@@ -5,12 +5,18 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
+from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
     account_for_actuators,
     allow,
     correct,
     take_energy,
+)
+from hapticmech_ros.control.loop_layout import (
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
 )
 from hapticmech_ros.device.kernels import (
     DeviceModel,
@@ -21,6 +27,7 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.motion_kernels import is_too_fast
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
@@ -59,6 +66,7 @@ from hapticmech_ros.wire.messages import DeviceStateMessage
 
 # Where in a message what is published of a state begins.
 PUBLISHED = DeviceStateMessage.layout.start("position")
+SAMPLE_SIZE = DeviceSample.layout.size
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
 
@@ -138,7 +146,7 @@ def remember_sample(
     row = link.remembers % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link.period / 1e9, DeviceSample(sample).hand_wrench)
+    remember(HandMemory(hand), link.period / 1e9, DeviceSample(sample).hand_wrench)
     link.remembers += 1
 
 
@@ -209,12 +217,12 @@ def drive_at_deadlines(
             its hand.
         state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
         later: (107,) to work with.
-        account: (account,) of the device; see ``loop_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
         safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.
-        model: (108,) how commands depend on the device: G, K and B.
+        model: (108,) how commands depend on the device, a ``LocalModel``.
         others: (19,) zeros.
         period: s.
         given: E_m as it was received, J; NaN while nobody sends it.
@@ -227,6 +235,7 @@ def drive_at_deadlines(
     link, read, sends = DeviceLink(shared), Reading(inputs[0]), Sending(outputs[0])
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
     measured, published = DeviceSample(state).values, PublishedState(state).values
+    side = DeviceAccount(account)
     while link.reads < ages.size:
         deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
@@ -261,17 +270,26 @@ def drive_at_deadlines(
         silent = max(time - link.received, time - link.received_before, known - received)
         if silent > link.timeout:
             return TO_ACT
-        sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
-        put(sample, measured)
+        sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
+        put(sample.values, measured)
         put(asked, commands[before])
         row = row_of(stamps, link.remembers, answered)
         if row >= 0 and time - link.gain_ns <= link.fresh:
-            newest = samples[(link.remembers - 1) % stamps.size]
-            correct(commands[before], model, samples[row], newest, hand, period, others, asked)
+            newest = DeviceSample(samples[(link.remembers - 1) % stamps.size])
+            correct(
+                commands[before],
+                LocalModel(model),
+                DeviceSample(samples[row]),
+                newest,
+                HandMemory(hand),
+                period,
+                HandsCorrection(others),
+                asked,
+            )
         compensate(body, now_there.twist, added)
-        account_for_actuators(account, sample, now_there.applied)
-        take_energy(account, given)
-        allow(account, safety, asked, sample, added)
+        account_for_actuators(side, sample, now_there.applied)
+        take_energy(side, given)
+        allow(side, Safety(safety), asked, sample, added)
         command_device(body, now_there, asked)
         move_device(device, now_there, link.held, next_there)
         put(state, later)

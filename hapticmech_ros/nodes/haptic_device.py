@@ -152,7 +152,7 @@ class DeviceTicks(PlainMessages):
             *(self._command.most, self._commands),
             *(self._frame, self._out.values, self._most, actor.fastest, self.targets[0]),
             *(self._device.data, self._state, self._later),
-            *(side.passivity.account, side.envelope.numbers.values),
+            *(side.passivity.account.values, side.envelope.numbers.values),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
             actor.period_s,
             self._given,

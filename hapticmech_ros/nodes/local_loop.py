@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.account_kernels import remember_wrench
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
+from hapticmech_ros.control.loop_layout import HandMemory, LocalModel
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.nodes.actor import FOR_EVER
@@ -39,7 +40,7 @@ REMEMBERED = 2048
 # Gains that wait for their commands; and how much newer a command without its own may be than the
 # one that is obeyed instead.
 WAITING, PAIRED = 64, ByRate(20, 0.02)
-NO_GAIN = np.zeros(108)
+NO_GAIN = LocalModel().values
 
 
 class Pair(NamedTuple):
@@ -63,7 +64,7 @@ class LocalLoop:
 
     Attributes:
         stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
-        hand: (22,) the hand's last wrenches, see ``hand_lead_kernels``.
+        hand: (22,) the hand's last wrenches, a ``HandMemory``.
         gains, couplings: by stamp, in lockstep.
         others: as given.
         corrected_for_others: commands that were corrected for other hands.
@@ -79,7 +80,7 @@ class LocalLoop:
         others: OtherHands | None = None,
     ) -> None:
         self._period = period
-        self.hand = np.zeros(MEMORY_SIZE)
+        self.hand = HandMemory().values
         self.stamps = np.full(REMEMBERED, -1, dtype=np.int64)
         self.samples = np.zeros((REMEMBERED, DEVICE_SAMPLE.size))
         self.count = 0

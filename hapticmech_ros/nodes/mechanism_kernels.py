@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.control.loop_layout import ON_MECHANISM
+from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
@@ -187,7 +187,8 @@ def move_at_deadlines(
         now_real = time_of(REALTIME, words)
         if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
-        standing(link, commands, link.next - link.period - 1, data.wrenches[ON_MECHANISM])
+        acting = ActingWrenches(data.wrenches)
+        standing(link, commands, link.next - link.period - 1, acting.on_mechanism)
         moved = move_mechanism(
             numbers,
             constants,

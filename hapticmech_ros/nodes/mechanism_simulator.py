@@ -12,7 +12,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.control.loop_layout import COMMANDED
+from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.closures import grasp_written
@@ -100,7 +100,7 @@ class MechanismTicks(PlainMessages):
         sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
         parts = {name: np.zeros(0) for name in PARTS} | {
             "times": np.zeros(TIMES.size),
-            "wrenches": np.zeros((COMMANDED + 1, 6)),
+            "wrenches": ActingWrenches().values,
             "external": np.zeros(6),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),

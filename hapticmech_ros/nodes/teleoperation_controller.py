@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -107,8 +107,8 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
-        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), Motion().values
-        self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
+        self._before, self._moved = ControllerAccount().values, Motion().values
+        self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
         self.link.period = nanoseconds(actor.period_s)
 
@@ -125,7 +125,7 @@ class SampleAnswers(PlainMessages):
         """Call the kernel; return why it returned."""
         actor, side = self._controller, self._controller.side
         device, point = self._commands
-        self._answer = np.zeros(ANSWER.size)
+        self._answer = Answer()
         return own.answer_samples(
             *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
@@ -134,14 +134,9 @@ class SampleAnswers(PlainMessages):
             actor.bounds.model.most,
             *(*device, self.targets[0], *point, self.targets[1]),
             *(self._most, self._known, self._grasp),
-            *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),
-            *(
-                self._locality,
-                self._answer,
-                actor.motion.numbers.values,
-                self._moved,
-                self._wrenches,
-            ),
+            *(side.account.values, self._before, self._settings, NO_WRENCH),
+            *(side.queue, side.past, self._locality, self._answer.values),
+            *(actor.motion.numbers.values, self._moved, self._wrenches),
             *(actor.path.round_trip, self.ages),
         )
 
@@ -541,7 +536,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         known[:] = model.operational_model.values
         grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
-        return settings, self.side.locality(True, False)
+        return settings, self.side.locality(True, False).values
 
     def received_model(
         self, link: own.ControllerLink, known: Array, origin: Origin, now_ns: int
@@ -562,12 +557,12 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._model.put(found, stamp_ns)
         self._model_pauses.went_on(stamp_ns, origin, now_ns)
 
-    def answered(self, link: own.ControllerLink, answer: Array, origin: Origin) -> None:
+    def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
         """Note what the kernel has answered.
 
         Args:
             link: how things stand.
-            answer: (answer,) the last one; see ``loop_layout``.
+            answer: the last one.
             origin: of the sample.
         """
         stamp_ns, now_ns = link.sample_ns, link.last

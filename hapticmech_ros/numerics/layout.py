@@ -272,7 +272,19 @@ class Nested(RecordField, Generic[Inside]):
         return self.kind(record.values[self.at : self.at + self.size])
 
 
-class DeviceSample(Record):
+class Pose(Record):
+    """Where something is, world axes.
+
+    Attributes:
+        position: m.
+        quaternion: x, y, z, w.
+    """
+
+    position = Vector(3, "position")
+    quaternion = Vector(4, "quaternion")
+
+
+class DeviceSample(Pose):
     """What a device measures, world axes: where the point held is, how it moves, and F_h.
 
     Attributes:
@@ -282,8 +294,6 @@ class DeviceSample(Record):
         hand_wrench: F_h, by the hand, on the device, at the point held, N and N m.
     """
 
-    position = Vector(3, "position")
-    quaternion = Vector(4, "quaternion")
     twist = Vector(6, TWIST)
     hand_wrench = Vector(6, WRENCH)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hapticmech_ros.control import ControlOutput, OperationalModel
-from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.loop_layout import ActingWrenches, Answer
 from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
@@ -173,7 +173,7 @@ def data_frame(columns: Mapping[str, Array]) -> Any:
     return pandas.DataFrame(dict(columns))
 
 
-_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 _CONSTRAINTS = TOTALS.start("constraints")
 
 
@@ -351,8 +351,8 @@ class Sample:
     def wrenches(self) -> Array:
         """(6, 6) of the last answer that arrived; rows and units of :class:`ControlOutput`."""
         data = self._data
-        given = data.given if data.connected else data.answers[-1]
-        return given[_WRENCHES].reshape(6, 6)
+        given = Answer(data.given if data.connected else data.answers[-1])
+        return given.wrenches.values.reshape(6, 6)
 
     @property
     def acting(self) -> Array:
@@ -360,7 +360,8 @@ class Sample:
 
         On the hand by the device, and on the mechanism by the hand.
         """
-        return self._data.wrenches[:2]
+        acting = ActingWrenches(self._data.wrenches)
+        return np.array((acting.on_hand, acting.on_mechanism))
 
     @property
     def point(self) -> PointKinematics:

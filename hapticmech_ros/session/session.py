@@ -19,17 +19,16 @@ import numpy as np
 
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_layout import (
-    ANSWER,
-    COMMANDED,
-    FORCE_LOCAL,
-    LOCALITY,
-    ON_HAND,
-    ON_MECHANISM,
-    SETTINGS,
+    ActingWrenches,
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    DeviceAccount,
+    HandMemory,
+    Locality,
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
@@ -95,7 +94,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 _RATES = DEVICE_SAMPLE.slice("twist", "hand_wrench")
 _NOBODY = np.zeros((0, 10))
 _CONSTRAINTS = TOTALS.start("constraints")
@@ -386,7 +385,7 @@ class Session:
         self._analyser = Analyser(self.simulator.mechanism, point.name, self._compensated_delay)
         self._parts.metric[:] = self._analyser.constants
         self._side.held_elsewhere()
-        self._carried = self._given[_WRENCHES][:6].copy()
+        self._carried = self._given.wrenches.on_hand.copy()
         self._counter.begin()
         self._begin(state)
 
@@ -397,8 +396,7 @@ class Session:
     @property
     def answered(self) -> Array:
         """(6,) by the hand on the mechanism, of the last answer, which may not act yet."""
-        wrenches: Array = self._given[_WRENCHES].reshape(6, 6)[ON_MECHANISM]
-        return wrenches
+        return self._given.wrenches.on_mechanism
 
     def sense(self, inputs: Array) -> Array:
         """Begin a tick: sample the device; return (6,) F_h, N and N m, world axes.
@@ -429,8 +427,7 @@ class Session:
         clock[EVERY], clock[RECORDED] = len(rows), 0
         self._parts.others[:] = correction
         self._answer_sample(inputs, rows, OBSERVE)
-        wrench: Array = self._parts.wrenches[ON_MECHANISM].copy()
-        return wrench
+        return ActingWrenches(self._parts.wrenches).on_mechanism.copy()
 
     def coupling_gain(self, transmitted: Array, share: float) -> Array:
         """Return H_j (6, 6) of this tick's answer; see :mod:`~hapticmech_ros.control.other_hands`.
@@ -455,10 +452,9 @@ class Session:
         return Observation(found, analyser.layout, analyser.rows, mechanism.nv).analysis
 
     @property
-    def _given(self) -> Array:
+    def _given(self) -> Answer:
         """The last answer that was given, whether it has arrived or not."""
-        answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
-        return answers
+        return Answer(self._parts.answers[-1] if self._side.is_ideal else self._parts.given)
 
     def _allocated(self) -> SessionData:
         """Return the data of all parts in one array, of which these parts are views from now on."""
@@ -488,26 +484,26 @@ class Session:
             "times": np.array((self.period, mechanism.length, self._compensated_delay, *law)),
             "metric": analysis.constants,
             "observation": np.zeros(analysis.layout.size),
-            "controller": side.account,
-            "settings": np.zeros(SETTINGS.size),
+            "controller": side.account.values,
+            "settings": ControllerSettings().values,
             "faded": np.zeros(6),
             "commanded": side.queue,
-            "account": passivity.account,
+            "account": passivity.account.values,
             "safety": envelope.numbers.values,
             # Those on the way, the row after them, and the one that has arrived last.
-            "answers": np.zeros((len(side.queue) + 2, ANSWER.size)),
+            "answers": np.zeros((len(side.queue) + 2, Answer.layout.size)),
             "sample": np.zeros(DEVICE_SAMPLE.size),
             "device": body,
             "state": state,
             "later": state,
             "counter": self._counter.numbers,
-            "wrenches": np.zeros((COMMANDED + 1, 6)),
+            "wrenches": ActingWrenches().values,
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
             "others": NO_OTHERS.copy(),
-            "locality": np.zeros(LOCALITY.size),
+            "locality": Locality().values,
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
-            "given": np.zeros(ANSWER.size),
+            "given": Answer().values,
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
             "totals": np.zeros(TOTALS.size),
@@ -515,13 +511,13 @@ class Session:
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
             "began_totals": np.zeros(TOTALS.size),
-            "hand": np.zeros(MEMORY_SIZE),
+            "hand": HandMemory().values,
             "past": np.zeros((self._periods_before + 1, 1 + mechanism.nv)),
             "before": np.zeros(1 + mechanism.nv),
         }
         data = session_data(sizes, parts)
-        side.account, side.queue = data.controller, data.commanded
-        passivity.account, envelope.numbers = data.account, Safety(data.safety)
+        side.account, side.queue = ControllerAccount(data.controller), data.commanded
+        passivity.account, envelope.numbers = DeviceAccount(data.account), Safety(data.safety)
         self._counter.numbers = data.counter
         if channels is not None:
             forth, back = channels
@@ -634,7 +630,7 @@ class Session:
         self._set(clutch)
         faulty = self._motion is not None and bool(self._motion.fault)
         if faulty:
-            self._given[:] = 0.0
+            self._given.values[:] = 0.0
         elif control.answers_in_python and self._data.received:
             self._answer_in_python(self.time, clutch)
         self._clock[ANSWERED] = control.answers_in_python or faulty
@@ -654,7 +650,7 @@ class Session:
         self._settled, data, time = None, self._parts, self.time
         data.settings[:] = control.settings_at(time, clutch)
         data.faded[:] = control.carried_at(time, clutch)
-        data.locality[:] = self._side.locality(corrects=True, with_model=True)
+        data.locality[:] = self._side.locality(corrects=True, with_model=True).values
         if not (clutch.is_closing or control.is_ramping):
             self._settled = clutch, control.gains, control.delay
 
@@ -699,17 +695,17 @@ class Session:
         data, side = self._parts, self._side
         received = data.sample if side.is_ideal else data.forth[-1]
         operational_model, flying = data.observation[:_MODEL_SIZE], None
-        if data.locality[FORCE_LOCAL] != 0.0:
-            flying = side.in_flight(data.settings, received, operational_model, time)
+        if Locality(data.locality).force_channel != 0.0:
+            flying = side.in_flight(side.queue, data.settings, received, operational_model, time)
         found = self._control.answer(
             time, clutch, received.copy(), operational_model.copy(), 0.0, flying
         )
-        self._given[_WRENCHES] = found.ravel()
+        self._given.wrenches.values[:] = found.ravel()
 
     def _move_device_in_python(self) -> None:
         """Move a device that is written in Python on by a period."""
-        command, push = self._parts.wrenches[ON_HAND].copy(), self._parts.push.copy()
-        tick = self._clock[TICK]
+        command = ActingWrenches(self._parts.wrenches).on_hand.copy()
+        push, tick = self._parts.push.copy(), self._clock[TICK]
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
     def _latch(self) -> None:
@@ -733,7 +729,8 @@ class Session:
         """Move the mechanism on, with wrenches (6,) on links at their frames' origins."""
         data, state = self._parts, self.mechanism
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
-        wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
+        acting = ActingWrenches(data.wrenches)
+        wrenches[self._analyser.index] = acting.on_mechanism + data.external
         self.go_on(self.simulator.step(state, wrenches, on_links))
 
     def _engaged_clutch(self, time: float) -> Clutch:

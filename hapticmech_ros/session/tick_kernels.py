@@ -25,22 +25,24 @@ from hapticmech_ros.compilation.structures import SIZES
 from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
-    CONTACT,
-    GIVEN,
-    LOST,
-    MODELLED,
-    PERIOD,
-    PUSH,
-    TWIST,
-    WRENCHES,
     account_for_hand,
     account_for_motion,
     conclude,
     give_answer,
 )
-from hapticmech_ros.control.device_side_kernels import ACTUATORS, act
-from hapticmech_ros.control.kernels import TAG, receive, send
-from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
+from hapticmech_ros.control.device_side_kernels import act
+from hapticmech_ros.control.kernels import receive, send
+from hapticmech_ros.control.loop_layout import (
+    ActingWrenches,
+    Answer,
+    ChannelState,
+    ControllerAccount,
+    ControllerSettings,
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    Locality,
+)
 from hapticmech_ros.device.kernels import (
     MEASURED,
     DeviceModel,
@@ -49,6 +51,7 @@ from hapticmech_ros.device.kernels import (
     compensate,
     move_device,
 )
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.mechanism.kernels.model import (
     BEGINS_WITH,
     CONTACT_WORK,
@@ -75,7 +78,13 @@ from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, DeviceSample, Field, Layout
+from hapticmech_ros.numerics.layout import (
+    OPERATIONAL_MODEL,
+    DeviceSample,
+    Field,
+    Layout,
+    OperationalModelSample,
+)
 from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
 
 _ONE = Field(1)
@@ -120,15 +129,15 @@ class SessionData(Structure):
         period_ns: of a tick.
         received: 1 if a sample has reached the controller in this tick.
         rows: (t,) rows of a six-vector that the task space has.
-        forth_state, back_state: channels of the connection, see ``channel_kernels``.
+        forth_state, back_state: channels of the connection, see ``control.kernels``.
         times: (6,) see ``TIMES``.
         metric: constants of the analysis, see ``metric_of``.
         observation: of the operational point, see ``observation_layout``.
-        controller: its account, settings and so on: see ``loop_layout``.
-        settings: of the controllers.
+        controller: its account, a ``ControllerAccount``.
+        settings: of the controllers, ``ControllerSettings``.
         faded: (6,) what is carried on from another grasp, N and N m, world axes.
         commanded: (d, 6) the wrenches commanded on the mechanism that do not act yet.
-        account: the device's.
+        account: the device's, a ``DeviceAccount``.
         safety: its envelope.
         answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
         sample: (19,) of the device.
@@ -136,20 +145,20 @@ class SessionData(Structure):
         state: (107,) of the device, a ``SimulatedState``.
         later: (107,) its next one.
         counter: of joint constraints.
-        wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``COMMANDED`` of ``loop_layout``.
+        wrenches: (18,) that act, ``ActingWrenches``.
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
         push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
-        locality: (3,) see ``loop_layout.LOCALITY``.
+        locality: (3,) what the device closes, a ``Locality``.
         added: (6,) by the device's driver.
-        others: (19,) what a command is corrected by for other hands, see ``control.other_hands``.
+        others: (19,) what a command is corrected by for other hands, a ``HandsCorrection``.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
         totals: (13,) see ``TOTALS``.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
-        hand: (22,) its last wrenches, see ``hand_lead_kernels``.
+        hand: (22,) its last wrenches, a ``HandMemory``.
         forth, back: messages on the way to the controller, and back.
         past: (n + 1, 1 + nv) rates of the last ticks, one row each by turns, or none: the tick's
             number + 1, and its rates.
@@ -167,7 +176,7 @@ class SessionData(Structure):
     controller, settings, faded, commanded = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
     account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
     device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
-    wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
+    wrenches, external, push, contact = Part(18, 1), Part(19, 1), Part(20, 1), Part(21, 1)
     locality, added, others, given = Part(22, 1), Part(23, 1), Part(24, 1), Part(25, 1)
     q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
     began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
@@ -246,7 +255,7 @@ def sense(data: SessionData) -> None:
     put(sample, measured.values)
     if device.senses_itself == MEASURED:
         for i in range(6):
-            sample[PUSH + i] += data.push[i]
+            DeviceSample(sample).hand_wrench[i] += data.push[i]
     compensate(device, measured.twist, data.added)
 
 
@@ -323,7 +332,7 @@ def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
     observation, counted = data.observation, data.rows.size
     data.totals[CONSTRAINTS] = count_rigid(data.counter, observation[:counted], time)
     for i in range(6):
-        observation[CONTACT + i] = data.external[i] + data.contact[i]
+        OperationalModelSample(observation).contact[i] = data.external[i] + data.contact[i]
     received = 1
     if data.connected != 0:
         times, state, rows = data.times, data.forth_state, data.forth
@@ -335,13 +344,14 @@ def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
 @inner
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
     """Answer what was heard, and fill what acts on device and mechanism."""
-    controller, answers, connected = data.controller, data.answers, data.connected != 0
-    operational_model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
-    account_for_motion(controller, operational_model[TWIST:CONTACT], controller[PERIOD])
-    received = data.forth[data.forth.shape[0] - 1] if connected else data.sample
-    given = data.given if connected else last
+    controller, connected = ControllerAccount(data.controller), data.connected != 0
+    model, answers = OperationalModelSample(data.observation), data.answers
+    last = answers[answers.shape[0] - 1]
+    account_for_motion(controller, model.twist, controller.period)
+    received = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
+    given = Answer(data.given if connected else last)
     if data.received != 0:
-        settings, locality = data.settings, data.locality
+        settings, locality = ControllerSettings(data.settings), Locality(data.locality)
         account_for_hand(controller, received)
         if not answered:
             commanded, faded = data.commanded, data.faded
@@ -351,32 +361,32 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
                 faded,
                 commanded,
                 received,
-                operational_model,
+                model,
                 time,
                 0.0,
                 locality,
                 given,
             )
-        conclude(controller, settings, received, operational_model, time, locality, given)
+        conclude(controller, settings, received, model, time, locality, given)
         if connected:
-            times, tag = data.times, data.forth_state[TAG]
+            times, tag = data.times, ChannelState(data.forth_state).tag
             law = times[DELAY], times[JITTER], times[LOSS]
-            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given)
+            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given.values)
     if connected and receive(data.back_state, data.back, stamp_ns):
         put(last, data.back[data.back.shape[0] - 1])
     act(
         controller,
         given,
         data.commanded,
-        data.account,
-        data.safety,
+        DeviceAccount(data.account),
+        Safety(data.safety),
         answers,
-        data.sample,
-        data.hand,
+        DeviceSample(data.sample),
+        HandMemory(data.hand),
         SimulatedState(data.state).applied,
         data.added,
-        data.others,
-        data.wrenches,
+        HandsCorrection(data.others),
+        ActingWrenches(data.wrenches),
     )
 
 
@@ -385,7 +395,7 @@ def move_hand(data: SessionData, tick: int) -> None:
     """Move the device, and the hand that holds it, on by a period."""
     device, state = DeviceModel(data.device), SimulatedState(data.state)
     put(device.push, data.push)
-    command_device(device, state, data.wrenches[ON_HAND])
+    command_device(device, state, ActingWrenches(data.wrenches).on_hand)
     move_device(data.device, state, tick, SimulatedState(data.later))
     put(data.state, data.later)
 
@@ -407,13 +417,13 @@ def move_mechanism(
 
     ``nobody`` is a matrix (0, 10): of wrenches on links, and of samples of the steps.
     """
-    parts, index, wrenches = Work(numbers, work), data.index, data.wrenches
+    parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
     pushed, account, totals = parts.wrenches, parts.account, data.totals
     put(parts.q0, data.q)
     put(parts.v0, data.v)
     pushed[:] = 0.0
     for i in range(6):
-        pushed[index, i] = wrenches[ON_MECHANISM, i] + data.external[i]
+        pushed[index, i] = acting.on_mechanism[i] + data.external[i]
     parts.held[:] = 0.0
     account[:] = 0.0
     account[OWED_SURPLUS], account[OWED_WORK] = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
@@ -476,7 +486,8 @@ def append(row: Array, at: int, part: Array) -> int:
 @inner
 def write_record(data: SessionData, time: float, row: Array) -> None:
     """Fill a row of a run; see :func:`~hapticmech_ros.session.sample.run_layout`."""
-    given = data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1]
+    given = Answer(data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1])
+    acting, energies = ActingWrenches(data.wrenches), ControllerAccount(data.controller).energies
     state = SimulatedState(data.state)
     row[0] = time
     at = append(row, 1, data.q)
@@ -486,12 +497,12 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     at = append(row, at, data.added)
     at = append(row, at, state.body.values)
     at = append(row, at, data.observation[:MODEL_SIZE])
-    at = append(row, at, given[WRENCHES:MODELLED])
-    at = append(row, at, data.wrenches[ON_HAND])
-    at = append(row, at, data.wrenches[ON_MECHANISM])
+    at = append(row, at, given.wrenches.values)
+    at = append(row, at, acting.on_hand)
+    at = append(row, at, acting.on_mechanism)
     at = append(row, at, data.external)
-    at = append(row, at, data.controller[GIVEN : LOST + 1])
-    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[CONSTRAINTS]
+    at = append(row, at, energies.values)
+    row[at], row[at + 1] = DeviceAccount(data.account).actuators, data.totals[CONSTRAINTS]
 
 
 @gathering_kernel(

@@ -577,7 +577,8 @@ def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
 
 def arrays_of(actor: Any) -> list[Any]:
     """Return the arrays in which it remembers the rest."""
-    return [actor.side.account, actor.side.queue, actor.side.past, actor.motion.numbers.values]
+    side = actor.side
+    return [side.account.values, side.queue, side.past, actor.motion.numbers.values]
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
