@@ -11,11 +11,19 @@ from hapticmech_ros.compilation.decorators import (
     kernel,
     leaf,
 )
-from hapticmech_ros.compilation.structures import SIZES, Part, Size, Structure, structure
+from hapticmech_ros.compilation.structures import (
+    SIZES,
+    Part,
+    RecordPart,
+    Size,
+    Structure,
+    packed,
+)
 
 __all__ = [
     "SIZES",
     "Part",
+    "RecordPart",
     "Size",
     "Structure",
     "c_function",
@@ -26,7 +34,7 @@ __all__ = [
     "leaf",
     "local",
     "local_whole",
+    "packed",
     "put",
     "shaped",
-    "structure",
 ]

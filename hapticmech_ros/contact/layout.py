@@ -8,7 +8,7 @@ what a step works on and leaves: where shapes are, which of them are near, point
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import Part, Structure, structure
+from hapticmech_ros.compilation import Part, Structure
 
 SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
 # Columns of a shape's whole numbers.
@@ -46,7 +46,6 @@ SWEEPS, OFF, HELD, HELD_BEFORE, FAILED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
 FIRST_WORKSPACE = 16
 
 
-@structure
 class Contacts(Structure):
     """Model and data of contacts; s shapes, p pairs, l links with shapes, j joints with the world.
 
@@ -99,50 +98,51 @@ class Contacts(Structure):
 
     __slots__ = ()
 
-    shapes = Part(0, 2, whole=True)
-    pairs = Part(1, 2, whole=True)
-    faces = Part(2, 2, whole=True)
-    corners = Part(3, 1, whole=True)
-    carriers = Part(4, 1, whole=True)
-    counts = Part(5, 1, whole=True)
-    owners = Part(6, 1, whole=True)
-    owners_before = Part(7, 1, whole=True)
-    shape_values = Part(8, 2)
-    vertices = Part(9, 2)
-    normals = Part(10, 2)
-    laws = Part(11, 2)
-    moves = Part(12, 2)
-    acts = Part(13, 2)
-    link_origins = Part(14, 2)
-    settings = Part(15, 1)
-    axes = Part(16, 2)
-    poses = Part(17, 2)
-    boxes = Part(18, 2)
-    margins = Part(19, 1)
-    found = Part(20, 2)
-    points = Part(21, 2)
-    forces = Part(22, 2)
-    points_before = Part(23, 2)
-    forces_before = Part(24, 2)
-    free = Part(25, 1)
-    change = Part(26, 1)
-    q = Part(27, 1)
-    joint_force = Part(28, 1)
-    report = Part(29, 1)
-    begun = Part(30, 1)
-    external = Part(31, 2)
-    frames = Part(32, 2)
-    workspace = Part(33, 1)
-    origins = Part(34, 2)
-    kept_counts, kept_owners = Part(35, 1, whole=True), Part(36, 1, whole=True)
-    kept_points, kept_forces, kept_origins = Part(37, 2), Part(38, 2), Part(39, 2)
-    kept_joint_force, kept_report = Part(40, 1), Part(41, 1)
-    step_force = Part(42, 1)
-    stiff = Part(43, 1)
-    branch = Part(44, 2)
-
-
-PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}
+    shapes = Part(2, whole=True)
+    pairs = Part(2, whole=True)
+    faces = Part(2, whole=True)
+    corners = Part(1, whole=True)
+    carriers = Part(1, whole=True)
+    counts = Part(1, whole=True)
+    owners = Part(1, whole=True)
+    owners_before = Part(1, whole=True)
+    shape_values = Part(2)
+    vertices = Part(2)
+    normals = Part(2)
+    laws = Part(2)
+    moves = Part(2)
+    acts = Part(2)
+    link_origins = Part(2)
+    settings = Part(1)
+    axes = Part(2)
+    poses = Part(2)
+    boxes = Part(2)
+    margins = Part(1)
+    found = Part(2)
+    points = Part(2)
+    forces = Part(2)
+    points_before = Part(2)
+    forces_before = Part(2)
+    free = Part(1)
+    change = Part(1)
+    q = Part(1)
+    joint_force = Part(1)
+    report = Part(1)
+    begun = Part(1)
+    external = Part(2)
+    frames = Part(2)
+    workspace = Part(1)
+    origins = Part(2)
+    kept_counts = Part(1, whole=True)
+    kept_owners = Part(1, whole=True)
+    kept_points = Part(2)
+    kept_forces = Part(2)
+    kept_origins = Part(2)
+    kept_joint_force = Part(1)
+    kept_report = Part(1)
+    step_force = Part(1)
+    stiff = Part(1)
+    branch = Part(2)
 
 
 def workspace_size(points: int, nv: int) -> int:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hapticmech_ros.compilation import SIZES
+from hapticmech_ros.compilation import packed
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.layout import (
     BOX_VALUES,
@@ -29,7 +29,6 @@ from hapticmech_ros.contact.layout import (
     NOTHING,
     NOW,
     OFF,
-    PARTS,
     POINT_VALUES,
     POLYTOPE,
     PUSH_VALUES,
@@ -219,7 +218,8 @@ def contacts_of(
         "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }
     remembered = ("counts", "owners", "points", "forces", "origins", "joint_force", "report")
-    return _packed(parts | {f"kept_{name}": parts[name] for name in remembered})
+    kept = {f"kept_{name}": parts[name] for name in remembered}
+    return packed(Contacts, {}, parts | kept)
 
 
 def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -231,20 +231,9 @@ def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, A
         points: their number.
     """
     contacts = Contacts(numbers, values)
-    parts = {name: getattr(contacts, name) for name in PARTS}
-    return _packed(parts | {"workspace": np.zeros(workspace_size(points, contacts.free.size))})
-
-
-def _packed(parts: dict[str, Array]) -> tuple[Array, Array]:
-    """Return parts one after the other, and where each one is."""
-    whole = [np.zeros(SIZES + 3 * len(PARTS), dtype=np.int64)]
-    real: list[Array] = []
-    for name, part in PARTS.items():
-        kept, values = whole if part.whole else real, parts[name]
-        columns = values.shape[1] if part.dimensions == 2 else 1
-        whole[0][part.at : part.at + 3] = sum(one.size for one in kept), len(values), columns
-        kept.append(values.ravel())
-    return np.concatenate(whole), np.concatenate(real)
+    parts = {name: getattr(contacts, name) for name in Contacts.parts}
+    room = np.zeros(workspace_size(points, contacts.free.size))
+    return packed(Contacts, {}, parts | {"workspace": room})
 
 
 def _moves(joints: Array, nv: int) -> Array:
@@ -398,4 +387,6 @@ class ContactMemory:
     def _hold(self, numbers: Array, values: Array) -> None:
         self.arrays = numbers, values
         contacts = Contacts(numbers, values)
-        self.contacts = SimpleNamespace(**{name: getattr(contacts, name) for name in PARTS})
+        self.contacts = SimpleNamespace(
+            **{name: getattr(contacts, name) for name in Contacts.parts}
+        )

@@ -41,20 +41,7 @@ from hapticmech_ros.contact.touch_kernels import (
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    IMPLICIT,
-    PUSHES,
-    STAGES,
-    STEP,
-    STEPS,
-    TERMS_KNOWN,
-    TOLERANCE,
-    TOUCHING,
-    Data,
-    Model,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     NEEDS_CARE,
@@ -64,7 +51,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
+from hapticmech_ros.mechanism.kernels.step_kernels import find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import cross, dot
@@ -180,7 +167,7 @@ def _untouched(
     parts: Work,
     contacts: Contacts,
     spring_work: Array,
-    plan: Array,
+    plan: RunPlan,
     external: Array,
 ) -> int:
     """Do a period as if there were no contacts; return NEAR where it cannot be done so.
@@ -189,9 +176,9 @@ def _untouched(
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
-    substeps, stages, implicit = plan[STEPS], plan[STAGES], plan[IMPLICIT] != 0
+    substeps, stages, implicit = plan.steps, plan.stages, plan.implicit != 0
     first = unpack(start, model)
-    if plan[TERMS_KNOWN] == 0:
+    if plan.terms_known == 0:
         code = factor(model, q0, first)
         if code < 0:
             return code
@@ -201,8 +188,8 @@ def _untouched(
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    before = local(account.size)
-    put(before, account)
+    before = StepAccount()
+    put(before.values, account.values)
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -226,7 +213,7 @@ def _untouched(
         return code
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
-    put(account, before)
+    put(account.values, before.values)
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -254,7 +241,7 @@ def _find_free(
     from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
     NOT_DECIDED included.
     """
-    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[STEP]
+    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings.step
     change, stiff, fastest = contacts.change, contacts.stiff, 0.0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
@@ -267,14 +254,14 @@ def _find_free(
         change[c] = 0.5 * step * (v0[c] + free[c])
     if implicit or step * fastest > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
-        before, tolerance = local(account.size), settings[TOLERANCE]
-        put(before, account)
-        settings[TOLERANCE] = 0.0
+        before, tolerance = StepAccount(), settings.energy_tolerance
+        put(before.values, account.values)
+        settings.energy_tolerance = 0.0
         code = step_once(
             model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
         )
-        settings[TOLERANCE] = tolerance
-        put(account, before)
+        settings.energy_tolerance = tolerance
+        put(account.values, before.values)
         if code in (NEEDS_CARE, NOT_DECIDED):
             return code
         if code == SETTLED:
@@ -349,7 +336,7 @@ def _substep(
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
     contacts = Contacts(contact_numbers, contact_values)
-    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[STEP]
+    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings.step
     external = contacts.external[links : links + external_count]
     is_known = contacts.settings[KNOWN] != NOTHING
     if not searched:
@@ -400,11 +387,11 @@ def _substep(
         external = contacts.external[: links + external_count]
     if is_known:
         return FORCES
-    parts.settings[TOUCHING] = links if count > 0 else 0
+    parts.settings.contact_wrenches = links if count > 0 else 0
     code = step_once(
         model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
     )
-    parts.settings[TOUCHING] = 0.0
+    parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
         share, felt, force = (
             step / contacts.settings[PERIOD],
@@ -441,12 +428,12 @@ def advance_period(
         start: (size,) packed terms at the start: to read where they are known, else to fill.
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
-        work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
+        work: (work,) see ``model.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
             and the account adds up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
-        plan: (7,) see ``step_layout.RUN_PLAN``; it begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
+        plan: (7,) a ``model.RunPlan`` that begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
 
     Returns:
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
@@ -458,19 +445,19 @@ def advance_period(
         this substep where it is FORCES or INACCURATE. Or how a substep failed. The account says
         how many substeps were done.
     """
-    model, parts = Model(numbers, values), Work(numbers, work)
+    model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    substeps, stages, known = plan[STEPS], plan[STAGES], plan[TERMS_KNOWN] != 0
-    searched, implicit = plan[BEGINS_WITH] == SEARCHED, plan[IMPLICIT] != 0
-    external_count = plan[PUSHES]
-    if plan[BEGINS_WITH] == WHOLE:
+    substeps, stages, known = run.steps, run.stages, run.terms_known != 0
+    searched, implicit = run.begins_with == SEARCHED, run.implicit != 0
+    external_count = run.external_wrenches
+    if run.begins_with == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
         contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0
         external = contacts.external[links : links + external_count]
         code = _untouched(
-            model, start, end, stage_space, parts, contacts, spring_work, plan, external
+            model, start, end, stage_space, parts, contacts, spring_work, run, external
         )
         if code != NEAR:
             return code

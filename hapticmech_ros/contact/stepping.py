@@ -44,16 +44,7 @@ from hapticmech_ros.contact.step_kernels import (
 from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    IMPLICIT,
-    PUSHES,
-    RUN_PLAN,
-    STAGES,
-    STEPS,
-    STEPS_DONE,
-    TERMS_KNOWN,
-)
+from hapticmech_ros.mechanism.kernels.model import RunPlan
 from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
@@ -98,8 +89,8 @@ class ContactStepper:
         self._stepper = Stepper(mechanism, plan)
         self.memory = ContactMemory(mechanism)
         scheme = SCHEMES[plan.integrator]
-        self._plan = np.zeros(RUN_PLAN.size, dtype=np.int64)
-        self._plan[STAGES], self._plan[IMPLICIT] = len(scheme.weights), scheme.implicit
+        self._plan = RunPlan()
+        self._plan.stages, self._plan.implicit = len(scheme.weights), scheme.implicit
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -160,7 +151,7 @@ class ContactStepper:
 
     def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
-        self._plan[PUSHES] = len(external.on_links)
+        self._plan.external_wrenches = len(external.on_links)
         if external.on_links:
             rows, first = self._stepper.on_links(external), len(self.memory.links)
             self.memory.contacts.external[first : first + len(rows)] = rows
@@ -176,19 +167,19 @@ class ContactStepper:
         """Do substeps by the kernel until one needs care, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
-        plan[STEPS], plan[TERMS_KNOWN], plan[BEGINS_WITH] = count, known is not None, phase
+        plan.steps, plan.terms_known, plan.begins_with = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
         constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
         while True:
-            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan)
+            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan.values)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:
                 self.memory.enlarge()
             else:
                 return stepper.took(code, active_set, start.active, end)
-            plan[STEPS] = count - int(stepper.parts.account[STEPS_DONE])
-            plan[TERMS_KNOWN], plan[BEGINS_WITH] = 1, SEARCHED
+            plan.steps = count - int(stepper.parts.account.steps_done)
+            plan.terms_known, plan.begins_with = 1, SEARCHED
 
     def _search(self) -> None:
         """Find the nearest points of pairs that are near."""

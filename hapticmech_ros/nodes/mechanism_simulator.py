@@ -46,9 +46,9 @@ from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
     KNOWN,
-    PARTS,
     TIMES,
     TOTALS,
+    SessionData,
     session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -96,7 +96,7 @@ class MechanismTicks(PlainMessages):
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
         sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
-        parts = {name: np.zeros(0) for name in PARTS} | {
+        parts = {name: np.zeros(0) for name in SessionData.parts} | {
             "times": np.zeros(TIMES.size),
             "wrenches": np.zeros((COMMANDED + 1, 6)),
             "external": np.zeros(6),

@@ -123,15 +123,6 @@ class Record:
         cls.layout = Layout(parts)
 
 
-def records() -> Iterator[type[Record]]:
-    """Yield the kinds of record that are known so far."""
-    waiting = [Record]
-    while waiting:
-        kinds = waiting.pop().__subclasses__()
-        waiting += kinds
-        yield from kinds
-
-
 class RecordField:
     """A field of a record.
 

@@ -63,7 +63,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.kernels.model import ERROR, LEAST, RANK, SPARSE, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
@@ -86,20 +86,20 @@ TRUSTED = 0.01
 @inner
 def _least(model: Model, data: Data) -> float:
     """Return σ_r / σ_1; an estimate from above, where the factorisation is sparse."""
-    rank = int(data.tail[RANK])
+    rank = int(data.tail.rank)
     if rank == 0:
         return 1.0
     if model.path == SPARSE:
-        return float(data.tail[LEAST])
+        return float(data.tail.least_sigma)
     return float(data.sigma[rank - 1] / data.sigma[0])
 
 
 @inner
 def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
     """Return whether closures at a predicted configuration are as well resolved as before."""
-    if data.tail[RANK] != before.tail[RANK]:
+    if data.tail.rank != before.tail.rank:
         return False
-    return bool(data.tail[ERROR] <= TRUSTED * _least(model, data) ** 2 * length)
+    return bool(data.tail.largest_residual <= TRUSTED * _least(model, data) ** 2 * length)
 
 
 @inner

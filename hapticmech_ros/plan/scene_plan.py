@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
-from hapticmech_ros.mechanism.kernels.model import PARTS, views_of
+from hapticmech_ros.mechanism.kernels.model import Data, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.motion import Plan, plan_of
@@ -354,9 +354,10 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
         yield name, array
     yield "data of a configuration", np.empty(active_set.size)
     packed = views_of(np.empty(active_set.size), active_set.model)
-    for name in PARTS:
-        if getattr(packed, name).size:
-            yield f"of which {name}", getattr(packed, name)
+    for name, part in Data.parts.items():
+        array = part.view(packed)
+        if array.size:
+            yield f"of which {name}", array
     yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
     terms = run.simulator.evaluate(run.state)
     yield "h", terms.bias_force

@@ -73,7 +73,6 @@ from hapticmech_ros.session.tick_kernels import (
     MECHANISM,
     OBSERVATION_FAILED,
     OBSERVE,
-    PARTS,
     PHASES,
     RECEIVE,
     RECORDED,
@@ -171,7 +170,9 @@ class Session:
         self._data = self._allocated()
         self._sampled = self._data.sampled()
         # Found once: each look at the data makes a view.
-        self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
+        self._parts = SimpleNamespace(
+            **{name: getattr(self._data, name) for name in SessionData.parts}
+        )
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
         self._chosen: ActiveSet | None = None

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from hapticmech_ros.compilation import (
     Part,
     Size,
     Structure,
     gathering_kernel,
     inner,
-    local_whole,
+    packed,
     put,
-    structure,
 )
-from hapticmech_ros.compilation.structures import SIZES
 from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
@@ -54,31 +50,9 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.kernels import PUSH as PUSHED
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    CONTACT_WORK,
-    ENERGY_LOST,
-    ERROR,
-    IMPLICIT,
-    LOSSY,
-    MOVED,
-    OWED_LOSS,
-    OWED_SURPLUS,
-    OWED_WORK,
-    PUSHES,
-    RUN_PLAN,
-    SAMPLE_EVERY,
-    STAGES,
-    STEPS,
-    SURPLUS,
-    TERMS_KNOWN,
-    WORK_IN,
-    Model,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
@@ -112,7 +86,6 @@ TOTALS = Layout(
 )
 
 
-@structure
 class SessionData(Structure):
     """Data of a session; t rows of the task space, d periods of delay.
 
@@ -164,28 +137,55 @@ class SessionData(Structure):
 
     __slots__ = ()
 
-    index, steps, stages, implicit = Size(0), Size(1), Size(2), Size(3)
-    connected, period_ns, received = Size(4), Size(5), Size(6)
-    rows = Part(0, 1, whole=True)
-    forth_state, back_state = Part(1, 1, whole=True), Part(2, 1, whole=True)
-    times, metric, observation = Part(3, 1), Part(4, 1), Part(5, 1)
-    controller, settings, faded, commanded = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
-    account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
-    device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
-    wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
-    locality, added, others, given = Part(22, 1), Part(23, 1), Part(24, 1), Part(25, 1)
-    q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
-    began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
-    hand = Part(33, 1)
-    forth, back, past, before = Part(34, 2), Part(35, 2), Part(36, 2), Part(37, 1)
+    index = Size()
+    steps = Size()
+    stages = Size()
+    implicit = Size()
+    connected = Size()
+    period_ns = Size()
+    received = Size()
+    rows = Part(1, whole=True)
+    forth_state = Part(1, whole=True)
+    back_state = Part(1, whole=True)
+    times = Part(1)
+    metric = Part(1)
+    observation = Part(1)
+    controller = Part(1)
+    settings = Part(1)
+    faded = Part(1)
+    commanded = Part(2)
+    account = Part(1)
+    safety = Part(1)
+    answers = Part(2)
+    sample = Part(1)
+    device = Part(1)
+    state = Part(1)
+    later = Part(1)
+    counter = Part(1)
+    wrenches = Part(2)
+    external = Part(1)
+    push = Part(1)
+    contact = Part(1)
+    locality = Part(1)
+    added = Part(1)
+    others = Part(1)
+    given = Part(1)
+    q = Part(1)
+    v = Part(1)
+    totals = Part(1)
+    began_state = Part(1)
+    began_q = Part(1)
+    began_v = Part(1)
+    began_totals = Part(1)
+    hand = Part(1)
+    forth = Part(2)
+    back = Part(2)
+    past = Part(2)
+    before = Part(1)
 
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but messages and past rates."""
-        return self.data[: int(self.numbers[vars(SessionData)["forth"].at])]
-
-
-# Names of its parts.
-PARTS = tuple(name for name, part in vars(SessionData).items() if isinstance(part, Part))
+        return self.data[: int(self.numbers[SessionData.forth.at])]
 
 
 def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> SessionData:
@@ -195,25 +195,7 @@ def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> Sessio
         sizes: by name; all of them.
         parts: name -> (n,) or (n, m) array; all of them. They are copied.
     """
-    kinds = vars(SessionData)
-    numbers = np.zeros(SIZES, dtype=np.int64)
-    for name, size in sizes.items():
-        numbers[kinds[name].index] = size
-    ordered = sorted(parts, key=lambda name: int(kinds[name].at))
-    whole = [name for name in ordered if kinds[name].whole]
-    real = [name for name in ordered if not kinds[name].whole]
-    places = np.zeros(3 * len(parts), dtype=np.int64)
-    for names, first in ((whole, SIZES + places.size), (real, 0)):
-        start = first
-        for name in names:
-            shape = parts[name].shape
-            columns = shape[1] if len(shape) == 2 else 1
-            at = kinds[name].at - SIZES
-            places[at : at + 3] = start, shape[0], columns
-            start += parts[name].size
-    integers = [np.asarray(parts[name], dtype=np.int64).ravel() for name in whole]
-    floats = [np.asarray(parts[name], dtype=float).ravel() for name in real]
-    return SessionData(np.concatenate((numbers, places, *integers)), np.concatenate(floats))
+    return SessionData(*packed(SessionData, sizes, parts))
 
 
 # What a tick consists of, in this order; a call does all of it or some.
@@ -230,9 +212,8 @@ OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # first one of the contacts.
 KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
 MODEL_SIZE = OPERATIONAL_MODEL.size
-RUN_PLAN_SIZE = RUN_PLAN.size
 # Among the whole numbers of a session.
-RECEIVED = vars(SessionData)["received"].index
+RECEIVED = SessionData.received.index
 PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
 TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
     "time", "work_in", "damping_loss", "closure_error", "constraints"
@@ -419,18 +400,18 @@ def move_mechanism(
     for i in range(6):
         pushed[index, i] = wrenches[ON_MECHANISM, i] + data.external[i]
     parts.held[:] = 0.0
-    account[:] = 0.0
-    account[OWED_SURPLUS], account[OWED_WORK] = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
-    account[MOVED] = totals[MOST_MOVED]
-    account[OWED_LOSS] = totals[TOTAL_LOSS] + totals[LATCH_LOSS] + abs(totals[CONTACT_LOSS])
-    at, plan = clock[AT], local_whole(RUN_PLAN_SIZE)
+    account.values[:] = 0.0
+    account.earlier_defect, account.earlier_work = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
+    account.largest_kinetic = totals[MOST_MOVED]
+    account.earlier_loss = totals[TOTAL_LOSS] + totals[LATCH_LOSS] + abs(totals[CONTACT_LOSS])
+    at, plan = clock[AT], RunPlan()
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
-    plan[STEPS], plan[STAGES], plan[IMPLICIT] = data.steps, data.stages, data.implicit
-    plan[TERMS_KNOWN], plan[SAMPLE_EVERY], plan[PUSHES] = clock[KNOWN], 0, 0
+    plan.steps, plan.stages, plan.implicit = data.steps, data.stages, data.implicit
+    plan.terms_known = clock[KNOWN]
     if touches:
         keep(contacts)
-        plan[BEGINS_WITH] = WHOLE
+        plan.begins_with = WHOLE
         code = advance_period(
             numbers,
             values,
@@ -441,10 +422,12 @@ def move_mechanism(
             springs,
             contact_numbers,
             contact_values,
-            plan,
+            plan.values,
         )
     else:
-        code = advance(numbers, values, first, last, stages, work, springs, nobody, nobody, plan)
+        code = advance(
+            numbers, values, first, last, stages, work, springs, nobody, nobody, plan.values
+        )
     clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
@@ -455,15 +438,15 @@ def move_mechanism(
     put(data.q, parts.q)
     put(data.v, parts.v)
     totals[TIME] += data.times[PERIOD_S]
-    totals[TOTAL_WORK] += account[WORK_IN] - account[CONTACT_WORK]
-    totals[TOTAL_LOSS] += account[ENERGY_LOST]
-    totals[TOTAL_SURPLUS] += account[SURPLUS]
-    totals[INACCURATE_STEPS] += account[LOSSY]
-    totals[MOST_MOVED] = account[MOVED]
-    totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail[ERROR]
+    totals[TOTAL_WORK] += account.work_in - account.contact_work
+    totals[TOTAL_LOSS] += account.energy_lost
+    totals[TOTAL_SURPLUS] += account.energy_defect
+    totals[INACCURATE_STEPS] += account.lossy_steps
+    totals[MOST_MOVED] = account.largest_kinetic
+    totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
     if touches:
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
-        totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account[CONTACT_WORK]
+        totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account.contact_work
         totals[CONTACT_ENERGY] = held
         totals[CONTACT_MOST] = max(totals[CONTACT_MOST], totals[CONTACT_LOSS])
         totals[INACCURATE_STEPS] += contacts.counts[UNSOLVED]
@@ -524,7 +507,7 @@ def run_ticks(
         values: (numbers,) the others; see ``model.pack``.
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
             delay compensation works in, and those of a step's stages.
-        work: (work,) of the step; see ``step_kernels.Work``.
+        work: (work,) of the step; see ``model.Work``.
         springs: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.tick_kernels.SessionData`.
