@@ -17,7 +17,7 @@ from hapticmech_ros.compilation.structures import (
     RecordPart,
     Size,
     Structure,
-    packed,
+    arrays_of,
 )
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "RecordPart",
     "Size",
     "Structure",
+    "arrays_of",
     "c_function",
     "function_at",
     "gathering_kernel",
@@ -34,7 +35,6 @@ __all__ = [
     "leaf",
     "local",
     "local_whole",
-    "packed",
     "put",
     "shaped",
 ]

@@ -97,7 +97,12 @@ def _put(target: Any, source: Any) -> Any:
         for i in range(target.size):
             target[i] = source[i]
 
-    return copy
+    def copy_rows(target, source):  # type: ignore[no-untyped-def]
+        for i in range(target.shape[0]):
+            for j in range(target.shape[1]):
+                target[i, j] = source[i, j]
+
+    return copy if target.ndim == 1 else copy_rows
 
 
 # Into the function that asks, whose stack it is.
@@ -152,7 +157,7 @@ def _size_getter(index: int) -> Callable[[Any], Any]:
 
 def _part_getter(part: Place) -> Callable[[Any], Any]:
     at, rows, columns = part.at, part.at + 1, part.at + 2
-    kind = part.kind if isinstance(part, RecordPart) else None
+    kind: Any = part.kind if isinstance(part, RecordPart) else None
 
     def whole_record(held):  # type: ignore[no-untyped-def]
         return lambda held: kind(_shifted(held.numbers, held.numbers[at]))

@@ -145,7 +145,7 @@ class RecordPart(Place, Generic[Kept]):
         return self if structure is None else self.kind(self.view(structure))
 
 
-def packed(
+def arrays_of(
     kind: type[Structure], sizes: Mapping[str, int], parts: Mapping[str, Array]
 ) -> tuple[Array, Array]:
     """Return the two arrays, (integers,) and (numbers,), of a structure whose parts are copies.

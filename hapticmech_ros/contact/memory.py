@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hapticmech_ros.compilation import packed
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.layout import (
     BOX_VALUES,
@@ -219,7 +219,7 @@ def contacts_of(
     }
     remembered = ("counts", "owners", "points", "forces", "origins", "joint_force", "report")
     kept = {f"kept_{name}": parts[name] for name in remembered}
-    return packed(Contacts, {}, parts | kept)
+    return arrays_of(Contacts, {}, parts | kept)
 
 
 def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -233,7 +233,7 @@ def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, A
     contacts = Contacts(numbers, values)
     parts = {name: getattr(contacts, name) for name in Contacts.parts}
     room = np.zeros(workspace_size(points, contacts.free.size))
-    return packed(Contacts, {}, parts | {"workspace": room})
+    return arrays_of(Contacts, {}, parts | {"workspace": room})
 
 
 def _moves(joints: Array, nv: int) -> Array:

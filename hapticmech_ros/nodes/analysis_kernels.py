@@ -29,6 +29,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
+    ConstraintTrigger,
     count_rigid,
     observe_point,
     rates_before,
@@ -149,7 +150,7 @@ def answer_states(
         before: (1 + nv,) to fill.
         ahead: (size,) as of ``observe_point``.
         observation: (numbers,) to fill, likewise.
-        counter: (numbers,) of constraints; see ``observe_kernels``.
+        counter: (numbers,) an ``observe_kernels.ConstraintTrigger``.
         past: (5,) see ``observe_kernels``.
         stamps: (states,) likewise.
         rates: (states, nv) likewise.
@@ -200,7 +201,7 @@ def answer_states(
         take(inputs[0], words, polled[0], frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link[FIRST]) / 1e9
-        out[COUNT] = count_rigid(counter, observation[: rows.size], since)
+        out[COUNT] = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
         send_to_all(outputs[0], words, out_frame, targets, real)
         note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
         link[LAST] = stamp

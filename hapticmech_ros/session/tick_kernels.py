@@ -7,27 +7,23 @@ All that a session's ticks read and write besides the mechanism: one array, allo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from hapticmech_ros.compilation import (
     Part,
+    RecordPart,
     Size,
     Structure,
     gathering_kernel,
     inner,
-    packed,
     put,
 )
 from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
-    CONTACT,
     GIVEN,
     LOST,
     MODELLED,
     PERIOD,
     PUSH,
-    TWIST,
     WRENCHES,
     account_for_hand,
     account_for_motion,
@@ -54,36 +50,65 @@ from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
-from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
-
-_ONE = Field(1)
-# Period, s; length of the mechanism, m; τ of the loop, s; and delay, s, jitter and loss of the
-# connection.
-TIMES = Layout(dict.fromkeys(("period", "length", "loop_delay", "delay", "jitter", "loss"), _ONE))
-# Of the mechanism: time, s; work done on it, and energy lost, J; closure error, m or rad; number of
-# joint constraints reported; energy lost in contacts, and held by them, J; and of its account
-# ``surplus``, ``refined``, ``inaccurate``, ``latch_loss``, ``moved`` and ``contact_most``.
-TOTALS = Layout(
-    dict.fromkeys(
-        (
-            "time",
-            "work_in",
-            "damping_loss",
-            "closure_error",
-            "constraints",
-            "contact_loss",
-            "contact_energy",
-            "surplus",
-            "refined",
-            "inaccurate",
-            "latch_loss",
-            "moved",
-            "contact_most",
-        ),
-        _ONE,
-    )
+from hapticmech_ros.numerics.layout import Number, Record
+from hapticmech_ros.operational.observe_kernels import (
+    MODEL_SIZE,
+    ConstraintTrigger,
+    Observed,
+    consistent_wrench,
+    count_rigid,
+    observe_point,
 )
+
+
+class SessionTimes(Record):
+    """Constants of a session that are times, and what goes with them.
+
+    Attributes:
+        period: of a tick, s.
+        length: of the mechanism, m.
+        loop_delay: τ of the loop, s.
+        delay: of the connection, s.
+        jitter: of the connection, s.
+        loss: share of the connection's messages that are lost.
+    """
+
+    period = Number()
+    length = Number()
+    loop_delay = Number()
+    delay = Number()
+    jitter = Number()
+    loss = Number()
+
+
+class SessionTotals(Record):
+    """What kernels know of the mechanism's state besides q and v.
+
+    Attributes:
+        time: s.
+        work_in: work done on the mechanism, J.
+        damping_loss: energy lost in damping, friction and stops, J.
+        closure_error: largest residual of the closures, m or rad.
+        constraints: number of joint constraints reported.
+        contact_loss: energy lost in contacts, J.
+        contact_energy: energy held by contacts, J.
+        surplus, refined, inaccurate, latch_loss, moved, contact_most: as of the mechanism's
+            ``EnergyAccount``.
+    """
+
+    time = Number()
+    work_in = Number()
+    damping_loss = Number()
+    closure_error = Number()
+    constraints = Number()
+    contact_loss = Number()
+    contact_energy = Number()
+    surplus = Number()
+    refined = Number()
+    inaccurate = Number()
+    latch_loss = Number()
+    moved = Number()
+    contact_most = Number()
 
 
 class SessionData(Structure):
@@ -99,9 +124,9 @@ class SessionData(Structure):
         received: 1 if a sample has reached the controller in this tick.
         rows: (t,) rows of a six-vector that the task space has.
         forth_state, back_state: channels of the connection, see ``channel_kernels``.
-        times: (6,) see ``TIMES``.
+        times: constants.
         metric: constants of the analysis, see ``metric_of``.
-        observation: of the operational point, see ``observation_layout``.
+        observation: of the operational point, see ``observe_point``.
         controller: its account, settings and so on: see ``loop_layout``.
         settings: of the controllers.
         faded: (6,) what is carried on from another grasp, N and N m, world axes.
@@ -124,7 +149,7 @@ class SessionData(Structure):
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (13,) see ``TOTALS``.
+        totals: of the mechanism.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         hand: (22,) its last wrenches, see ``hand_lead_kernels``.
@@ -147,7 +172,7 @@ class SessionData(Structure):
     rows = Part(1, whole=True)
     forth_state = Part(1, whole=True)
     back_state = Part(1, whole=True)
-    times = Part(1)
+    times = RecordPart(SessionTimes)
     metric = Part(1)
     observation = Part(1)
     controller = Part(1)
@@ -161,7 +186,7 @@ class SessionData(Structure):
     device = Part(1)
     state = Part(1)
     later = Part(1)
-    counter = Part(1)
+    counter = RecordPart(ConstraintTrigger)
     wrenches = Part(2)
     external = Part(1)
     push = Part(1)
@@ -172,11 +197,11 @@ class SessionData(Structure):
     given = Part(1)
     q = Part(1)
     v = Part(1)
-    totals = Part(1)
+    totals = RecordPart(SessionTotals)
     began_state = Part(1)
     began_q = Part(1)
     began_v = Part(1)
-    began_totals = Part(1)
+    began_totals = RecordPart(SessionTotals)
     hand = Part(1)
     forth = Part(2)
     back = Part(2)
@@ -186,16 +211,6 @@ class SessionData(Structure):
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but messages and past rates."""
         return self.data[: int(self.numbers[SessionData.forth.at])]
-
-
-def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> SessionData:
-    """Return session data with these sizes, and parts that begin with these numbers.
-
-    Args:
-        sizes: by name; all of them.
-        parts: name -> (n,) or (n, m) array; all of them. They are copied.
-    """
-    return SessionData(*packed(SessionData, sizes, parts))
 
 
 # What a tick consists of, in this order; a call does all of it or some.
@@ -211,18 +226,8 @@ OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
 KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
-MODEL_SIZE = OPERATIONAL_MODEL.size
 # Among the whole numbers of a session.
 RECEIVED = SessionData.received.index
-PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
-TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
-    "time", "work_in", "damping_loss", "closure_error", "constraints"
-)
-CONTACT_LOSS, CONTACT_ENERGY, CONTACT_MOST = TOTALS.starts(
-    "contact_loss", "contact_energy", "contact_most"
-)
-TOTAL_SURPLUS, INACCURATE_STEPS = TOTALS.starts("surplus", "inaccurate")
-LATCH_LOSS, MOST_MOVED = TOTALS.starts("latch_loss", "moved")
 
 
 @inner
@@ -265,9 +270,9 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
     put(data.began_state, data.state)
     put(data.began_q, data.q)
     put(data.began_v, data.v)
-    put(data.began_totals, data.totals)
+    put(data.began_totals.values, data.totals.values)
     at, tick, past, before = clock[AT], clock[TICK], data.past, data.before
-    recall(past, tick, times[PERIOD_S], before)
+    recall(past, tick, times.period, before)
     code = observe_point(
         numbers,
         values,
@@ -278,8 +283,8 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
         data.index,
         data.metric,
         rows,
-        times[LENGTH],
-        times[LOOP_DELAY],
+        times.length,
+        times.loop_delay,
         before,
         packed[2],
         observation,
@@ -306,14 +311,14 @@ def feel_contacts(
 @inner
 def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
     """Count joint constraints, add up F_c, and send the sample over the connection."""
-    observation, counted = data.observation, data.rows.size
-    data.totals[CONSTRAINTS] = count_rigid(data.counter, observation[:counted], time)
+    found = Observed(data.observation)
+    data.totals.constraints = count_rigid(data.counter, found.s[: data.rows.size], time)
     for i in range(6):
-        observation[CONTACT + i] = data.external[i] + data.contact[i]
+        found.contact[i] = data.external[i] + data.contact[i]
     received = 1
     if data.connected != 0:
         times, state, rows = data.times, data.forth_state, data.forth
-        send(state, rows, times[DELAY], times[JITTER], times[LOSS], stamp_ns, stamp_ns, data.sample)
+        send(state, rows, times.delay, times.jitter, times.loss, stamp_ns, stamp_ns, data.sample)
         received = int(receive(state, rows, stamp_ns))
     data.numbers[RECEIVED] = received
 
@@ -323,7 +328,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     """Answer what was heard, and fill what acts on device and mechanism."""
     controller, answers, connected = data.controller, data.answers, data.connected != 0
     operational_model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
-    account_for_motion(controller, operational_model[TWIST:CONTACT], controller[PERIOD])
+    account_for_motion(controller, Observed(data.observation).twist, controller[PERIOD])
     received = data.forth[data.forth.shape[0] - 1] if connected else data.sample
     given = data.given if connected else last
     if data.received != 0:
@@ -346,8 +351,16 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         conclude(controller, settings, received, operational_model, time, locality, given)
         if connected:
             times, tag = data.times, data.forth_state[TAG]
-            law = times[DELAY], times[JITTER], times[LOSS]
-            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given)
+            send(
+                data.back_state,
+                data.back,
+                times.delay,
+                times.jitter,
+                times.loss,
+                stamp_ns,
+                tag,
+                given,
+            )
     if connected and receive(data.back_state, data.back, stamp_ns):
         put(last, data.back[data.back.shape[0] - 1])
     act(
@@ -401,9 +414,9 @@ def move_mechanism(
         pushed[index, i] = wrenches[ON_MECHANISM, i] + data.external[i]
     parts.held[:] = 0.0
     account.values[:] = 0.0
-    account.earlier_defect, account.earlier_work = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
-    account.largest_kinetic = totals[MOST_MOVED]
-    account.earlier_loss = totals[TOTAL_LOSS] + totals[LATCH_LOSS] + abs(totals[CONTACT_LOSS])
+    account.earlier_defect, account.earlier_work = totals.surplus, totals.work_in
+    account.largest_kinetic = totals.moved
+    account.earlier_loss = totals.damping_loss + totals.latch_loss + abs(totals.contact_loss)
     at, plan = clock[AT], RunPlan()
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
@@ -437,19 +450,19 @@ def move_mechanism(
     clock[AT], clock[KNOWN] = 1 - at, 1
     put(data.q, parts.q)
     put(data.v, parts.v)
-    totals[TIME] += data.times[PERIOD_S]
-    totals[TOTAL_WORK] += account.work_in - account.contact_work
-    totals[TOTAL_LOSS] += account.energy_lost
-    totals[TOTAL_SURPLUS] += account.energy_defect
-    totals[INACCURATE_STEPS] += account.lossy_steps
-    totals[MOST_MOVED] = account.largest_kinetic
-    totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
+    totals.time += data.times.period
+    totals.work_in += account.work_in - account.contact_work
+    totals.damping_loss += account.energy_lost
+    totals.surplus += account.energy_defect
+    totals.inaccurate += account.lossy_steps
+    totals.moved = account.largest_kinetic
+    totals.closure_error = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
     if touches:
         held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
-        totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account.contact_work
-        totals[CONTACT_ENERGY] = held
-        totals[CONTACT_MOST] = max(totals[CONTACT_MOST], totals[CONTACT_LOSS])
-        totals[INACCURATE_STEPS] += contacts.counts[UNSOLVED]
+        totals.contact_loss += totals.contact_energy - held - account.contact_work
+        totals.contact_energy = held
+        totals.contact_most = max(totals.contact_most, totals.contact_loss)
+        totals.inaccurate += contacts.counts[UNSOLVED]
     return True
 
 
@@ -477,7 +490,7 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     at = append(row, at, data.wrenches[ON_MECHANISM])
     at = append(row, at, data.external)
     at = append(row, at, data.controller[GIVEN : LOST + 1])
-    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[CONSTRAINTS]
+    row[at], row[at + 1] = data.account[ACTUATORS], data.totals.constraints
 
 
 @gathering_kernel(
@@ -527,7 +540,7 @@ def run_ticks(
     times, external, push = data.times, data.external, data.push
     for done in range(clock[TICKS]):
         tick = clock[TICK]
-        time, stamp_ns = tick * times[PERIOD_S], tick * data.period_ns
+        time, stamp_ns = tick * times.period, tick * data.period_ns
         if phases & SENSE:
             row = inputs[min(done, inputs.shape[0] - 1)]
             put(external, row[:6])
