@@ -97,12 +97,7 @@ def _put(target: Any, source: Any) -> Any:
         for i in range(target.size):
             target[i] = source[i]
 
-    def copy_rows(target, source):  # type: ignore[no-untyped-def]
-        for i in range(target.shape[0]):
-            for j in range(target.shape[1]):
-                target[i, j] = source[i, j]
-
-    return copy if target.ndim == 1 else copy_rows
+    return copy
 
 
 # Into the function that asks, whose stack it is.
@@ -155,36 +150,28 @@ def _size_getter(index: int) -> Callable[[Any], Any]:
     return get
 
 
+_numbers_of = extending.register_jitable(lambda held: held.numbers)
+_data_of = extending.register_jitable(lambda held: held.data)
+
+
 def _part_getter(part: Place) -> Callable[[Any], Any]:
     at, rows, columns = part.at, part.at + 1, part.at + 2
+    whole: Any = _numbers_of if part.whole else _data_of
     kind: Any = part.kind if isinstance(part, RecordPart) else None
 
-    def whole_record(held):  # type: ignore[no-untyped-def]
-        return lambda held: kind(_shifted(held.numbers, held.numbers[at]))
-
     def record(held):  # type: ignore[no-untyped-def]
-        return lambda held: kind(_shifted(held.data, held.numbers[at]))
-
-    def whole_vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.numbers, held.numbers[at]), (held.numbers[rows],))
-
-    def whole_matrix(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(
-            _shifted(held.numbers, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
-        )
+        return lambda held: kind(_shifted(whole(held), held.numbers[at]))
 
     def vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.data, held.numbers[at]), (held.numbers[rows],))
+        return lambda held: carray(_shifted(whole(held), held.numbers[at]), (held.numbers[rows],))
 
     def matrix(held):  # type: ignore[no-untyped-def]
         return lambda held: carray(
-            _shifted(held.data, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
+            _shifted(whole(held), held.numbers[at]), (held.numbers[rows], held.numbers[columns])
         )
 
     if kind is not None:
-        return whole_record if part.whole else record
-    if part.whole:
-        return whole_vector if part.dimensions == 1 else whole_matrix
+        return record
     return vector if part.dimensions == 1 else matrix
 
 

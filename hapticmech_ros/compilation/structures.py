@@ -12,7 +12,7 @@ until it returns.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, Generic, TypeVar, overload
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -74,16 +74,11 @@ class Size:
         index: which.
     """
 
-    def __init__(self) -> None:
-        self.index = 0
+    index = 0
 
-    @overload
-    def __get__(self, structure: None, owner: type[Structure]) -> Size: ...
-    @overload
-    def __get__(self, structure: Structure, owner: type[Structure]) -> int: ...
-    def __get__(self, structure: Structure | None, owner: type[Structure]) -> Size | int:
+    def __get__(self, structure: Structure, owner: type[Structure]) -> int:
         """Return the number."""
-        return self if structure is None else int(structure.numbers[self.index])
+        return int(structure.numbers[self.index])
 
 
 class Place:
@@ -97,8 +92,9 @@ class Place:
         at: index of its place among the whole numbers.
     """
 
+    at = 0
+
     def __init__(self, dimensions: int, whole: bool = False) -> None:
-        self.at = 0
         self.dimensions = dimensions
         self.whole = whole
 
@@ -113,13 +109,9 @@ class Place:
 class Part(Place):
     """A part that is read as an array."""
 
-    @overload
-    def __get__(self, structure: None, owner: type[Structure]) -> Part: ...
-    @overload
-    def __get__(self, structure: Structure, owner: type[Structure]) -> Array: ...
-    def __get__(self, structure: Structure | None, owner: type[Structure]) -> Part | Array:
+    def __get__(self, structure: Structure, owner: type[Structure]) -> Array:
         """Return the view."""
-        return self if structure is None else self.view(structure)
+        return self.view(structure)
 
 
 class RecordPart(Place, Generic[Kept]):
@@ -134,15 +126,9 @@ class RecordPart(Place, Generic[Kept]):
         super().__init__(1, whole)
         self.kind = kind
 
-    @overload
-    def __get__(self, structure: None, owner: type[Structure]) -> RecordPart[Kept]: ...
-    @overload
-    def __get__(self, structure: Structure, owner: type[Structure]) -> Kept: ...
-    def __get__(
-        self, structure: Structure | None, owner: type[Structure]
-    ) -> RecordPart[Kept] | Kept:
+    def __get__(self, structure: Structure, owner: type[Structure]) -> Kept:
         """Return the record, a view."""
-        return self if structure is None else self.kind(self.view(structure))
+        return self.kind(self.view(structure))
 
 
 def arrays_of(
@@ -152,7 +138,7 @@ def arrays_of(
 
     Args:
         kind: of structure.
-        sizes: by name; all of them.
+        sizes: by name; 0 where left out.
         parts: name -> (n,) or (n, m) array; all of them.
     """
     numbers = np.zeros(SIZES + 3 * len(kind.parts), dtype=np.int64)

@@ -13,21 +13,10 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.contact.layout import (
-    BEFORE,
-    DIVISION,
-    FAILED,
-    FAR_SHARE,
-    FOUND,
-    IS_PART,
     JOINT_A,
     JOINT_B,
-    KNOWN,
     NOTHING,
-    NOW,
-    PERIOD,
-    REPORT_VALUES,
     SHAPE_A,
-    UNSOLVED,
     Contacts,
 )
 from hapticmech_ros.contact.solver_kernels import contact_forces
@@ -67,31 +56,31 @@ def _copy(count: int, source: Array, target: Array) -> None:
 @inner
 def keep(contacts: Contacts) -> None:
     """Keep points and forces as they are."""
-    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
-    put(contacts.kept_counts, contacts.counts)
+    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
+    put(contacts.kept_counts.values, contacts.counts.values)
     for k in range(count):
         kept[k] = owners[k]
     _copy(count, contacts.points, contacts.kept_points)
     _copy(count, contacts.forces, contacts.kept_forces)
     _copy(count, contacts.origins, contacts.kept_origins)
     put(contacts.kept_joint_force, contacts.joint_force)
-    put(contacts.kept_report, contacts.report)
+    put(contacts.kept_report.values, contacts.report.values)
 
 
 @inner
 def restore(contacts: Contacts) -> None:
     """Put points and forces back as they were kept."""
-    found = contacts.counts[FOUND]
-    put(contacts.counts, contacts.kept_counts)
-    contacts.counts[FOUND] = found
-    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
+    found = contacts.counts.points_found
+    put(contacts.counts.values, contacts.kept_counts.values)
+    contacts.counts.points_found = found
+    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
     for k in range(count):
         owners[k] = kept[k]
     _copy(count, contacts.kept_points, contacts.points)
     _copy(count, contacts.kept_forces, contacts.forces)
     _copy(count, contacts.kept_origins, contacts.origins)
     put(contacts.joint_force, contacts.kept_joint_force)
-    put(contacts.report, contacts.kept_report)
+    put(contacts.report.values, contacts.kept_report.values)
 
 
 @inner
@@ -182,7 +171,7 @@ def _untouched(
         code = factor(model, q0, first)
         if code < 0:
             return code
-    span, share = STEPS_AHEAD * contacts.settings[PERIOD], contacts.settings[FAR_SHARE]
+    span, share = STEPS_AHEAD * contacts.settings.period, contacts.settings.far_share
     place_shapes(contacts, first)
     if near_pairs(contacts, v0, span, share) > 0:
         return NEAR
@@ -203,7 +192,7 @@ def _untouched(
             break
     # What pushes may have made it fast enough to come near after all.
     if code == SETTLED and near_pairs(contacts, parts.v, span, share) == 0:
-        contacts.counts[NOW] = 0
+        contacts.counts.points = 0
         if odd:
             put(end, start)
         return SETTLED
@@ -285,7 +274,7 @@ def _approach(first: Data, step: float, contacts: Contacts) -> int:
 @inner
 def _remember(contacts: Contacts) -> None:
     """Keep points and forces of the substep before."""
-    count, counts = contacts.counts[NOW], contacts.counts
+    count, counts = contacts.counts.points, contacts.counts
     points, before = contacts.points, contacts.points_before
     forces, forces_before = contacts.forces, contacts.forces_before
     owners, owners_before = contacts.owners, contacts.owners_before
@@ -293,7 +282,7 @@ def _remember(contacts: Contacts) -> None:
         owners_before[k] = owners[k]
         for i in range(3):
             before[k, i], forces_before[k, i] = points[k, i], forces[k, i]
-    counts[BEFORE] = count
+    counts.points_before = count
 
 
 @inner
@@ -301,7 +290,7 @@ def _guess(contacts: Contacts, count: int) -> None:
     """Fill ``forces`` with those of the substep before, at the nearest points of the same pairs."""
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     points_before, forces_before = contacts.points_before, contacts.forces_before
-    owners_before, known = contacts.owners_before, contacts.counts[BEFORE]
+    owners_before, known = contacts.owners_before, contacts.counts.points_before
     same = known == count
     for k in range(count):
         same = same and owners[k] == owners_before[k]
@@ -338,7 +327,7 @@ def _substep(
     contacts = Contacts(contact_numbers, contact_values)
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings.step
     external = contacts.external[links : links + external_count]
-    is_known = contacts.settings[KNOWN] != NOTHING
+    is_known = contacts.settings.known != NOTHING
     if not searched:
         if not known:
             code = factor(model, q0, first)
@@ -368,20 +357,19 @@ def _substep(
     count = touching_points(contact_numbers, contact_values)
     counts, report = contacts.counts, contacts.report
     if 3 * count * (model.nv + 6 * count) > contacts.workspace.size:
-        counts[FOUND] = count
+        counts.points_found = count
         return MORE_WORKSPACE
-    counts[NOW] = count
-    if contacts.settings[IS_PART] == 0.0:
-        counts[DIVISION] = 1
-    for i in range(REPORT_VALUES):
-        report[i] = 0.0
+    counts.points = count
+    if contacts.settings.is_part == 0.0:
+        counts.parts = 1
+    report.values[:] = 0.0
     if count > 0:
         _guess(contacts, count)
         place_tree(model, contacts.q, stage_space)
         later = stage_space.joint_jacobian
         division = contact_forces(model, first, contacts, later, v0, step, count)
         if division > 1:
-            counts[DIVISION] = division
+            counts.parts = division
             return IMPACT
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
@@ -394,13 +382,13 @@ def _substep(
     parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
         share, felt, force = (
-            step / contacts.settings[PERIOD],
+            step / contacts.settings.period,
             contacts.joint_force,
             contacts.step_force,
         )
         for c in range(felt.size):
             felt[c] += share * force[c]
-        counts[UNSOLVED] += int(report[FAILED])
+        counts.unsolved += int(report.failed)
     return code
 
 
@@ -436,14 +424,14 @@ def advance_period(
         plan: (7,) a ``model.RunPlan`` that begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
 
     Returns:
-        0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
-        the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
-        points is missing, IMPACT, where the substep should be divided into ``counts[DIVISION]``
-        parts, FORCES, where ``settings[KNOWN]`` asks for these alone, or NEEDS_CARE, INACCURATE and
-        NOT_DECIDED, of which ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then,
-        and ``start`` has the terms there unless it is NOT_DECIDED. Points and forces are those of
-        this substep where it is FORCES or INACCURATE. Or how a substep failed. The account says
-        how many substeps were done.
+        0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
+        pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
+        is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
+        ``settings.known`` asks for these alone, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
+        ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then, and ``start`` has the
+        terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
+        is FORCES or INACCURATE. Or how a substep failed. The account says how many substeps were
+        done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)
@@ -454,7 +442,7 @@ def advance_period(
     if run.begins_with == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
-        contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0
+        contacts.counts.parts, contacts.counts.unsolved = 1, 0
         external = contacts.external[links : links + external_count]
         code = _untouched(
             model, start, end, stage_space, parts, contacts, spring_work, run, external

@@ -334,8 +334,12 @@ class Stepper:
         self.prepare(heeded)
         account = parts.account
         account.values[:] = 0.0
-        account.earlier_defect, account.earlier_work, account.earlier_loss, most = start.owed
-        account.largest_kinetic = most
+        (
+            account.earlier_defect,
+            account.earlier_work,
+            account.earlier_loss,
+            account.largest_kinetic,
+        ) = start.owed
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:

@@ -95,8 +95,11 @@ class MechanismTicks(PlainMessages):
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
-        sizes = {"steps": simulation.substeps, "stages": stepper.stages}
-        sizes["implicit"] = stepper.implicit
+        sizes = {
+            "steps": simulation.substeps,
+            "stages": stepper.stages,
+            "implicit": stepper.implicit,
+        }
         parts = {name: np.zeros(0) for name in SessionData.parts} | {
             "times": SessionTimes().values,
             "wrenches": np.zeros((COMMANDED + 1, 6)),

@@ -350,14 +350,11 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "q", run.state.q
     yield "v", run.state.v
     active_set = mechanism.active_set(run.state.active)
-    for name, array in zip(("model, integers", "model, reals"), active_set.constants, strict=True):
-        yield name, array
+    yield from zip(("model, integers", "model, reals"), active_set.constants, strict=True)
     yield "data of a configuration", np.empty(active_set.size)
     packed = views_of(np.empty(active_set.size), active_set.model)
-    for name, part in Data.parts.items():
-        array = part.view(packed)
-        if array.size:
-            yield f"of which {name}", array
+    views = {f"of which {name}": part.view(packed) for name, part in Data.parts.items()}
+    yield from ((name, view) for name, view in views.items() if view.size)
     yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
     terms = run.simulator.evaluate(run.state)
     yield "h", terms.bias_force

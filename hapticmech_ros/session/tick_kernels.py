@@ -16,7 +16,7 @@ from hapticmech_ros.compilation import (
     inner,
     put,
 )
-from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
+from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
     GIVEN,
@@ -162,55 +162,28 @@ class SessionData(Structure):
 
     __slots__ = ()
 
-    index = Size()
-    steps = Size()
-    stages = Size()
-    implicit = Size()
-    connected = Size()
-    period_ns = Size()
-    received = Size()
-    rows = Part(1, whole=True)
-    forth_state = Part(1, whole=True)
+    index, steps, stages, implicit = Size(), Size(), Size(), Size()
+    connected, period_ns, received = Size(), Size(), Size()
+    rows, forth_state = Part(1, whole=True), Part(1, whole=True)
     back_state = Part(1, whole=True)
     times = RecordPart(SessionTimes)
-    metric = Part(1)
-    observation = Part(1)
-    controller = Part(1)
-    settings = Part(1)
-    faded = Part(1)
-    commanded = Part(2)
-    account = Part(1)
-    safety = Part(1)
-    answers = Part(2)
-    sample = Part(1)
-    device = Part(1)
-    state = Part(1)
+    metric, observation, controller, settings = Part(1), Part(1), Part(1), Part(1)
+    faded, commanded, account, safety = Part(1), Part(2), Part(1), Part(1)
+    answers, sample, device, state = Part(2), Part(1), Part(1), Part(1)
     later = Part(1)
     counter = RecordPart(ConstraintTrigger)
-    wrenches = Part(2)
-    external = Part(1)
-    push = Part(1)
-    contact = Part(1)
-    locality = Part(1)
-    added = Part(1)
-    others = Part(1)
-    given = Part(1)
-    q = Part(1)
-    v = Part(1)
+    wrenches, external, push, contact = Part(2), Part(1), Part(1), Part(1)
+    locality, added, others, given = Part(1), Part(1), Part(1), Part(1)
+    q, v = Part(1), Part(1)
     totals = RecordPart(SessionTotals)
-    began_state = Part(1)
-    began_q = Part(1)
-    began_v = Part(1)
+    began_state, began_q, began_v = Part(1), Part(1), Part(1)
     began_totals = RecordPart(SessionTotals)
-    hand = Part(1)
-    forth = Part(2)
-    back = Part(2)
-    past = Part(2)
+    hand, forth, back, past = Part(1), Part(2), Part(2), Part(2)
     before = Part(1)
 
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but messages and past rates."""
-        return self.data[: int(self.numbers[SessionData.forth.at])]
+        return self.data[: int(self.numbers[SessionData.parts["forth"].at])]
 
 
 # What a tick consists of, in this order; a call does all of it or some.
@@ -227,7 +200,7 @@ OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # first one of the contacts.
 KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
 # Among the whole numbers of a session.
-RECEIVED = SessionData.received.index
+RECEIVED = SessionData.sizes["received"].index
 
 
 @inner
@@ -458,11 +431,11 @@ def move_mechanism(
     totals.moved = account.largest_kinetic
     totals.closure_error = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
     if touches:
-        held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
+        held = contacts.report.energy if contacts.counts.points > 0 else 0.0
         totals.contact_loss += totals.contact_energy - held - account.contact_work
         totals.contact_energy = held
         totals.contact_most = max(totals.contact_most, totals.contact_loss)
-        totals.inaccurate += contacts.counts[UNSOLVED]
+        totals.inaccurate += contacts.counts.unsolved
     return True
 
 
