@@ -191,10 +191,8 @@ def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
     if not apart and (kept < resolved or m <= FEW_ROWS):
         return NOT_DECIDED
     tail, sigmas, basis, rows = data.tail, data.sigma, data.basis, data.rows
-    tail.least_sigma, tail.resolved_rank = (
-        abs(scaled[resolved - 1, resolved - 1]) / first,
-        resolved,
-    )
+    tail.least_sigma = abs(scaled[resolved - 1, resolved - 1]) / first
+    tail.resolved_rank = resolved
     directions, inverse = model.directions, model.inverse
     if kept == resolved:
         for i in range(kept):

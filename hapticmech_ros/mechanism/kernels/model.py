@@ -138,7 +138,12 @@ class TermsTail(Record):
 
 
 class SharedConstants(Structure):
-    """The part of :class:`Model` that comes first in its table of places; see there."""
+    """What begins the table of places that model, terms and work share: most of :class:`Constants`.
+
+    Attributes:
+        data_size: length of a packed array of terms, see :class:`Data`; all others have the names
+            of the constants.
+    """
 
     __slots__ = ()
 
@@ -183,10 +188,10 @@ class Data(Structure, after=SharedConstants):
 
     __slots__ = ()
 
-    residual, pairs, joint_jacobian, poses = Part(1), Part(2), Part(2), Part(2)
-    places, bodies, factor, jacobian = Part(2), Part(2), Part(2), Part(2)
-    basis, sigma, rows, pivots = Part(2), Part(1), Part(2), Part(2)
-    band, row_places, shares = Part(2), Part(2), Part(2)
+    residual, pairs, joint_jacobian = Part(1), Part(2), Part(2)
+    poses, places, bodies = Part(2), Part(2), Part(2)
+    factor, jacobian, basis, sigma, rows = Part(2), Part(2), Part(2), Part(1), Part(2)
+    pivots, band, row_places, shares = Part(2), Part(2), Part(2), Part(2)
     tail = RecordPart(TermsTail)
 
 

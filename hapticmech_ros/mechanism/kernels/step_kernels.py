@@ -255,12 +255,9 @@ def find_rates(
         force[c] = result[c]
     lost = dot(dissipative[:nv], v)
     accelerate(model, data, bias_force, passive, bias, result)
-    # Positions of the rule that is late move with the rates at its end.
-    account, step, late = (
-        parts.account,
-        weight * settings.step,
-        settings.semi_implicit * settings.step,
-    )
+    # By the semi-implicit rule positions move with the rates at the step's end.
+    account, step = parts.account, weight * settings.step
+    late = settings.semi_implicit * settings.step
     account.energy_lost -= step * lost
     for c in range(nv):
         moved = step * (v[c] + late * result[c])
