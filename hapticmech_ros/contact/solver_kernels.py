@@ -199,7 +199,7 @@ def solve_points(
     impulse: Array,
     velocity: Array,
     tolerance: float,
-    report: ContactReport,
+    report: Array,
     slopes: Array,
 ) -> None:
     """Solve for all impulses, in place, and report how that ended.
@@ -212,7 +212,7 @@ def solve_points(
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
         tolerance: of the impulses' effect, m/s.
-        report: its ``sweeps`` and ``residual`` are filled.
+        report: (5,) a ``layout.ContactReport``, of which ``sweeps`` and ``residual`` are filled.
         slopes: (3 points, 3 points) to work in.
     """
     n, size = scales.shape[0], impulse.size
@@ -242,7 +242,8 @@ def solve_points(
             _solve_point(c, scales, coupling, impulse, velocity)
         sweeps += 2
         worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
-    report.sweeps, report.residual = sweeps, worst
+    ended = ContactReport(report)
+    ended.sweeps, ended.residual = sweeps, worst
 
 
 @inner
@@ -316,7 +317,7 @@ def _solve(
         if turn > 0 and away <= EXACT * longest:
             break
         put_velocity(apart, coupling, impulse, velocity)
-        solve_points(scales, apart, coupling, impulse, velocity, tolerance, report, slopes)
+        solve_points(scales, apart, coupling, impulse, velocity, tolerance, report.values, slopes)
     if (reached and moving) or report.residual > UNSOLVED_SHARE * largest + FLOOR:
         report.failed = 1.0
 
