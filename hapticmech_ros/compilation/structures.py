@@ -99,7 +99,7 @@ class Place:
         self.whole = whole
 
     def view(self, structure: Structure) -> Array:
-        """Return the part's numbers, not copied."""
+        """Return the part's numbers (n,) or (n, m), not copied."""
         start, rows, columns = structure.numbers[self.at : self.at + 3].tolist()
         data = structure.numbers if self.whole else structure.data
         found = data[start : start + rows * columns]

@@ -226,7 +226,7 @@ def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, A
         points: their number.
     """
     contacts = Contacts(numbers, values)
-    parts = {name: getattr(contacts, name) for name in Contacts.parts}
+    parts = {name: place.view(contacts) for name, place in Contacts.parts.items()}
     room = np.zeros(workspace_size(points, contacts.free.size))
     return arrays_of(Contacts, {}, parts | {"workspace": room})
 
