@@ -32,10 +32,11 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros.compilation import decorators, structures
+from hapticmech_ros.compilation import decorators
 from hapticmech_ros.compilation.decorators import Kernel
+from hapticmech_ros.compilation.structures import Structure, kinds_of
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.numerics.layout import records
+from hapticmech_ros.numerics.layout import Record
 
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
@@ -74,10 +75,10 @@ def import_all() -> dict[str, Kernel]:
         importlib.import_module(f"hapticmech_ros.{name}")
     from hapticmech_ros.compilation.numba_types import teach_record, teach_structure
 
-    for kind in structures.kinds:
-        teach_structure(kind)
-    for one in records():
-        teach_record(one)
+    for structure in kinds_of(Structure):
+        teach_structure(structure)
+    for record in kinds_of(Record):
+        teach_record(record)
     return {one.name: one for one in found}
 
 

@@ -16,13 +16,14 @@ from typing import Any
 from hapticmech_ros.compilation import arrays
 from hapticmech_ros.compilation.inner_functions import translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
-from hapticmech_ros.compilation.structures import Part, Size
+from hapticmech_ros.compilation.structures import Place, RecordPart, Structure
 from hapticmech_ros.numerics.layout import Nested, Record, Vector
 
 # Which have no types of their own.
 numba: Any = importlib.import_module("numba")
 extending: Any = importlib.import_module("numba.extending")
 templates: Any = importlib.import_module("numba.core.typing.templates")
+cgutils: Any = importlib.import_module("numba.core.cgutils")
 arrayobj: Any = importlib.import_module("numba.np.arrayobj")
 ir: Any = importlib.import_module("llvmlite.ir")
 numba_ir: Any = importlib.import_module("numba.core.ir")
@@ -128,7 +129,7 @@ extending.overload(arrays.shaped, inline="always", strict=False)(_shaped)
 extending.overload(arrays.put, strict=False)(_put)
 
 
-def teach_structure(kind: type) -> None:
+def teach_structure(kind: type[Structure]) -> None:
     """Let kernels make a kind of structure of two arrays, and ask it for sizes and parts."""
     members = {"numbers": _WHOLE, "data": _NUMBERS}
 
@@ -157,11 +158,10 @@ def teach_structure(kind: type) -> None:
     extending.lower_builtin(kind, types.Any, types.Any)(make)
     for name in members:
         extending.make_attribute_wrapper(StructureType, name, name)
-    for name, part in vars(kind).items():
-        if isinstance(part, Size):
-            extending.overload_attribute(StructureType, name)(_size_getter(part.index))
-        elif isinstance(part, Part):
-            extending.overload_attribute(StructureType, name)(_part_getter(part))
+    for name, size in kind.sizes.items():
+        extending.overload_attribute(StructureType, name)(_size_getter(size.index))
+    for name, part in kind.parts.items():
+        extending.overload_attribute(StructureType, name)(_part_getter(part))
 
 
 def _size_getter(index: int) -> Callable[[Any], Any]:
@@ -171,27 +171,28 @@ def _size_getter(index: int) -> Callable[[Any], Any]:
     return get
 
 
-def _part_getter(part: Part) -> Callable[[Any], Any]:
+_numbers_of = extending.register_jitable(lambda held: held.numbers)
+_data_of = extending.register_jitable(lambda held: held.data)
+
+
+def _part_getter(part: Place) -> Callable[[Any], Any]:
     at, rows, columns = part.at, part.at + 1, part.at + 2
+    whole: Any = _numbers_of if part.whole else _data_of
+    kind: Any = part.kind if isinstance(part, RecordPart) else None
 
-    def whole_vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.numbers, held.numbers[at]), (held.numbers[rows],))
-
-    def whole_matrix(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(
-            _shifted(held.numbers, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
-        )
+    def record(held):  # type: ignore[no-untyped-def]
+        return lambda held: kind(_shifted(whole(held), held.numbers[at]))
 
     def vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.data, held.numbers[at]), (held.numbers[rows],))
+        return lambda held: carray(_shifted(whole(held), held.numbers[at]), (held.numbers[rows],))
 
     def matrix(held):  # type: ignore[no-untyped-def]
         return lambda held: carray(
-            _shifted(held.data, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
+            _shifted(whole(held), held.numbers[at]), (held.numbers[rows], held.numbers[columns])
         )
 
-    if part.whole:
-        return whole_vector if part.dimensions == 1 else whole_matrix
+    if kind is not None:
+        return record
     return vector if part.dimensions == 1 else matrix
 
 
@@ -263,18 +264,27 @@ extending.lower_setattr_generic(RecordType)(_write_field)
 
 
 def teach_record(kind: type[Record]) -> None:
-    """Let kernels make a record of an array's numbers."""
+    """Let kernels make a record of an array's numbers, or one of its own, zero, on the stack."""
     made = RecordType(kind)
 
     def construct(_context: Any) -> Any:
-        return lambda values: made
+        return lambda values=None: made
 
     def make(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         start = _start(context, builder, signature.args[0], values[0])
         return _record_at(context, builder, made, start)
 
+    def make_own(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        number, size = context.get_data_type(made.number), kind.layout.size
+        # Once, whatever loop it is in.
+        with builder.goto_entry_block():
+            start = builder.alloca(number, size=ir.Constant(_WORD, size))
+        cgutils.memset(builder, start, ir.Constant(_WORD, 8 * size), 0)
+        return _record_at(context, builder, made, start)
+
     extending.type_callable(kind)(construct)
     extending.lower_builtin(kind, types.Any)(make)
+    extending.lower_builtin(kind)(make_own)
 
 
 def _array(context: Any, builder: Any, dtype: Any, start: Any, shape: tuple[int, ...]) -> Any:

@@ -499,7 +499,7 @@ class LivePicture:
     def _analysis(self, user: UserState) -> OperationalAnalysis:
         analyser = self._analysers[user.point]
         nv = self._mechanism.nv
-        return Observation(user.observation, analyser.layout, analyser.rows, nv).analysis
+        return Observation(user.observation, analyser.rows, nv).analysis
 
 
 def _enlarged(shape: Shape) -> Shape:

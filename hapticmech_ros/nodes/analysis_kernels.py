@@ -29,6 +29,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import Whole
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
+    ConstraintTrigger,
     count_rigid,
     observe_point,
     rates_before,
@@ -167,7 +168,7 @@ def answer_states(
         before: (1 + nv,) to fill.
         ahead: (size,) as of ``observe_point``.
         observation: (numbers,) to fill, likewise.
-        counter: (numbers,) of constraints; see ``observe_kernels``.
+        counter: (numbers,) an ``observe_kernels.ConstraintTrigger``.
         past: (5,) see ``observe_kernels``.
         stamps: (states,) likewise.
         rates: (states, nv) likewise.
@@ -220,7 +221,7 @@ def answer_states(
         take(read, words, polled[0], frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
-        message.count = count_rigid(counter, observation[: rows.size], since)
+        message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
         send_to_all(sends, words, out_frame, targets, real)
         note_read(link, read, ages, time, time - stamp, counted, sent)
         link.last = stamp

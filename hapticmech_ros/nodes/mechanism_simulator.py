@@ -12,6 +12,7 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
@@ -41,15 +42,14 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.session.sample import LeftState, totals_of
+from hapticmech_ros.session.sample import LeftState, begin_totals
 from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
     KNOWN,
-    PARTS,
-    TIMES,
-    TOTALS,
-    session_data,
+    SessionData,
+    SessionTimes,
+    SessionTotals,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import pose_bounds
@@ -97,17 +97,21 @@ class MechanismTicks(PlainMessages):
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
-        sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
-        parts = {name: np.zeros(0) for name in PARTS} | {
-            "times": np.zeros(TIMES.size),
+        sizes = {
+            "steps": simulation.substeps,
+            "stages": stepper.stages,
+            "implicit": stepper.implicit,
+        }
+        parts = {name: np.zeros(0) for name in SessionData.parts} | {
+            "times": SessionTimes().values,
             "wrenches": ActingWrenches().values,
             "external": np.zeros(6),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(TOTALS.size),
+            "totals": SessionTotals().values,
         }
-        self._data = session_data(sizes | {"implicit": stepper.implicit}, parts)
-        self._data.times[TIMES.start("period")] = actor.period_s
+        self._data = SessionData(*arrays_of(SessionData, sizes, parts))
+        self._data.times.period = actor.period_s
         self._packed = np.zeros((4, 0))
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
@@ -143,7 +147,8 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(state.active)
         if self._packed.shape[1] != active_set.size:
             self._packed = np.zeros((4, active_set.size))
-        data.q[:], data.v[:], data.totals[:] = state.q, state.v, totals_of(state)
+        data.q[:], data.v[:] = state.q, state.v
+        begin_totals(data.totals, state)
         closing = simulator.closing(state)
         self._clock[AT], self._clock[KNOWN] = 0, closing.active_set is active_set
         if self._clock[KNOWN]:
@@ -186,7 +191,7 @@ class MechanismTicks(PlainMessages):
             port.order.last = link.newest, link.arrived
         if link.done:
             known, data = self._known or actor.state, self._data
-            state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
+            state = LeftState(known, data.totals, data.q.copy(), data.v.copy()).state()
             self._known = state
             published = code != kernels.TO_SAY
             actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)

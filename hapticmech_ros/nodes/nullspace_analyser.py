@@ -99,7 +99,7 @@ class StateAnswers(PlainMessages):
         active_set = actor.mechanism.active_set(actor.closed)
         if self._ahead.size != active_set.size:
             self._ahead = np.empty(active_set.size)
-        self._observation = np.empty(analyser.layout.size)
+        self._observation = np.empty(analyser.observation_size)
         return own.answer_states(
             *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
@@ -121,7 +121,7 @@ class StateAnswers(PlainMessages):
             self._before,
             self._ahead,
             self._observation,
-            actor.counter.numbers,
+            actor.counter.numbers.values,
             *actor.past.arrays,
             self.ages,
         )
@@ -133,8 +133,8 @@ class StateAnswers(PlainMessages):
             actor.answered(reads, self.link.last, count)
         if code == kernels.TO_LOOK_AT:
             analyser = actor.analyser
-            found = self._observation, analyser.layout, analyser.rows, actor.mechanism.nv
-            seen = Observation(*found).analysis
+            found = Observation(self._observation, analyser.rows, actor.mechanism.nv)
+            seen = found.analysis
             actor.failures.run("view", actor.publish_view, seen, count)
 
 

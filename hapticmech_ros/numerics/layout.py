@@ -136,15 +136,6 @@ class Record:
             self.values[field.at : field.at + field.size] = np.reshape(value, field.size)
 
 
-def records() -> Iterator[type[Record]]:
-    """Yield the kinds of record that are known so far."""
-    waiting = [Record]
-    while waiting:
-        kinds = waiting.pop().__subclasses__()
-        waiting += kinds
-        yield from kinds
-
-
 class RecordField:
     """A field of a record.
 

@@ -7,6 +7,7 @@ What a session went through in many ticks, as arrays.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.session.tick_kernels import TOTALS, SessionData
+from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
 from hapticmech_ros.simulation.simulator import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
@@ -174,22 +175,18 @@ def data_frame(columns: Mapping[str, Array]) -> Any:
 
 
 _FORCE = DEVICE_SAMPLE.slice("hand_wrench")
-_CONSTRAINTS = TOTALS.start("constraints")
 
 
-def totals_of(state: MechanismState, constraints: float = 0.0) -> tuple[float, ...]:
-    """Return what kernels add up; see :data:`~hapticmech_ros.session.tick_kernels.TOTALS`.
+def begin_totals(totals: SessionTotals, state: MechanismState) -> None:
+    """Let what kernels add up begin with a state; the number of joint constraints stays.
 
     Args:
-        state: of the mechanism, to begin with.
-        constraints: joint constraints reported.
+        totals: to change.
+        state: of the mechanism.
     """
-    a = state.account
-    return (
-        *(state.time, a.work_in, a.damping_loss, state.closure_error, constraints),
-        *(a.contact_loss, a.contact_energy, a.surplus),
-        *(a.refined, a.inaccurate, a.latch_loss, a.moved, a.contact_most),
-    )
+    totals.time, totals.closure_error = state.time, state.closure_error
+    for field in fields(EnergyAccount):
+        setattr(totals, field.name, getattr(state.account, field.name))
 
 
 class LeftState(NamedTuple):
@@ -197,39 +194,38 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (13,) see :data:`~hapticmech_ros.session.tick_kernels.TOTALS`.
+        totals: what kernels added up.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
 
     known: MechanismState
-    totals: Array
+    totals: SessionTotals
     q: Array
     v: Array
     touching: Touching | None = None
 
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
-        before = self.known
-        totals = dict(zip(TOTALS, self.totals.tolist(), strict=True))
+        before, totals = self.known, self.totals
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
-            totals["time"],
+            totals.time,
             self.q,
             self.v,
             before.active,
-            totals["closure_error"],
+            totals.closure_error,
             EnergyAccount(
-                work_in=totals["work_in"],
-                damping_loss=totals["damping_loss"],
-                latch_loss=totals["latch_loss"],
-                contact_loss=totals["contact_loss"],
-                contact_energy=totals["contact_energy"],
-                surplus=totals["surplus"],
-                refined=int(totals["refined"]),
-                inaccurate=int(totals["inaccurate"]),
-                moved=totals["moved"],
-                contact_most=totals["contact_most"],
+                work_in=totals.work_in,
+                damping_loss=totals.damping_loss,
+                latch_loss=totals.latch_loss,
+                contact_loss=totals.contact_loss,
+                contact_energy=totals.contact_energy,
+                surplus=totals.surplus,
+                refined=int(totals.refined),
+                inaccurate=int(totals.inaccurate),
+                moved=totals.moved,
+                contact_most=totals.contact_most,
             ),
             self.touching,
             before.released,
@@ -324,7 +320,7 @@ class Sample:
         """The operational point there: its motion, Λ_h⁻¹ and what follows."""
         if self._seen is None:
             data, analyser = self._data, self._analyser
-            self._seen = Observation(data.observation, analyser.layout, analyser.rows, data.v.size)
+            self._seen = Observation(data.observation, analyser.rows, data.v.size)
         return self._seen
 
     @property
@@ -345,7 +341,7 @@ class Sample:
     @property
     def count(self) -> int:
         """Joint constraints reported."""
-        return int(self._data.totals[_CONSTRAINTS])
+        return int(self._data.totals.constraints)
 
     @property
     def wrenches(self) -> Array:

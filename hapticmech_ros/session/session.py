@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
 from hapticmech_ros.control.architecture import ControlArchitecture
@@ -57,7 +58,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.sample import LeftState, Run, Sample, run_layout, totals_of
+from hapticmech_ros.session.sample import LeftState, Run, Sample, begin_totals, run_layout
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -72,7 +73,6 @@ from hapticmech_ros.session.tick_kernels import (
     MECHANISM,
     OBSERVATION_FAILED,
     OBSERVE,
-    PARTS,
     PHASES,
     RECEIVE,
     RECORDED,
@@ -81,12 +81,11 @@ from hapticmech_ros.session.tick_kernels import (
     SENSE,
     TICK,
     TICKS,
-    TOTALS,
     WHY,
     WORK,
     SessionData,
+    SessionTotals,
     run_ticks,
-    session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -97,7 +96,6 @@ _MODEL_SIZE = OPERATIONAL_MODEL.size
 _FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 _RATES = DEVICE_SAMPLE.slice("twist", "hand_wrench")
 _NOBODY = np.zeros((0, 10))
-_CONSTRAINTS = TOTALS.start("constraints")
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
 Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -170,7 +168,9 @@ class Session:
         self._data = self._allocated()
         self._sampled = self._data.sampled()
         # Found once: each look at the data makes a view.
-        self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
+        self._parts = SimpleNamespace(
+            **{name: getattr(self._data, name) for name in SessionData.parts}
+        )
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
         self._chosen: ActiveSet | None = None
@@ -449,7 +449,7 @@ class Session:
         """Analysis of the operational point at this tick, once it is answered."""
         found = self._parts.observation.copy()
         mechanism, analyser = self.simulator.mechanism, self._analyser
-        return Observation(found, analyser.layout, analyser.rows, mechanism.nv).analysis
+        return Observation(found, analyser.rows, mechanism.nv).analysis
 
     @property
     def _given(self) -> Answer:
@@ -483,7 +483,7 @@ class Session:
             "back_state": nothing if channels is None else channels[1].state,
             "times": np.array((self.period, mechanism.length, self._compensated_delay, *law)),
             "metric": analysis.constants,
-            "observation": np.zeros(analysis.layout.size),
+            "observation": np.zeros(analysis.observation_size),
             "controller": side.account.values,
             "settings": ControllerSettings().values,
             "faded": np.zeros(6),
@@ -496,7 +496,7 @@ class Session:
             "device": body,
             "state": state,
             "later": state,
-            "counter": self._counter.numbers,
+            "counter": self._counter.numbers.values,
             "wrenches": ActingWrenches().values,
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
             "others": NO_OTHERS.copy(),
@@ -506,16 +506,16 @@ class Session:
             "given": Answer().values,
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(TOTALS.size),
+            "totals": SessionTotals().values,
             "began_state": state,
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
-            "began_totals": np.zeros(TOTALS.size),
+            "began_totals": SessionTotals().values,
             "hand": HandMemory().values,
             "past": np.zeros((self._periods_before + 1, 1 + mechanism.nv)),
             "before": np.zeros(1 + mechanism.nv),
         }
-        data = session_data(sizes, parts)
+        data = SessionData(*arrays_of(SessionData, sizes, parts))
         side.account, side.queue = ControllerAccount(data.controller), data.commanded
         passivity.account, envelope.numbers = DeviceAccount(data.account), Safety(data.safety)
         self._counter.numbers = data.counter
@@ -527,7 +527,8 @@ class Session:
 
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
-        totals, q, v = (one.copy() for one in (self._parts.totals, self._parts.q, self._parts.v))
+        totals = SessionTotals(self._parts.totals.values.copy())
+        q, v = self._parts.q.copy(), self._parts.v.copy()
         touching = None if self._contacts is None else self._contacts.touching()
         return LeftState(self._known, totals, q, v, touching)
 
@@ -545,7 +546,7 @@ class Session:
         self._may_latch = self.simulator.may_latch(state)
         data.q[:] = state.q
         data.v[:] = state.v
-        data.totals[:] = totals_of(state, data.totals[_CONSTRAINTS])
+        begin_totals(data.totals, state)
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)

@@ -305,14 +305,14 @@ def test_states_are_answered_as_python_answers_them(
     state, model = STATES.split()[0], MODELS.split()[0]
     process.actor.age_limit_ns = 1 << 62
     plain, lane = [states.next() for _ in range(40)], process.exchange.lane
-    before = process.actor.past.arrays, process.actor.counter.numbers.copy()
+    before = process.actor.past.arrays, process.actor.counter.numbers.values.copy()
     kept = [one.copy() for one in before[0]]
     count, first, last = process.actor._count, process.actor.first_ns, process.actor.last_ns
     found = []
     for by_kernel in (True, False):
         for array, old in zip(process.actor.past.arrays, kept, strict=True):
             array[:] = old
-        process.actor.counter.numbers[:] = before[1]
+        process.actor.counter.numbers.values[:] = before[1]
         process.actor._count, process.actor.first_ns = count, first
         process.actor.last_ns = last
         lane.wait = process.wait if by_kernel else None
