@@ -50,7 +50,7 @@ from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample, Number, Record
+from hapticmech_ros.numerics.layout import DeviceSample, Number, OperationalModelSample, Record
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     ConstraintTrigger,
@@ -297,7 +297,7 @@ def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
     """Answer what was heard, and fill what acts on device and mechanism."""
     controller, connected = ControllerAccount(data.controller), data.connected != 0
-    model, answers = Observed(data.observation), data.answers
+    model, answers = OperationalModelSample(data.observation), data.answers
     last = answers[answers.shape[0] - 1]
     account_for_motion(controller, model.twist, controller.period)
     received = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
