@@ -44,6 +44,10 @@ def test_fields_are_views_one_after_the_other_those_of_the_base_first() -> None:
     assert [values[i] for i in (0, 9, 11)] == [-1.0, -2.0, -3.0]
 
 
+def test_a_record_of_a_longer_array_has_its_own_numbers_only() -> None:
+    assert Spring(np.arange(9.0)).values.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
 def test_a_record_of_its_own_is_zero_and_of_its_kind_of_numbers() -> None:
     assert Bench().values.tolist() == [0.0] * 14
     plan = Plan()

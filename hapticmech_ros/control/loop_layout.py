@@ -3,8 +3,8 @@
 """What the rendering loop remembers between samples: records that its kernels work on.
 
 The controller's side and the device's side have one account each, which belongs to whoever runs
-that side: a node, or a session both. Energies are in J, wrenches in N and N m, vectors in world
-axes; what is said to be known, or to hold, is 1, or else 0.
+that side: a node, or a session both. Vectors are in world axes, wrenches in N and N m at the point
+held; what is said to be known, or to hold, is 1, or else 0.
 """
 
 from __future__ import annotations
@@ -77,11 +77,11 @@ class ControllerAccount(Record):
         slack: of that, J.
         inertia: diagonal of Λ_d, kg and kg m².
         energies: E_m, S, E_inj and E_b.
-        acting: wrench that acts on the mechanism.
+        acting: wrench that acts on the mechanism, N and N m.
         twist_known, twist: of the operational point in the sample before, m/s and rad/s.
         error_known, error: e of the answer before, m and rad.
         spring: k that this error stretched, N/m.
-        projector: P_c of that spring.
+        projector: P_c along which it does.
         channel: diagonal of C's stiffness that it stretched, N/m and N m/rad.
         from_hand: E_h, that the hand has put in, J.
         changed: wrenches to the mechanism that passivity control has changed.
@@ -102,9 +102,9 @@ class ControlWrenches(Record):
     """Wrenches of one control period; as rows, those of :class:`~.measurements.ControlOutput`.
 
     Attributes:
-        on_hand: by the device.
-        on_mechanism: by the hand, at the operational point.
-        impedance, joint_constraint, four_channel: the three parts of ``on_hand``.
+        on_hand: by the device, N and N m.
+        on_mechanism: by the hand, at the operational point, N and N m.
+        impedance, joint_constraint, four_channel: the three parts of ``on_hand``, N and N m.
         error: pose error e, m and rad.
     """
 
@@ -116,9 +116,9 @@ class LocalModel(Record):
     """How a wrench on the hand depends on the device, which corrects it by that; SI.
 
     Attributes:
-        force: G, wrench per F_h.
-        stiffness: K, wrench per displacement ξ.
-        damping: B, wrench per twist v.
+        force: G, wrench per F_h: 1, m and 1/m.
+        stiffness: K, wrench per displacement ξ: N/m, N/rad, N and N m/rad.
+        damping: B, wrench per twist v: N s/m, N s/rad, N s and N m s/rad.
     """
 
     force, stiffness, damping = matrix(6, 6), matrix(6, 6), matrix(6, 6)
@@ -145,9 +145,9 @@ class ActingWrenches(Record):
     """What acts on device and mechanism in a period.
 
     Attributes:
-        on_hand: by the device.
-        on_mechanism: by the hand, at the operational point.
-        commanded: on the mechanism, to act once its delay is over.
+        on_hand: by the device, N and N m.
+        on_mechanism: by the hand, at the operational point, N and N m.
+        commanded: on the mechanism, to act once its delay is over, N and N m.
     """
 
     on_hand, on_mechanism, commanded = Vector(6), Vector(6), Vector(6)
@@ -173,22 +173,22 @@ class DeviceAccount(Record):
         acts: 1 where there are actuators.
         force_limit, torque_limit: of the actuators, N and N m.
         period: s.
-        kept: share of their old wrench in the mean of a period.
-        ahead: for how long is predicted, s.
+        kept: share of the actuators' old wrench in the mean of a period.
+        ahead: for how long what a command gives is predicted, s.
         moved: what a held wrench moves in that time, per acceleration, s².
-        most_damping: 1/s.
+        most_damping: largest λ of the damper -λ Λ_d v, 1/s.
         filtered: whether velocities are filtered.
         passive: whether commands are under passivity control.
         allowance, slack: of that, J.
-        actuators: W, that the actuators have taken, J.
+        actuators: W, that the actuators have taken from the device, J.
         mechanism: E_m as it was received last, J.
         received: whether it was.
         dissipated: what damping took, J.
         changed: commands that were changed.
         pose_known, pose: of the device in the last sample.
-        added: what its driver adds to a command, for weight and friction.
+        added: what its driver adds to a command, for weight and friction, N and N m.
         rate: mean twist since that sample, carried on by half a period, m/s and rad/s.
-        applied: what of old commands acts on.
+        applied: what of old commands acts on, N and N m.
         queue_at: where in the queue the next answer is.
     """
 
@@ -208,7 +208,7 @@ class HandSample(Record):
 
     Attributes:
         spacing: since the sample before, s.
-        wrench: F_h.
+        wrench: F_h, by the hand, on the device, N and N m.
     """
 
     spacing, wrench = Number(), Vector(6, WRENCH)
@@ -230,8 +230,8 @@ class MeanChange(Record):
     """By how much the mean of a wrench over a period differs from its newest sample.
 
     Attributes:
-        line: F', by the line through two samples.
-        bend: F'', what the parabola through three adds to it.
+        line: F', by the line through two samples, N and N m.
+        bend: F'', what the parabola through three adds to it, N and N m.
     """
 
     line, bend = Vector(6, WRENCH), Vector(6, WRENCH)
@@ -241,8 +241,8 @@ class HandsCorrection(Record):
     """What corrects a command for other hands; see :mod:`~hapticmech_ros.control.other_hands`.
 
     Attributes:
-        change: sum of H_j of what F_j has changed since the sample answered.
-        line, bend: sums of H_j F'_j and of H_j F''_j.
+        change: sum of H_j (F_j(t) - F_j(t' - T)), N and N m.
+        line, bend: sums of H_j F'_j and of H_j F''_j, N and N m.
         hands: K, how many there are.
     """
 
