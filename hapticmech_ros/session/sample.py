@@ -207,25 +207,27 @@ class LeftState(NamedTuple):
 
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
-        before, totals = self.known, self.totals
+        # Read at once: one by one they would take some microseconds.
+        before, numbers = self.known, self.totals.values.tolist()
+        totals = dict(zip(SessionTotals.fields, numbers, strict=True))
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
-            totals.time,
+            totals["time"],
             self.q,
             self.v,
             before.active,
-            totals.closure_error,
+            totals["closure_error"],
             EnergyAccount(
-                work_in=totals.work_in,
-                damping_loss=totals.damping_loss,
-                latch_loss=totals.latch_loss,
-                contact_loss=totals.contact_loss,
-                contact_energy=totals.contact_energy,
-                surplus=totals.surplus,
-                refined=int(totals.refined),
-                inaccurate=int(totals.inaccurate),
-                moved=totals.moved,
-                contact_most=totals.contact_most,
+                work_in=totals["work_in"],
+                damping_loss=totals["damping_loss"],
+                latch_loss=totals["latch_loss"],
+                contact_loss=totals["contact_loss"],
+                contact_energy=totals["contact_energy"],
+                surplus=totals["surplus"],
+                refined=int(totals["refined"]),
+                inaccurate=int(totals["inaccurate"]),
+                moved=totals["moved"],
+                contact_most=totals["contact_most"],
             ),
             self.touching,
             before.released,
