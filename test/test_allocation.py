@@ -22,7 +22,9 @@ from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import (
+    DeviceSample,
+)
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.plan.scene_plan import plan_scene

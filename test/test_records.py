@@ -12,8 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from hapticmech_ros.compilation import local, put
+from hapticmech_ros.compilation.records import (
+    Nested,
+    Number,
+    Record,
+    Vector,
+    Whole,
+    matrix,
+)
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Nested, Number, Record, Vector, Whole, matrix
 
 
 class Spring(Record):

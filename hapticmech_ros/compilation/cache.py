@@ -26,6 +26,7 @@ _SOURCES = (
     "compilation/decorators.py",
     "compilation/inner_functions.py",
     "compilation/numba_types.py",
+    "compilation/records.py",
     "compilation/structures.py",
     "numerics/layout.py",
     "mechanism/tolerances.py",

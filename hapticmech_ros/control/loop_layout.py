@@ -9,17 +9,19 @@ held; what is said to be known, or to hold, is 1, or else 0.
 
 from __future__ import annotations
 
-from hapticmech_ros.numerics.layout import (
-    TWIST,
-    WRENCH,
-    DeviceSample,
+from hapticmech_ros.compilation.records import (
     Nested,
     Number,
-    Pose,
     Record,
     Vector,
     Whole,
     matrix,
+)
+from hapticmech_ros.numerics.layout import (
+    TWIST,
+    WRENCH,
+    DeviceSample,
+    Pose,
 )
 
 # By so much more than evenly a damper brakes in what is left of its time, at a start.

@@ -39,7 +39,9 @@ from hapticmech_ros.control.loop_layout import (
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+)
 from hapticmech_ros.scene.controller import Connection
 
 

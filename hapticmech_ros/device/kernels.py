@@ -62,6 +62,13 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation.records import (
+    Nested,
+    Number,
+    Record,
+    Vector,
+    matrix,
+)
 from hapticmech_ros.device.hand_kernels import (
     OPEN,
     Body,
@@ -76,11 +83,6 @@ from hapticmech_ros.numerics.layout import (
     TWIST,
     WRENCH,
     DeviceSample,
-    Nested,
-    Number,
-    Record,
-    Vector,
-    matrix,
 )
 from hapticmech_ros.numerics.rotation_kernels import (
     exp3,

@@ -9,8 +9,12 @@ from enum import Enum
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.compilation.records import (
+    Number,
+    Record,
+    Vector,
+)
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Number, Record, Vector
 
 
 class Reason(str, Enum):

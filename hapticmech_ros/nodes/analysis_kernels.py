@@ -5,6 +5,9 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import (
+    Whole,
+)
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
@@ -26,7 +29,6 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Whole
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     ConstraintTrigger,

@@ -5,6 +5,11 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import (
+    Nested,
+    Record,
+    Whole,
+)
 from hapticmech_ros.control.account_kernels import (
     account_for_hand,
     account_for_motion,
@@ -44,10 +49,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
-    Nested,
     OperationalModelSample,
-    Record,
-    Whole,
 )
 from hapticmech_ros.wire.kernels import (
     MODEL_QUATERNION,

@@ -24,7 +24,9 @@ from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+)
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
 from hapticmech_ros.wire.layouts import (

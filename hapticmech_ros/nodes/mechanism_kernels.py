@@ -5,6 +5,9 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import (
+    Whole,
+)
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
@@ -33,7 +36,6 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Whole
 from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 

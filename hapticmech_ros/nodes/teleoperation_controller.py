@@ -48,7 +48,9 @@ from hapticmech_ros.nodes.plain_messages import (
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import (
+    OPERATIONAL_MODEL,
+)
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller

@@ -52,6 +52,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
+from hapticmech_ros.compilation.records import (
+    Nested,
+    Number,
+    Record,
+    Vector,
+    matrix,
+)
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces, element_resistance
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -68,12 +75,7 @@ from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_j
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
-    Nested,
-    Number,
     OperationalModelSample,
-    Record,
-    Vector,
-    matrix,
 )
 from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 from hapticmech_ros.numerics.small_matrices import (

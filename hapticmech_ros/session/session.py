@@ -48,7 +48,10 @@ from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+    OPERATIONAL_MODEL,
+)
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench

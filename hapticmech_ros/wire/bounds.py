@@ -16,9 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.compilation.records import (
+    ANY,
+    Layout,
+)
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import ANY, Layout
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
 from hapticmech_ros.wire.messages import Kind, Message

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.compilation.records import (
+    Field,
+    Layout,
+)
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Field, Layout
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import STAMP

@@ -14,11 +14,14 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.compilation.records import (
+    Field,
+    Layout,
+)
 from hapticmech_ros.control.measurements import place_of
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Field, Layout
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation, PastRates
 from hapticmech_ros.scene.document import Limits

@@ -14,20 +14,22 @@ from typing import ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.compilation.records import (
+    Field,
+    Flag,
+    Nested,
+    Number,
+    Record,
+    Vector,
+    Whole,
+    matrix,
+)
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
     SECONDS,
     WRENCH,
     DeviceSample,
-    Field,
-    Flag,
-    Nested,
-    Number,
     OperationalModelSample,
-    Record,
-    Vector,
-    Whole,
-    matrix,
 )
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of

@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.numerics.layout import Layout
+from hapticmech_ros.compilation.records import (
+    Layout,
+)
 from hapticmech_ros.wire.messages import (
     ControllerEnergy,
     DeviceEnergy,

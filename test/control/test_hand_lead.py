@@ -14,7 +14,9 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+)
 
 PERIOD = 1e-3
 PUSH = DEVICE_SAMPLE.slice("hand_wrench")

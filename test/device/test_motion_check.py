@@ -11,7 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.device.safety import MotionCheck
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+)
 from hapticmech_ros.scene.device import Device, Workspace
 from oracles.swing import POSITION, QUATERNION, TWIST, Swing
 
