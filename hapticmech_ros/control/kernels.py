@@ -68,7 +68,7 @@ def mixed(number: int | np.uint64) -> np.uint64:
 
 
 @inner
-def drawn(stream: int, index: int) -> float:
+def drawn(stream: int | np.int64, index: int) -> float:
     """Return the random number of an index, in [0, 1]."""
     return float(np.float64(mixed(np.uint64(stream) + np.uint64(index))) / WORDS)
 
@@ -92,12 +92,12 @@ def send(
 ) -> bool:
     """Send a message (n,) at a time (ns); return whether there is room for it."""
     state = ChannelState(numbers)
-    number = state.sent
+    number, stream = state.sent, np.int64(state.stream)
     state.sent += 1
-    if loss > 0.0 and drawn(state.stream, DRAWS * number) < loss:
+    if loss > 0.0 and drawn(stream, DRAWS * number) < loss:
         state.lost += 1
         return True
-    uneven = 2.0 * drawn(state.stream, DRAWS * number + 1) - 1.0 if jitter > 0.0 else 0.0
+    uneven = 2.0 * drawn(stream, DRAWS * number + 1) - 1.0 if jitter > 0.0 else 0.0
     late = int(np.rint(delay * (1.0 + jitter * uneven) * NANOSECONDS))
     for row in range(rows.shape[0] - 1):
         slot = slot_of(numbers, row)
