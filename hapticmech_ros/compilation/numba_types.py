@@ -26,9 +26,25 @@ templates: Any = importlib.import_module("numba.core.typing.templates")
 cgutils: Any = importlib.import_module("numba.core.cgutils")
 arrayobj: Any = importlib.import_module("numba.np.arrayobj")
 ir: Any = importlib.import_module("llvmlite.ir")
+numba_ir: Any = importlib.import_module("numba.core.ir")
+ir_utils: Any = importlib.import_module("numba.core.ir_utils")
 types, carray, farray = numba.types, numba.carray, numba.farray
 _NUMBERS, _WHOLE = types.CPointer(types.float64), types.CPointer(types.int64)
 _WORD = ir.IntType(64)
+
+
+def _keep_writes(
+    made: Any, _args: Any, _types: Any, _function: Any, _aliases: Any, of_arguments: set[str]
+) -> None:
+    """Say that whatever a function makes may be a view of what it was given.
+
+    Of fields of records, and of what is unpacked from a tuple, Numba does not know it, and leaves
+    out what is written to a view that is not read afterwards.
+    """
+    of_arguments.add(made.target.name)
+
+
+ir_utils.alias_analysis_extensions[numba_ir.Assign] = _keep_writes
 
 
 def _shift(_context: Any, pointer: Any, _count: Any) -> Any:
@@ -97,7 +113,12 @@ def _put(target: Any, source: Any) -> Any:
         for i in range(target.size):
             target[i] = source[i]
 
-    return copy
+    def copy_rows(target, source):  # type: ignore[no-untyped-def]
+        for i in range(target.shape[0]):
+            for j in range(target.shape[1]):
+                target[i, j] = source[i, j]
+
+    return copy if target.ndim == 1 else copy_rows
 
 
 # Into the function that asks, whose stack it is.

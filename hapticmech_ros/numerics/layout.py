@@ -95,7 +95,7 @@ class Record:
     next three. In kernels the same lines cost what an index costs.
 
     Args:
-        values: (n,) the numbers, in C order; zero if left out.
+        values: (n,) the numbers, in C order, and maybe others after them; zero if left out.
 
     Attributes:
         values: (n,) the numbers.
@@ -110,7 +110,8 @@ class Record:
     dtype: ClassVar[type] = float
 
     def __init__(self, values: Array | None = None) -> None:
-        self.values: Array = np.zeros(self.layout.size, self.dtype) if values is None else values
+        size = self.layout.size
+        self.values: Array = np.zeros(size, self.dtype) if values is None else values[:size]
 
     def __init_subclass__(cls) -> None:
         own = {name: one for name, one in vars(cls).items() if isinstance(one, RecordField)}

@@ -602,8 +602,7 @@ def observe_point(
     )
     if not converged:
         return NO_SPECTRUM
-    for i in range(6):
-        put(found.now.inverse_inertia[i], found.inverse_inertia[i])
+    put(found.now.inverse_inertia, found.inverse_inertia)
     put(found.now.free_acceleration, found.free_acceleration)
     put(found.position, pose[9:])
     quaternion_of(rotation, found.quaternion)
