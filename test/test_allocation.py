@@ -22,9 +22,7 @@ from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.plan.scene_plan import plan_scene
@@ -32,9 +30,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    OperationalModelWriter,
-)
+from hapticmech_ros.wire.layouts import OperationalModelWriter
 from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from sampling import sampled

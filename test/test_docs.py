@@ -19,9 +19,7 @@ from benchmarks.__main__ import app_of
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.session.sample import run_layout
 from hapticmech_ros.wire.table import markdown

@@ -10,9 +10,7 @@ import pinocchio as pin
 from benchmarks.memory.growth import resident
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.quaternions import quaternion_of
 
 # What is never freed, 80 bytes a call, would come to 4 MB.

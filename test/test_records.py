@@ -10,16 +10,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from hapticmech_ros.compilation import local, put
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-    Whole,
-    matrix,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, Whole, matrix
 from hapticmech_ros.numerics import Array
 
 
@@ -106,3 +100,13 @@ def test_what_kernels_write_to_fields_is_written() -> None:
     folder = Path(__file__).parent
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == bench.values.tolist()
+
+
+def test_a_field_is_written_whole_or_not_at_all() -> None:
+    spring = Spring()
+    spring.rest = np.array((1.0, 2.0, 3.0))  # type: ignore[assignment]
+    assert spring.values.tolist() == [0.0, 1.0, 2.0, 3.0]
+    with pytest.raises(ValueError, match="cannot reshape"):
+        spring.fill(rest=0.0)
+    with pytest.raises(KeyError):
+        spring.fill(rust=0.0)

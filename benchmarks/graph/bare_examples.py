@@ -26,11 +26,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.nodes.messages import (
-    WORLD,
-    message_class,
-    set_stamp,
-)
+from hapticmech_ros.nodes.messages import WORLD, message_class, set_stamp
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -38,9 +34,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
-from hapticmech_ros.wire.layouts import (
-    energy_of,
-)
+from hapticmech_ros.wire.layouts import energy_of
 from hapticmech_ros.wire.messages import (
     ControllerEnergy,
     DeviceEnergy,

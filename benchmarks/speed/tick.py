@@ -15,9 +15,7 @@ from benchmarks.oracle import oracle
 from benchmarks.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator

@@ -34,9 +34,7 @@ from typing import Any
 
 from hapticmech_ros.compilation import decorators
 from hapticmech_ros.compilation.decorators import Kernel
-from hapticmech_ros.compilation.records import (
-    Record,
-)
+from hapticmech_ros.compilation.records import Record
 from hapticmech_ros.compilation.structures import Structure, kinds_of
 from hapticmech_ros.errors import HapticMechError
 

@@ -16,11 +16,7 @@ from typing import Any
 from hapticmech_ros.compilation import arrays
 from hapticmech_ros.compilation.inner_functions import translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Record,
-    Vector,
-)
+from hapticmech_ros.compilation.records import Nested, Record, Vector
 from hapticmech_ros.compilation.structures import Place, RecordPart, Structure
 
 # Which have no types of their own.

@@ -64,10 +64,6 @@ class Layout(Mapping[str, int]):
         """Return the index of a field's first number."""
         return self._starts[name]
 
-    def starts(self, *names: str) -> tuple[int, ...]:
-        """Return the indices of several fields' first numbers."""
-        return tuple(map(self.start, names))
-
     def slice(self, first: str, last: str = "") -> slice:
         """Return where a field is, or all fields from one to another, both included."""
         end = last or first
@@ -127,10 +123,9 @@ class Record:
         cls.layout = Layout(parts)
 
     def fill(self, **fields: npt.ArrayLike) -> None:
-        """Write fields, each by its name: as many numbers as it has."""
+        """Write fields, each by its name."""
         for name, value in fields.items():
-            field = self.fields[name]
-            self.values[field.at : field.at + field.size] = np.reshape(value, field.size)
+            self.fields[name].__set__(self, value)
 
 
 class RecordField:
@@ -146,6 +141,10 @@ class RecordField:
         self.size = size
         self.quantities = quantities
         self.at = 0
+
+    def __set__(self, record: Record, value: npt.ArrayLike) -> None:
+        """Write all numbers of the field: as many as it has."""
+        record.values[self.at : self.at + self.size] = np.reshape(value, self.size)
 
 
 Read = TypeVar("Read", float, int, bool)
@@ -174,7 +173,7 @@ class Scalar(RecordField, Generic[Read]):
         """Return the number."""
         return self if record is None else self.read(record.values[self.at])
 
-    def __set__(self, record: Record, value: float) -> None:
+    def __set__(self, record: Record, value: float) -> None:  # type: ignore[override]
         """Write the number."""
         record.values[self.at] = value
 

@@ -9,11 +9,7 @@ what a step works on and leaves: where shapes are, which of them are near, point
 from __future__ import annotations
 
 from hapticmech_ros.compilation import Part, RecordPart, Structure
-from hapticmech_ros.compilation.records import (
-    Number,
-    Record,
-    Whole,
-)
+from hapticmech_ros.compilation.records import Number, Record, Whole
 
 SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
 # Columns of a shape's whole numbers.

@@ -12,13 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.contact.layout import (
-    JOINT_A,
-    JOINT_B,
-    NOTHING,
-    SHAPE_A,
-    Contacts,
-)
+from hapticmech_ros.contact.layout import JOINT_A, JOINT_B, NOTHING, SHAPE_A, Contacts
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.touch_kernels import (
     near_pairs,

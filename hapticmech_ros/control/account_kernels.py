@@ -61,10 +61,7 @@ from hapticmech_ros.control.loop_layout import (
     MeanChange,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
 
 # Samples that a memory has at most.

@@ -51,11 +51,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, OperationalModelSample
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene

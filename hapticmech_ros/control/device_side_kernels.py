@@ -32,9 +32,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.device.safety_kernels import Safety, stay_bounded, stay_within
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample
 
 
 @inner

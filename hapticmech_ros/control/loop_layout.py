@@ -9,20 +9,8 @@ held; what is said to be known, or to hold, is 1, or else 0.
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-    Whole,
-    matrix,
-)
-from hapticmech_ros.numerics.layout import (
-    TWIST,
-    WRENCH,
-    DeviceSample,
-    Pose,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, Whole, matrix
+from hapticmech_ros.numerics.layout import TWIST, WRENCH, DeviceSample, Pose
 
 # By so much more than evenly a damper brakes in what is left of its time, at a start.
 BRAKE = 1.2

@@ -21,10 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.results import CompensatedResponse
 

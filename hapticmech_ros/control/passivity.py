@@ -42,9 +42,7 @@ from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 

@@ -30,18 +30,11 @@ from hapticmech_ros.control.kernels import (
     send_message,
     slot_of,
 )
-from hapticmech_ros.control.loop_layout import (
-    Answer,
-    ChannelState,
-    ControllerAccount,
-    Locality,
-)
+from hapticmech_ros.control.loop_layout import Answer, ChannelState, ControllerAccount, Locality
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene.controller import Connection
 
 

@@ -17,17 +17,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, local, put, shaped
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-    matrix,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    TWIST,
-)
+from hapticmech_ros.numerics.layout import TWIST
 from hapticmech_ros.numerics.rotation_kernels import (
     angular_rate,
     exp3,

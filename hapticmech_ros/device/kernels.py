@@ -62,13 +62,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-    matrix,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.device.hand_kernels import (
     OPEN,
     Body,
@@ -79,11 +73,7 @@ from hapticmech_ros.device.hand_kernels import (
     pull,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    TWIST,
-    WRENCH,
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import TWIST, WRENCH, DeviceSample
 from hapticmech_ros.numerics.rotation_kernels import (
     exp3,
     log3,

@@ -23,16 +23,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, rotation_of
 
 SHARE, LONGEST_LAG = 0.1, 0.015

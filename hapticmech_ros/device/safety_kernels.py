@@ -9,11 +9,7 @@ from enum import Enum
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.compilation.records import (
-    Number,
-    Record,
-    Vector,
-)
+from hapticmech_ros.compilation.records import Number, Record, Vector
 from hapticmech_ros.numerics import Array
 
 

@@ -22,18 +22,9 @@ from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
-from hapticmech_ros.mechanism.kernels.run_kernels import (
-    EVERYTHING,
-    NEEDS_CARE,
-    UNCHECKED,
-    advance,
-)
+from hapticmech_ros.mechanism.kernels.run_kernels import EVERYTHING, NEEDS_CARE, UNCHECKED, advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import (
-    history_size,
-    springs_size,
-    work_size,
-)
+from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_size, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,

@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.compilation.records import (
-    Whole,
-)
+from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,

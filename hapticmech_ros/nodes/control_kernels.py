@@ -5,11 +5,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Record,
-    Whole,
-)
+from hapticmech_ros.compilation.records import Nested, Record, Whole
 from hapticmech_ros.control.account_kernels import (
     account_for_hand,
     account_for_motion,
@@ -48,9 +44,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.wire.kernels import (
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,

@@ -59,10 +59,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,

@@ -46,9 +46,7 @@ from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator

@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.compilation.records import (
-    Whole,
-)
+from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
     account_for_actuators,
@@ -58,9 +56,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,

@@ -12,11 +12,7 @@ Kernel that waits for a loop to stand still. It needs neither Python nor its loc
 from __future__ import annotations
 
 from hapticmech_ros.compilation import c_function, function_at, inner, kernel
-from hapticmech_ros.compilation.records import (
-    Record,
-    Vector,
-    Whole,
-)
+from hapticmech_ros.compilation.records import Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
 

@@ -24,14 +24,10 @@ from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices
 from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 _HAND = DEVICE_SAMPLE.slice("hand_wrench")

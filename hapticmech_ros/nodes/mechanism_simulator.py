@@ -54,9 +54,7 @@ from hapticmech_ros.session.tick_kernels import (
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    energy_of,
-)
+from hapticmech_ros.wire.layouts import energy_of
 from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names

@@ -42,9 +42,7 @@ from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
-from hapticmech_ros.wire.layouts import (
-    pose_of,
-)
+from hapticmech_ros.wire.layouts import pose_of
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 
 # Publishers are reliable: a reliable subscriber (CRTK clients, bags, `ros2 topic`) would silently

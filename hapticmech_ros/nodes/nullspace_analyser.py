@@ -27,11 +27,7 @@ from hapticmech_ros.operational.observation import ConstraintCounter, Observatio
 from hapticmech_ros.operational.results import rank_of
 from hapticmech_ros.wire.bounds import Bounds, message_bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-    OperationalModelWriter,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire, OperationalModelWriter
 from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (

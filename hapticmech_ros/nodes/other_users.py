@@ -21,10 +21,7 @@ from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import message_bounds, read
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION
 

@@ -48,24 +48,15 @@ from hapticmech_ros.nodes.plain_messages import (
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    reading_bounds,
-)
+from hapticmech_ros.wire.layouts import reading_bounds
 from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
-from hapticmech_ros.wire.topics import (
-    DEVICE_POSE,
-    DEVICE_STATE,
-    POINT_COMMAND,
-    POINT_MODEL,
-)
+from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
 # After the last answers' stamps, which may be later than their samples' by up to a microsecond.

@@ -18,9 +18,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active, flat_grasp, grasp_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import ConstraintCounter

@@ -52,13 +52,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
-from hapticmech_ros.compilation.records import (
-    Nested,
-    Number,
-    Record,
-    Vector,
-    matrix,
-)
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces, element_resistance
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -74,9 +68,7 @@ from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 from hapticmech_ros.numerics.small_matrices import (
     cholesky,
@@ -604,8 +596,7 @@ def observe_point(
     )
     if not converged:
         return NO_SPECTRUM
-    for i in range(6):
-        put(found.now.inverse_inertia[i], found.inverse_inertia[i])
+    put(found.now.inverse_inertia, found.inverse_inertia)
     put(found.now.free_acceleration, found.free_acceleration)
     put(found.position, pose[9:])
     quaternion_of(rotation, found.quaternion)

@@ -29,10 +29,7 @@ from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
 from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.operational.results import felt_masses

@@ -18,10 +18,7 @@ from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
@@ -33,14 +30,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from hapticmech_ros.compilation.records import (
-    Field,
-    Layout,
-)
-from hapticmech_ros.numerics.layout import (
-    TWIST,
-    WRENCH,
-)
+from hapticmech_ros.compilation.records import Field, Layout
+from hapticmech_ros.numerics.layout import TWIST, WRENCH
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))

@@ -34,12 +34,7 @@ from hapticmech_ros.control.loop_layout import (
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
-from hapticmech_ros.device import (
-    DeviceState,
-    ImpedanceDevice,
-    SimulatedDevice,
-    device_for,
-)
+from hapticmech_ros.device import DeviceState, ImpedanceDevice, SimulatedDevice, device_for
 from hapticmech_ros.device.kernels import DeviceModel
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.device.safety_kernels import Safety
@@ -48,10 +43,7 @@ from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench

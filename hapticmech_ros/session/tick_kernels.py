@@ -16,10 +16,7 @@ from hapticmech_ros.compilation import (
     inner,
     put,
 )
-from hapticmech_ros.compilation.records import (
-    Number,
-    Record,
-)
+from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
@@ -54,10 +51,7 @@ from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    DeviceSample,
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     ConstraintTrigger,

@@ -16,10 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.compilation.records import (
-    ANY,
-    Layout,
-)
+from hapticmech_ros.compilation.records import ANY, Layout
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.document import Limits

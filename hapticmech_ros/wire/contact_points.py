@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation.records import (
-    Field,
-    Layout,
-)
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import bounds_of

@@ -14,10 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.compilation.records import (
-    Field,
-    Layout,
-)
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.control.measurements import place_of
 from hapticmech_ros.device import NO_WRENCH, DeviceState
 from hapticmech_ros.mechanism import Mechanism

@@ -25,12 +25,7 @@ from hapticmech_ros.compilation.records import (
     matrix,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    SECONDS,
-    WRENCH,
-    DeviceSample,
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import SECONDS, WRENCH, DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 

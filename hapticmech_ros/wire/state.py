@@ -19,17 +19,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hapticmech_ros.compilation.records import (
-    Field,
-    Layout,
-)
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import GRASP_SIZE, Active
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import (
-    WRENCH,
-)
+from hapticmech_ros.numerics.layout import WRENCH
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.messages import FLAG, GRASP_FIELD, STAMP

@@ -12,9 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.compilation.records import (
-    Layout,
-)
+from hapticmech_ros.compilation.records import Layout
 from hapticmech_ros.wire.messages import (
     ControllerEnergy,
     DeviceEnergy,

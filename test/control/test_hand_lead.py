@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.control.account_kernels import (
-    MOST,
-    mean_change,
-    remember_wrench,
-)
+from hapticmech_ros.control.account_kernels import MOST, mean_change, remember_wrench
 from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 
 PERIOD = 1e-3
 PUSH = DEVICE_SAMPLE.slice("hand_wrench")

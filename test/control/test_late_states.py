@@ -7,10 +7,7 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 
 PERIOD = 1e-3
 PUSHES = (0.3, -0.2, 0.5, 0.1, 0.4)

@@ -13,9 +13,7 @@ from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import flat_device, operational_model_of
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.numerics.layout import (
-    Pose,
-)
+from hapticmech_ros.numerics.layout import Pose
 from oracles.controllers import local_model
 
 # Of a hand whose wrench was never measured before: nothing is carried on.

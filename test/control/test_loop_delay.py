@@ -24,9 +24,7 @@ from hapticmech_ros.control.loop_delay import (
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Connection
 

@@ -15,10 +15,7 @@ from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController, corrected
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.device.safety import Reason
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection, Passivity
 
 PERIOD = 1e-3

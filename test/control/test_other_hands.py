@@ -16,9 +16,7 @@ from hapticmech_ros.control.other_hands import (
     coupling_gain,
     received_directly,
 )
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.scene import scene_from_document
 from oracles.users import two_points
 

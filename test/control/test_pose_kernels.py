@@ -8,9 +8,7 @@ import pytest
 
 from hapticmech_ros.control.kernels import carry_on, follow, log6, turn_between
 from hapticmech_ros.control.measurements import carried_on
-from hapticmech_ros.numerics.layout import (
-    Pose,
-)
+from hapticmech_ros.numerics.layout import Pose
 
 # Rotations are good to a few 1e-16; a logarithm is no worse conditioned than 1 + θ²/12 < 2.
 CLOSE = 1e-14

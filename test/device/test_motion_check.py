@@ -11,9 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.device.safety import MotionCheck
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.scene.device import Device, Workspace
 from oracles.swing import POSITION, QUATERNION, TWIST, Swing
 

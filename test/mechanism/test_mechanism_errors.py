@@ -7,12 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from hapticmech_ros.errors import (
-    ClosureError,
-    HapticMechError,
-    InvalidInputError,
-    SceneError,
-)
+from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR

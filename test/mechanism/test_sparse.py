@@ -18,9 +18,7 @@ from hapticmech_ros.mechanism.kernels import layout
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
 from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator

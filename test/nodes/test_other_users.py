@@ -16,10 +16,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
 from hapticmech_ros.wire.cdr import FlatArray, decode
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.wrench import encode_wrench
 

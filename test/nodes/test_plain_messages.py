@@ -31,9 +31,7 @@ from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    OperationalModelWriter,
-)
+from hapticmech_ros.wire.layouts import OperationalModelWriter
 from hapticmech_ros.wire.messages import (
     DeviceStateMessage,
     LocalFeedbackGain,

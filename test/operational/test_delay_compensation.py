@@ -10,9 +10,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator

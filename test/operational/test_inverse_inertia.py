@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.scene import scene_from_document
 from oracles import closed_form

@@ -10,9 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
-from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
-)
+from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism

@@ -11,9 +11,7 @@ from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, Locality
 from hapticmech_ros.control.measurements import flat_operational_model
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import (
-    OperationalModelSample,
-)
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
 
 NOTHING = np.zeros(6)

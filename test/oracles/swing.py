@@ -10,9 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-)
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 
 POSITION, QUATERNION, TWIST = (
     DEVICE_SAMPLE.slice(name) for name in ("position", "quaternion", "twist")

@@ -29,10 +29,7 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import DEVICE_STATE, users_of

@@ -7,10 +7,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.document import Limits
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    CouplingWire,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 
 
 def test_what_is_packed_is_unpacked_and_zero_is_nothing():

@@ -14,9 +14,7 @@ from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
-from hapticmech_ros.wire.layouts import (
-    OperationalModelWriter,
-)
+from hapticmech_ros.wire.layouts import OperationalModelWriter
 from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import WireState
 

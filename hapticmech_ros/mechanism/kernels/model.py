@@ -19,11 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure, inner
-from hapticmech_ros.compilation.records import (
-    Number,
-    Record,
-    Whole,
-)
+from hapticmech_ros.compilation.records import Number, Record, Whole
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.numerics import Array
 
