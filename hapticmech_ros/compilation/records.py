@@ -171,7 +171,7 @@ class Scalar(RecordField, Generic[Read]):
     def __get__(self, record: Record, owner: type[Record]) -> Read: ...
     def __get__(self, record: Record | None, owner: type[Record]) -> Scalar[Read] | Read:
         """Return the number."""
-        return self if record is None else self.read(record.values[self.at])
+        return self if record is None else self.read(record.values.item(self.at))
 
     def __set__(self, record: Record, value: float) -> None:  # type: ignore[override]
         """Write the number."""
