@@ -664,11 +664,16 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
 GAINS = "/device/local_feedback_gain Float64MultiArray"
 
 
-@pytest.fixture
-def driven(folder: Path) -> Iterator[Process]:
+def driven_at(folder: Path) -> Process:
     process = Process(HapticDevice, "five_bar", folder, (DEVICE_STATES, DEVICE_COMMANDS))
     # Whatever else runs here.
     process.actor.timeout_ns = 10_000 * MS
+    return process
+
+
+@pytest.fixture
+def driven(folder: Path) -> Iterator[Process]:
+    process = driven_at(folder)
     yield process
     process.close()
 
@@ -773,17 +778,25 @@ def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
 
 
 def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
-    driven: Process, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    actor, (peer,) = driven.actor, driven.peers
-    codes, log = by_the_kernel(driven, monkeypatch), Logged(driven)
-    end = time.monotonic() + 20.0
-    while not actor.failures.count:
-        assert time.monotonic() < end
-        if log.by_kernel > 20:
-            actor.fastest[:] = 1e-12, 100.0
-        driven.go(MS // 2)
-        for got in driven.answers()[-1:]:
-            peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
-    assert lane_kernels.TO_SAY in codes
-    assert "nothing moves it so fast" in actor.failures.last
+    """A step that is late here is Python's, which says so by itself: then once more."""
+    for attempt in range(5):
+        place = folder / str(attempt)
+        place.mkdir(mode=0o700)
+        process = driven_at(place)
+        actor, (peer,) = process.actor, process.peers
+        codes, log = by_the_kernel(process, monkeypatch), Logged(process)
+        end = time.monotonic() + 20.0
+        while not actor.failures.count:
+            assert time.monotonic() < end
+            if log.by_kernel > 20:
+                actor.fastest[:] = 1e-12, 100.0
+            process.go(MS // 2)
+            for got in process.answers()[-1:]:
+                peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
+        process.close()
+        assert "nothing moves it so fast" in actor.failures.last
+        if lane_kernels.TO_SAY in codes:
+            return
+    pytest.fail("no step was the kernel's")
