@@ -29,7 +29,7 @@ from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import OPERATIONAL_MODEL_FIELDS
+from hapticmech_ros.wire.messages import OperationalModelMessage
 
 SCENE = "five_bar"
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -210,7 +210,7 @@ class _Trial:
 
     def _apart(self) -> float:
         told = decode(self._graph.last[f"/analysis/{self._point}/operational_model"])
-        place = told[OPERATIONAL_MODEL_FIELDS.slice("position")]
+        place = told[OperationalModelMessage.layout.slice("position")]
         return float(np.linalg.norm((place - self._body.pose.translation)[:2]))
 
 

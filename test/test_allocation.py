@@ -22,6 +22,7 @@ from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.plan.scene_plan import plan_scene
@@ -29,12 +30,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    DEVICE_MEASURED,
-    OPERATIONAL_MODEL_FIELDS,
-    POINT_MODEL_PART,
-)
-from hapticmech_ros.wire.readings import OperationalModelWriter
+from hapticmech_ros.wire.layouts import OperationalModelWriter
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from sampling import sampled
 
@@ -64,7 +61,7 @@ def nodes(scene: Scene) -> Tick:
     layout = StateLayout(simulator.mechanism)
     past = PastRates(3, 1_000_000, simulator.mechanism.nv)
     operational_model = OperationalModelWriter(analyser, past)
-    state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(OPERATIONAL_MODEL_FIELDS)
+    state_wire, rendering_wire = FlatArray(layout.fields), FlatArray(OperationalModelMessage.layout)
     control, device = ControlArchitecture(scene), device_for(scene)
     points, index = len(scene.operational_points), analyser.index
     state = simulator.initial_state()
@@ -87,10 +84,11 @@ def nodes(scene: Scene) -> Tick:
         )
         sent = state_wire.encode(layout.pack(wire))
         operational_model.evaluate(layout.unpack(state_wire.decode(sent)))
-        operational_model.count(1)
-        seen = rendering_wire.decode(rendering_wire.encode(operational_model.values))
-        measured = np.concatenate((np.zeros(2), own.published))[DEVICE_MEASURED]
-        answer = control.answer(1e-3 * ticks, clutch, measured, seen[POINT_MODEL_PART].copy(), 0.0)
+        operational_model.message.count = 1
+        seen = rendering_wire.decode(rendering_wire.encode(operational_model.message.values))
+        model = OperationalModelMessage(seen).operational_model.values.copy()
+        measured = own.published[: DeviceSample.layout.size]
+        answer = control.answer(1e-3 * ticks, clutch, measured, model, 0.0)
         wrenches = np.zeros((points, 6))
         wrenches[index] = answer[1]
         now["state"] = simulator.step(mechanism, wrenches)

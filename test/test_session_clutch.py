@@ -9,7 +9,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.device.kernels import DEVICE_STATE
+from hapticmech_ros.device.kernels import SimulatedState
 from hapticmech_ros.scene.mechanism import Origin
 from sampling import sampled
 
@@ -52,9 +52,9 @@ def coupled_at_1_m_per_s(direction, at_once):
     hand = scene.hand.model_copy(update={"start_delay": 100.0})
     session = Session(scene.model_copy(update={"hand": hand}))
     sample = session.tick()
-    state, twist = session._parts.state, (np.cos(direction), np.sin(direction), 0.0, 0.0, 0.0, 0.0)
-    for name in ("twist", "body_twist"):
-        state[DEVICE_STATE.slice(name)] = twist
+    state, twist = SimulatedState(session._parts.state), np.zeros(6)
+    twist[:2] = np.cos(direction), np.sin(direction)
+    state.twist[:] = state.body.twist[:] = twist
     session._clutch = engage(session.time, sample.device.pose, sample.point.pose)
     if not at_once:
         session._clutch = None
@@ -78,9 +78,8 @@ def test_a_ramp_is_as_long_as_the_device_s_speed_needs(speed, wanted):
     hand = scene.hand.model_copy(update={"start_delay": 100.0})
     session = Session(scene.model_copy(update={"hand": hand}))
     session.tick()
-    state, twist = session._parts.state, (speed, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for name in ("twist", "body_twist"):
-        state[DEVICE_STATE.slice(name)] = twist
+    state, twist = SimulatedState(session._parts.state), (speed, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state.twist[:] = state.body.twist[:] = twist
     session._clutch = None
     session.tick()
     assert session.clutch.duration == pytest.approx(wanted, rel=0.01)

@@ -19,14 +19,14 @@ from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8, UInt8MultiArray
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.measurements import operational_model_of
+from hapticmech_ros.control.measurements import (
+    flat_device,
+    flat_operational_model,
+    operational_model_of,
+)
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.nodes.messages import (
-    WORLD,
-    message_class,
-    set_stamp,
-)
+from hapticmech_ros.nodes.messages import WORLD, message_class, set_stamp
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -34,24 +34,14 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 from hapticmech_ros.wire import topics as table
 from hapticmech_ros.wire.cdr import FlatArray, encode_matrix
-from hapticmech_ros.wire.layouts import (
-    CONTROLLER_ENERGY_FIELDS,
-    DEVICE_ENERGY_FIELDS,
-    DEVICE_FIELDS,
-    ENERGY_FIELDS,
-    GAIN_FIELDS,
-    OPERATIONAL_MODEL_FIELDS,
+from hapticmech_ros.wire.layouts import energy_of
+from hapticmech_ros.wire.messages import (
+    ControllerEnergy,
     DeviceEnergy,
-    DeviceSample,
+    DeviceStateMessage,
     LocalFeedbackGain,
+    MechanismEnergy,
     OperationalModelMessage,
-    energy_of,
-    pack_controller_energy,
-    pack_device,
-    pack_device_energy,
-    pack_energy,
-    pack_gain,
-    pack_operational_model,
 )
 from hapticmech_ros.wire.stamped import encode_pose, encode_twist
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
@@ -127,51 +117,52 @@ class Examples:
         external = np.zeros((len(self.points), 6))
         received, grasps = (True,) * len(self.points), flat_grasps(scene)
         layout = StateLayout(mechanism)
-        device = DeviceMeasurement(
-            sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
+        own = sample.device
+        device = DeviceStateMessage.of(0, applied=output.device)
+        device.sample.values[:] = flat_device(
+            DeviceMeasurement(own.measured_pose, own.measured_twist, sample.hand_wrench)
         )
         seen = PointMeasurement(sample.point.pose, sample.point.twist, external[0])
-        rendering = OperationalModelMessage(
-            0,
-            sample.count,
-            analysis.spectrum.s,
-            operational_model_of(analysis),
-            seen,
-            True,
-            grasps[0],
+        model = OperationalModelMessage.of(0, count=sample.count, commanded=1.0, grasp=grasps[0])
+        model.directions = analysis.spectrum.s.size
+        model.operational_model.values[:] = flat_operational_model(
+            operational_model_of(analysis), seen
         )
+        model.s[:] = analysis.spectrum.s
         energy = energy_of(mechanism, state, 0)
         wire = WireState(0, state.active, state.q, state.v, external, grasps, received)
         joints = coordinate_names(mechanism), layout.coordinates(state.q), state.v
         self.arrays: dict[Topic, StampedArray] = {
             table.DEVICE_STATE: StampedArray(
-                FlatArray(DEVICE_FIELDS), pack_device(DeviceSample(0, device, output.device))
+                FlatArray(DeviceStateMessage.layout),
+                device.values,
             ),
             table.STATE: StampedArray(FlatArray(layout.fields), layout.pack(wire)),
             table.POINT_MODEL: StampedArray(
-                FlatArray(OPERATIONAL_MODEL_FIELDS), pack_operational_model(rendering)
+                FlatArray(OperationalModelMessage.layout), model.values
             ),
             table.DEVICE_GAIN: StampedArray(
-                FlatArray(GAIN_FIELDS), pack_gain(LocalFeedbackGain(0, 0, 0.0, np.zeros(108)))
+                FlatArray(LocalFeedbackGain.layout),
+                LocalFeedbackGain().values,
             ),
             DEVICE_ENERGY: StampedArray(
-                FlatArray(DEVICE_ENERGY_FIELDS),
-                pack_device_energy(DeviceEnergy(0, *[0.0] * 5)),
+                FlatArray(DeviceEnergy.layout),
+                DeviceEnergy().values,
             ),
             CONTROLLER_ENERGY: StampedArray(
-                FlatArray(CONTROLLER_ENERGY_FIELDS),
-                pack_controller_energy(session.energies, 0),
+                FlatArray(ControllerEnergy.layout),
+                ControllerEnergy.of(0, **session.energies._asdict()).values,
             ),
-            ENERGY: StampedArray(FlatArray(ENERGY_FIELDS), pack_energy(energy)),
+            ENERGY: StampedArray(FlatArray(MechanismEnergy.layout), energy.values),
         }
         wrenches = np.zeros((6, sample.count))
         flags, names = state.active, [closure.name for closure in mechanism.closures]
         self._others: dict[Topic, Example] = {
-            table.DEVICE_POSE: _pose(device.pose),
-            table.DEVICE_POSE_SETPOINT: _pose(device.pose),
-            table.DEVICE_TWIST: _twist(device.twist),
+            table.DEVICE_POSE: _pose(own.measured_pose),
+            table.DEVICE_POSE_SETPOINT: _pose(own.measured_pose),
+            table.DEVICE_TWIST: _twist(own.measured_twist),
             table.DEVICE_JOINTS: _joints(
-                ("x", "y", "z", "rx", "ry", "rz"), np.zeros(6), device.twist, output.device
+                ("x", "y", "z", "rx", "ry", "rz"), np.zeros(6), own.measured_twist, output.device
             ),
             table.JOINT_STATES: _joints(*joints),
             table.POINT_JOINTS: _joints(*joints),

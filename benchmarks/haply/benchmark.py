@@ -40,7 +40,7 @@ from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 DRIVER, CONTROLLER, SERVICE = "haply_device", "teleoperation_controller", "service"
@@ -59,7 +59,7 @@ SWINGING = (
 # door's knob).
 PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
-APPLIED = DEVICE_FIELDS.slice("applied")
+APPLIED = DeviceStateMessage.layout.slice("applied")
 
 
 @dataclass(frozen=True)

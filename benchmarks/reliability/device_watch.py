@@ -24,7 +24,7 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.loop import StopRequest
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_ENERGY_FIELDS, DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage
 
 QOS = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -68,9 +68,9 @@ def watch(file: Path, namespace: str = "") -> None:
         executor.spin_once(timeout_sec=0.1)
     np.savez(
         file,
-        states=FlatArray(DEVICE_FIELDS).decode_all(states),
+        states=FlatArray(DeviceStateMessage.layout).decode_all(states),
         arrivals=np.array(arrivals),
-        energies=FlatArray(DEVICE_ENERGY_FIELDS).decode_all(energies),
+        energies=FlatArray(DeviceEnergy.layout).decode_all(energies),
         said=np.array([f"{name}: {text}" for name, text in said.items()]),
     )
     node.destroy_node()

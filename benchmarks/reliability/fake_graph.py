@@ -32,7 +32,7 @@ from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 ACTORS: tuple[type[Actor[Any]], ...] = (
@@ -333,8 +333,8 @@ class FakeGraph:
 
 def applied_in(message: bytes) -> np.ndarray:
     """Return what actuators apply (6,) by a whole ``device/state`` message."""
-    values = np.frombuffer(message[-8 * DEVICE_FIELDS.size :])
-    return values[DEVICE_FIELDS.slice("applied")]
+    values = np.frombuffer(message[-8 * DeviceStateMessage.layout.size :])
+    return values[DeviceStateMessage.layout.slice("applied")]
 
 
 def numbers_of(kind: Any, message: Any) -> Iterable[float]:

@@ -22,8 +22,9 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, WORLD
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, DEVICE_STATE, Topic
 
 PERIOD_S = 0.001
@@ -69,8 +70,8 @@ class ForeignGain(ForeignPublisher):
 
     def _next(self) -> Float64MultiArray:
         now = self.get_clock().now().nanoseconds
-        values = pack_gain(LocalFeedbackGain(now, now, ENERGY, self._model))
-        return Float64MultiArray(data=values.tolist())
+        gain = LocalFeedbackGain.answering(now, now, ENERGY, self._model)
+        return Float64MultiArray(data=gain.values.tolist())
 
 
 class ForeignCommander(ForeignPublisher):
@@ -93,10 +94,10 @@ class ForeignCommander(ForeignPublisher):
             )
 
     def _hold(self, message: bytes) -> None:
-        measured = unpack_device(decode(message)).measured
+        measured = read(DeviceStateMessage, decode(message)).sample
         if self._held is None:
-            self._held = measured.pose.translation.copy()
-        away = np.concatenate((measured.pose.translation - self._held, np.zeros(3)))
+            self._held = measured.position.copy()
+        away = np.concatenate((measured.position - self._held, np.zeros(3)))
         self._fill(-SPRING * away - DAMPER * measured.twist)
 
     def _fill(self, wrench: Sequence[float] | np.ndarray) -> None:

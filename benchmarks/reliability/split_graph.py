@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 
 Array = NDArray[np.float64]
 START_TIMEOUT_S = 60.0
@@ -29,7 +29,7 @@ _JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
 _NODE = (sys.executable, "-m", "hapticmech_ros.nodes.entry")
 _RUN = (sys.executable, "-m", "hapticmech_ros", "run")
 _NOT_DEVICE = ("mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
-_AT = {name: DEVICE_FIELDS.slice(name) for name in DEVICE_FIELDS}
+_AT = {name: DeviceStateMessage.layout.slice(name) for name in DeviceStateMessage.layout}
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,9 @@ from hapticmech_ros.nodes.realtime import Realtime, Request
 from hapticmech_ros.nodes.sources import Info, WithInfo
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire import topics
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.wrench import decode_wrench
 
 NAN = float("nan")
@@ -119,7 +120,7 @@ class GraphWatch(Node):
 
 
 def _device(message: bytes) -> Told:
-    sample = unpack_device(decode(message))
+    sample = read(DeviceStateMessage, decode(message))
     force, torque = np.linalg.norm(sample.applied.reshape(2, 3), axis=1)
     return sample.stamp_ns, float(force), float(torque)
 

@@ -55,8 +55,9 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of
 from hapticmech_ros.session import Session
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30, 42)
@@ -146,10 +147,10 @@ def _recorded(
 def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     with BagReader(bag) as reader:
         (name,) = [one for one in reader.topics if one.endswith(f"/{DEVICE_STATE.name}")]
-        samples = [unpack_device(decode(data)) for _, _, data in reader.serialized(name)]
+        samples = [read(DeviceStateMessage, decode(data)) for _, _, data in reader.serialized(name)]
     stamps = np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9
-    forces = np.array([one.measured.hand_wrench for one in samples])
-    twists = np.array([one.measured.twist for one in samples])
+    forces = np.array([one.sample.hand_wrench for one in samples])
+    twists = np.array([one.sample.twist for one in samples])
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")

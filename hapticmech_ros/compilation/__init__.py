@@ -11,13 +11,22 @@ from hapticmech_ros.compilation.decorators import (
     kernel,
     leaf,
 )
-from hapticmech_ros.compilation.structures import SIZES, Part, Size, Structure, structure
+from hapticmech_ros.compilation.structures import (
+    SIZES,
+    Part,
+    RecordPart,
+    Size,
+    Structure,
+    arrays_of,
+)
 
 __all__ = [
     "SIZES",
     "Part",
+    "RecordPart",
     "Size",
     "Structure",
+    "arrays_of",
     "c_function",
     "function_at",
     "gathering_kernel",
@@ -28,5 +37,4 @@ __all__ = [
     "local_whole",
     "put",
     "shaped",
-    "structure",
 ]

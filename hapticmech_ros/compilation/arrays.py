@@ -38,10 +38,10 @@ def shaped(numbers: Array, shape: tuple[int, ...]) -> Array:
 
 
 def put(target: Array, source: Array) -> None:
-    """Copy an array (n,) into another one of the same size.
+    """Copy an array (n,) or (n, m) into another one of the same size.
 
     Args:
-        target: (n,) to fill.
-        source: (n,).
+        target: (n,) or (n, m) to fill.
+        source: (n,) or (n, m).
     """
     target[:] = source

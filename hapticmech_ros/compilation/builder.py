@@ -32,14 +32,16 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from pathlib import Path
 from typing import Any
 
-from hapticmech_ros.compilation import decorators, structures
+from hapticmech_ros.compilation import decorators
 from hapticmech_ros.compilation.decorators import Kernel
+from hapticmech_ros.compilation.records import Record
+from hapticmech_ros.compilation.structures import Structure, kinds_of
 from hapticmech_ros.errors import HapticMechError
 
 # Import every kernel, directly or not.
 _HOMES = ("mechanism.stepping", "operational.analysis", "control.architecture")
 _MORE_HOMES = (
-    *("device.impedance_device", "wire.readings", "contact.stepping"),
+    *("device.impedance_device", "wire.layouts", "contact.stepping"),
     *("session.session", "nodes.lane_kernels"),
     *("nodes.analysis_kernels", "nodes.control_kernels"),
     *("nodes.device_kernels", "nodes.mechanism_kernels"),
@@ -71,10 +73,12 @@ def import_all() -> dict[str, Kernel]:
     found = decorators.collect()
     for name in _HOMES + _MORE_HOMES:
         importlib.import_module(f"hapticmech_ros.{name}")
-    from hapticmech_ros.compilation.numba_types import teach_structure
+    from hapticmech_ros.compilation.numba_types import teach_record, teach_structure
 
-    for kind in structures.kinds:
-        teach_structure(kind)
+    for structure in kinds_of(Structure):
+        teach_structure(structure)
+    for record in kinds_of(Record):
+        teach_record(record)
     return {one.name: one for one in found}
 
 

@@ -16,15 +16,35 @@ from typing import Any
 from hapticmech_ros.compilation import arrays
 from hapticmech_ros.compilation.inner_functions import translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
-from hapticmech_ros.compilation.structures import Part, Size
+from hapticmech_ros.compilation.records import Nested, Record, Vector
+from hapticmech_ros.compilation.structures import Place, RecordPart, Structure
 
 # Which have no types of their own.
 numba: Any = importlib.import_module("numba")
 extending: Any = importlib.import_module("numba.extending")
+templates: Any = importlib.import_module("numba.core.typing.templates")
+cgutils: Any = importlib.import_module("numba.core.cgutils")
+arrayobj: Any = importlib.import_module("numba.np.arrayobj")
 ir: Any = importlib.import_module("llvmlite.ir")
+numba_ir: Any = importlib.import_module("numba.core.ir")
+ir_utils: Any = importlib.import_module("numba.core.ir_utils")
 types, carray, farray = numba.types, numba.carray, numba.farray
 _NUMBERS, _WHOLE = types.CPointer(types.float64), types.CPointer(types.int64)
 _WORD = ir.IntType(64)
+
+
+def _keep_writes(
+    made: Any, _args: Any, _types: Any, _function: Any, _aliases: Any, of_arguments: set[str]
+) -> None:
+    """Say that whatever a function makes may be a view of what it was given.
+
+    Of fields of records, and of what is unpacked from a tuple, Numba does not know it, and leaves
+    out what is written to a view that is not read afterwards.
+    """
+    of_arguments.add(made.target.name)
+
+
+ir_utils.alias_analysis_extensions[numba_ir.Assign] = _keep_writes
 
 
 def _shift(_context: Any, pointer: Any, _count: Any) -> Any:
@@ -93,7 +113,12 @@ def _put(target: Any, source: Any) -> Any:
         for i in range(target.size):
             target[i] = source[i]
 
-    return copy
+    def copy_rows(target, source):  # type: ignore[no-untyped-def]
+        for i in range(target.shape[0]):
+            for j in range(target.shape[1]):
+                target[i, j] = source[i, j]
+
+    return copy if target.ndim == 1 else copy_rows
 
 
 # Into the function that asks, whose stack it is.
@@ -104,7 +129,7 @@ extending.overload(arrays.shaped, inline="always", strict=False)(_shaped)
 extending.overload(arrays.put, strict=False)(_put)
 
 
-def teach_structure(kind: type) -> None:
+def teach_structure(kind: type[Structure]) -> None:
     """Let kernels make a kind of structure of two arrays, and ask it for sizes and parts."""
     members = {"numbers": _WHOLE, "data": _NUMBERS}
 
@@ -133,11 +158,10 @@ def teach_structure(kind: type) -> None:
     extending.lower_builtin(kind, types.Any, types.Any)(make)
     for name in members:
         extending.make_attribute_wrapper(StructureType, name, name)
-    for name, part in vars(kind).items():
-        if isinstance(part, Size):
-            extending.overload_attribute(StructureType, name)(_size_getter(part.index))
-        elif isinstance(part, Part):
-            extending.overload_attribute(StructureType, name)(_part_getter(part))
+    for name, size in kind.sizes.items():
+        extending.overload_attribute(StructureType, name)(_size_getter(size.index))
+    for name, part in kind.parts.items():
+        extending.overload_attribute(StructureType, name)(_part_getter(part))
 
 
 def _size_getter(index: int) -> Callable[[Any], Any]:
@@ -147,28 +171,136 @@ def _size_getter(index: int) -> Callable[[Any], Any]:
     return get
 
 
-def _part_getter(part: Part) -> Callable[[Any], Any]:
+_numbers_of = extending.register_jitable(lambda held: held.numbers)
+_data_of = extending.register_jitable(lambda held: held.data)
+
+
+def _part_getter(part: Place) -> Callable[[Any], Any]:
     at, rows, columns = part.at, part.at + 1, part.at + 2
+    whole: Any = _numbers_of if part.whole else _data_of
+    kind: Any = part.kind if isinstance(part, RecordPart) else None
 
-    def whole_vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.numbers, held.numbers[at]), (held.numbers[rows],))
-
-    def whole_matrix(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(
-            _shifted(held.numbers, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
-        )
+    def record(held):  # type: ignore[no-untyped-def]
+        return lambda held: kind(_shifted(whole(held), held.numbers[at]))
 
     def vector(held):  # type: ignore[no-untyped-def]
-        return lambda held: carray(_shifted(held.data, held.numbers[at]), (held.numbers[rows],))
+        return lambda held: carray(_shifted(whole(held), held.numbers[at]), (held.numbers[rows],))
 
     def matrix(held):  # type: ignore[no-untyped-def]
         return lambda held: carray(
-            _shifted(held.data, held.numbers[at]), (held.numbers[rows], held.numbers[columns])
+            _shifted(whole(held), held.numbers[at]), (held.numbers[rows], held.numbers[columns])
         )
 
-    if part.whole:
-        return whole_vector if part.dimensions == 1 else whole_matrix
+    if kind is not None:
+        return record
     return vector if part.dimensions == 1 else matrix
+
+
+class RecordType(types.Type):  # type: ignore[misc, name-defined]
+    """A record: where its first number is.
+
+    Args:
+        kind: of record.
+    """
+
+    def __init__(self, kind: type[Record]) -> None:
+        self.kind = kind
+        self.number = types.int64 if kind.dtype is int else types.float64
+        super().__init__(name=f"{kind.__module__}.{kind.__qualname__}")
+
+
+@extending.register_model(RecordType)
+class _RecordModel(extending.models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, typed: RecordType) -> None:
+        super().__init__(manager, typed, [("start", types.CPointer(typed.number))])
+
+
+@extending.infer_getattr
+class _RecordFields(templates.AttributeTemplate):  # type: ignore[misc]
+    key = RecordType
+
+    def generic_resolve(self, record: RecordType, name: str) -> Any:
+        """Return the type of a field."""
+        field = record.kind.fields.get(name)
+        if isinstance(field, Nested):
+            return RecordType(field.kind)
+        if isinstance(field, Vector):
+            return types.Array(record.number, len(field.shape), "C")
+        if name == "values":
+            return types.Array(record.number, 1, "C")
+        return None if field is None else record.number
+
+
+def _read_field(context: Any, builder: Any, record: RecordType, value: Any, name: str) -> Any:
+    if name == "values":
+        size = record.kind.layout.size
+        return _array(context, builder, record.number, builder.extract_value(value, 0), (size,))
+    field, found = record.kind.fields[name], _field_at(builder, record, value, name)
+    if isinstance(field, Nested):
+        return _record_at(context, builder, RecordType(field.kind), found)
+    if isinstance(field, Vector):
+        return _array(context, builder, record.number, found, field.shape)
+    return builder.load(found)
+
+
+def _write_field(context: Any, builder: Any, signature: Any, given: Any, name: str) -> None:
+    record, kind = signature.args
+    value = context.cast(builder, given[1], kind, record.number)
+    builder.store(value, _field_at(builder, record, given[0], name))
+
+
+def _field_at(builder: Any, record: RecordType, value: Any, name: str) -> Any:
+    first, at = builder.extract_value(value, 0), record.kind.fields[name].at
+    return builder.gep(first, [ir.Constant(_WORD, at)])
+
+
+def _record_at(context: Any, builder: Any, record: RecordType, start: Any) -> Any:
+    held = ir.Constant(context.get_value_type(record), ir.Undefined)
+    return builder.insert_value(held, start, 0)
+
+
+extending.lower_getattr_generic(RecordType)(_read_field)
+extending.lower_setattr_generic(RecordType)(_write_field)
+
+
+def teach_record(kind: type[Record]) -> None:
+    """Let kernels make a record of an array's numbers, or one of its own, zero, on the stack."""
+    made = RecordType(kind)
+
+    def construct(_context: Any) -> Any:
+        return lambda values=None: made
+
+    def make(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        start = _start(context, builder, signature.args[0], values[0])
+        return _record_at(context, builder, made, start)
+
+    def make_own(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        number, size = context.get_data_type(made.number), kind.layout.size
+        # Once, whatever loop it is in.
+        with builder.goto_entry_block():
+            start = builder.alloca(number, size=ir.Constant(_WORD, size))
+        cgutils.memset(builder, start, ir.Constant(_WORD, 8 * size), 0)
+        return _record_at(context, builder, made, start)
+
+    extending.type_callable(kind)(construct)
+    extending.lower_builtin(kind, types.Any)(make)
+    extending.lower_builtin(kind)(make_own)
+
+
+def _array(context: Any, builder: Any, dtype: Any, start: Any, shape: tuple[int, ...]) -> Any:
+    """Return an array in C order that begins at a pointer and belongs to nobody."""
+    array = context.make_array(types.Array(dtype, len(shape), "C"))(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(dtype))
+    strides = [size] if len(shape) == 1 else [size * shape[1], size]
+    arrayobj.populate_array(
+        array,
+        data=builder.bitcast(start, array.data.type),
+        shape=[ir.Constant(_WORD, one) for one in shape],
+        strides=[ir.Constant(_WORD, one) for one in strides],
+        itemsize=ir.Constant(_WORD, size),
+        meminfo=None,
+    )
+    return array._getvalue()
 
 
 @functools.cache

@@ -11,72 +11,144 @@ until it returns.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from hapticmech_ros.compilation.decorators import is_building
-
-Kind = TypeVar("Kind", bound=type)
 Array = np.ndarray
+Kind = TypeVar("Kind")
+Kept = TypeVar("Kept")
 # Numbers of a structure that come before the places of its parts; a place is three of them: where
 # the part starts, its rows and its columns.
 SIZES = 8
 
 
-# What kernels use, in a process that builds the library; see ``numba_types.teach_structure``.
-kinds: list[type] = []
-
-
 class Structure:
-    """Two arrays: whole numbers that say where what is, and what is there."""
+    """Two arrays: whole numbers that say where what is, and what is there.
+
+    A subclass declares sizes and parts, which are numbered in this order, behind those of its base,
+    or of ``after``: a structure that has its places in the same table.
+
+    Attributes:
+        numbers: (integers,) sizes, places, and whole parts.
+        data: (numbers,) all other parts.
+        sizes: by name.
+        parts: by name.
+        numbered: how many parts have a place so far.
+    """
 
     __slots__ = ("data", "numbers")
+    sizes: ClassVar[dict[str, Size]] = {}
+    parts: ClassVar[dict[str, Place]] = {}
+    numbered: ClassVar[int] = 0
 
     def __init__(self, numbers: Array, data: Array) -> None:
         self.numbers = numbers
         self.data = data
 
+    def __init_subclass__(cls, after: type[Structure] | None = None) -> None:
+        cls.sizes, cls.parts = dict(cls.sizes), dict(cls.parts)
+        cls.numbered = (after or cls).numbered
+        for name, one in list(vars(cls).items()):
+            if isinstance(one, Size):
+                one.index = len(cls.sizes)
+                cls.sizes[name] = one
+            elif isinstance(one, Place):
+                one.at = SIZES + 3 * cls.numbered
+                cls.numbered += 1
+                cls.parts[name] = one
+
+
+def kinds_of(base: type[Kind]) -> Iterator[type[Kind]]:
+    """Yield the classes below one that are known so far."""
+    for kind in base.__subclasses__():
+        yield kind
+        yield from kinds_of(kind)
+
 
 class Size:
     """One of the whole numbers.
 
-    Args:
+    Attributes:
         index: which.
     """
 
-    def __init__(self, index: int) -> None:
-        self.index = index
+    index = 0
 
-    def __get__(self, structure: Structure, owner: type | None = None) -> int:
+    def __get__(self, structure: Structure, owner: type[Structure]) -> int:
         """Return the number."""
         return int(structure.numbers[self.index])
 
 
-class Part:
-    """A view of a part of the data.
+class Place:
+    """Where a part of the data is.
 
     Args:
-        index: its number in the table of places.
         dimensions: 1 for a vector, 2 for a matrix.
         whole: whether it is among the whole numbers themselves.
+
+    Attributes:
+        at: index of its place among the whole numbers.
     """
 
-    def __init__(self, index: int, dimensions: int, whole: bool = False) -> None:
-        self.at = SIZES + 3 * index
+    at = 0
+
+    def __init__(self, dimensions: int, whole: bool = False) -> None:
         self.dimensions = dimensions
         self.whole = whole
 
-    def __get__(self, structure: Structure, owner: type | None = None) -> Array:
-        """Return the view."""
+    def view(self, structure: Structure) -> Array:
+        """Return the part's numbers (n,) or (n, m), not copied."""
         start, rows, columns = structure.numbers[self.at : self.at + 3].tolist()
         data = structure.numbers if self.whole else structure.data
         found = data[start : start + rows * columns]
         return found if self.dimensions == 1 else found.reshape(rows, columns)
 
 
-def structure(kind: Kind) -> Kind:
-    """Return a kind of :class:`Structure` that kernels can make and read."""
-    if is_building():
-        kinds.append(kind)
-    return kind
+class Part(Place):
+    """A part that is read as an array."""
+
+    def __get__(self, structure: Structure, owner: type[Structure]) -> Array:
+        """Return the view."""
+        return self.view(structure)
+
+
+class RecordPart(Place, Generic[Kept]):
+    """A part that is read as a record.
+
+    Args:
+        kind: of record; see :class:`~hapticmech_ros.numerics.layout.Record`.
+        whole: whether it is among the whole numbers themselves.
+    """
+
+    def __init__(self, kind: Callable[[Array], Kept], whole: bool = False) -> None:
+        super().__init__(1, whole)
+        self.kind = kind
+
+    def __get__(self, structure: Structure, owner: type[Structure]) -> Kept:
+        """Return the record, a view."""
+        return self.kind(self.view(structure))
+
+
+def arrays_of(
+    kind: type[Structure], sizes: Mapping[str, int], parts: Mapping[str, Array]
+) -> tuple[Array, Array]:
+    """Return the two arrays, (integers,) and (numbers,), of a structure whose parts are copies.
+
+    Args:
+        kind: of structure.
+        sizes: by name; 0 where left out.
+        parts: name -> (n,) or (n, m) array; all of them.
+    """
+    numbers = np.zeros(SIZES + 3 * len(kind.parts), dtype=np.int64)
+    for name, size in sizes.items():
+        numbers[kind.sizes[name].index] = size
+    whole, real, sized = [numbers], [np.zeros(0)], {True: numbers.size, False: 0}
+    for name, place in kind.parts.items():
+        given = parts[name]
+        columns = given.shape[1] if given.ndim == 2 else 1
+        numbers[place.at : place.at + 3] = sized[place.whole], len(given), columns
+        (whole if place.whole else real).append(given.ravel())
+        sized[place.whole] += given.size
+    return np.concatenate(whole, dtype=np.int64, casting="unsafe"), np.concatenate(real)

@@ -8,7 +8,8 @@ what a step works on and leaves: where shapes are, which of them are near, point
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import Part, Structure, structure
+from hapticmech_ros.compilation import Part, RecordPart, Structure
+from hapticmech_ros.compilation.records import Number, Record, Whole
 
 SPHERE, CAPSULE, CYLINDER, POLYTOPE, HALF_SPACE = 0, 1, 2, 3, 4
 # Columns of a shape's whole numbers.
@@ -29,24 +30,69 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# Of the counts: points in the last substep, in the one before, those the workspace lacked, how many
-# parts a substep has to be divided into, and substeps so far in the period whose forces are not
-# what the law says.
-NOW, BEFORE, FOUND, DIVISION, UNSOLVED, COUNTS = 0, 1, 2, 3, 4, 5
-# Of the settings: how far ahead in a step depths are taken, the period, s, the share of their size
-# by which shapes are apart that a period leaves alone, 1 for a step that is part of a divided one,
-# and what is known of the step without contacts.
-AHEAD, PERIOD, FAR_SHARE, IS_PART, KNOWN, SETTINGS = 0, 1, 2, 3, 4, 5
-# Nothing; rates and place at its end; and the branch of the motion that it is on as well.
+# What is known of the step without contacts: nothing; rates and place at its end; and the branch of
+# the motion that it is on as well.
 NOTHING, ITS_END, ITS_BRANCH = 0.0, 1.0, 2.0
-# Of a report on a substep: sweeps done, how far rates are from the law, m/s, energy held at its end
-# and at its start, J, and 1 if forces are not what the law says.
-SWEEPS, OFF, HELD, HELD_BEFORE, FAILED, REPORT_VALUES = 0, 1, 2, 3, 4, 5
 # Room for so many points at first; a scene where more touch gets more.
 FIRST_WORKSPACE = 16
 
 
-@structure
+class ContactCounts(Record):
+    """Whole numbers of a period with contacts.
+
+    Attributes:
+        points: number of points in the last substep.
+        points_before: in the one before.
+        points_found: those that the workspace lacked room for.
+        parts: how many parts a substep has to be divided into.
+        unsolved: substeps so far in the period whose forces are not what the law says.
+    """
+
+    dtype = int
+    points = Whole()
+    points_before = Whole()
+    points_found = Whole()
+    parts = Whole()
+    unsolved = Whole()
+
+
+class ContactSettings(Record):
+    """How contacts are stepped.
+
+    Attributes:
+        ahead: how far ahead in a step depths are taken: 1/2 of it, or 0 where positions move by
+            h v⁺.
+        period: s.
+        far_share: share of their size by which shapes are apart that a period leaves alone.
+        is_part: 1 for a step that is part of a divided one.
+        known: what is known of the step without contacts; see ``NOTHING``.
+    """
+
+    ahead = Number()
+    period = Number()
+    far_share = Number()
+    is_part = Number()
+    known = Number()
+
+
+class ContactReport(Record):
+    """How a substep with contacts ended.
+
+    Attributes:
+        sweeps: that the solver did.
+        residual: how far rates are from the law, m/s.
+        energy: held by contacts at its end, J.
+        energy_before: at its start, J.
+        failed: 1 if forces are not what the law says.
+    """
+
+    sweeps = Number()
+    residual = Number()
+    energy = Number()
+    energy_before = Number()
+    failed = Number()
+
+
 class Contacts(Structure):
     """Model and data of contacts; s shapes, p pairs, l links with shapes, j joints with the world.
 
@@ -56,7 +102,7 @@ class Contacts(Structure):
         faces: (f, 2) first corner and number of corners, of all polytopes.
         corners: (c,) vertices, in order around each face.
         carriers: (l,) joint that carries each link.
-        counts: (5,) of points; see ``NOW``.
+        counts: of points.
         owners: (4 p,) pair of each point.
         owners_before: (4 p,) in the substep before.
         shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
@@ -67,8 +113,7 @@ class Contacts(Structure):
         moves: (j, nv) 1 where a rate moves a joint, 0 elsewhere.
         acts: (l, p) 1 where a pair's force acts on a link, -1 where its reaction does.
         link_origins: (l, 3) of the links' frames in their joints, m.
-        settings: (5,) 1/2, or 0 where positions move by h v⁺; period, s; share for far shapes; 1
-            for a part of a step; see ``NOTHING``.
+        settings: how they are stepped.
         axes: (nv, 6) joint axes at the substep's start, as twists about the world's origin.
         poses: (s, 12) of shapes there, in the world: axes, then origin, m.
         boxes: (s, 7) half-lengths and middle of a bounding box along the world's axes, and how far
@@ -88,7 +133,7 @@ class Contacts(Structure):
         joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
             or N.
         step_force: (nv,) Σ J_cᵀ λ of the substep.
-        report: (5,) see ``HELD``.
+        report: of the substep.
         begun: (nq + nv,) state at the period's start.
         external: (l + links, 10) what contacts do to links, then what else pushes on them.
         frames: (4 p, 9) normal and tangents of points.
@@ -99,50 +144,20 @@ class Contacts(Structure):
 
     __slots__ = ()
 
-    shapes = Part(0, 2, whole=True)
-    pairs = Part(1, 2, whole=True)
-    faces = Part(2, 2, whole=True)
-    corners = Part(3, 1, whole=True)
-    carriers = Part(4, 1, whole=True)
-    counts = Part(5, 1, whole=True)
-    owners = Part(6, 1, whole=True)
-    owners_before = Part(7, 1, whole=True)
-    shape_values = Part(8, 2)
-    vertices = Part(9, 2)
-    normals = Part(10, 2)
-    laws = Part(11, 2)
-    moves = Part(12, 2)
-    acts = Part(13, 2)
-    link_origins = Part(14, 2)
-    settings = Part(15, 1)
-    axes = Part(16, 2)
-    poses = Part(17, 2)
-    boxes = Part(18, 2)
-    margins = Part(19, 1)
-    found = Part(20, 2)
-    points = Part(21, 2)
-    forces = Part(22, 2)
-    points_before = Part(23, 2)
-    forces_before = Part(24, 2)
-    free = Part(25, 1)
-    change = Part(26, 1)
-    q = Part(27, 1)
-    joint_force = Part(28, 1)
-    report = Part(29, 1)
-    begun = Part(30, 1)
-    external = Part(31, 2)
-    frames = Part(32, 2)
-    workspace = Part(33, 1)
-    origins = Part(34, 2)
-    kept_counts, kept_owners = Part(35, 1, whole=True), Part(36, 1, whole=True)
-    kept_points, kept_forces, kept_origins = Part(37, 2), Part(38, 2), Part(39, 2)
-    kept_joint_force, kept_report = Part(40, 1), Part(41, 1)
-    step_force = Part(42, 1)
-    stiff = Part(43, 1)
-    branch = Part(44, 2)
-
-
-PARTS = {name: part for name, part in vars(Contacts).items() if isinstance(part, Part)}
+    shapes, pairs, faces = Part(2, whole=True), Part(2, whole=True), Part(2, whole=True)
+    corners, carriers = Part(1, whole=True), Part(1, whole=True)
+    counts, owners = RecordPart(ContactCounts, whole=True), Part(1, whole=True)
+    owners_before, shape_values, vertices = Part(1, whole=True), Part(2), Part(2)
+    normals, laws, moves, acts = Part(2), Part(2), Part(2), Part(2)
+    link_origins, settings, axes, poses = Part(2), RecordPart(ContactSettings), Part(2), Part(2)
+    boxes, margins, found, points = Part(2), Part(1), Part(2), Part(2)
+    forces, points_before, forces_before, free = Part(2), Part(2), Part(2), Part(1)
+    change, q, joint_force, report = Part(1), Part(1), Part(1), RecordPart(ContactReport)
+    begun, external, frames, workspace = Part(1), Part(2), Part(2), Part(1)
+    origins, kept_counts = Part(2), RecordPart(ContactCounts, whole=True)
+    kept_owners, kept_points, kept_forces = Part(1, whole=True), Part(2), Part(2)
+    kept_origins, kept_joint_force, kept_report = Part(2), Part(1), RecordPart(ContactReport)
+    step_force, stiff, branch = Part(1), Part(1), Part(2)
 
 
 def workspace_size(points: int, nv: int) -> int:

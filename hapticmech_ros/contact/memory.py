@@ -9,16 +9,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hapticmech_ros.compilation import SIZES
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.hull import Polytope, box
 from hapticmech_ros.contact.layout import (
     BOX_VALUES,
     CAPSULE,
-    COUNTS,
     CYLINDER,
-    DIVISION,
     FIRST_WORKSPACE,
-    FOUND,
     FOUND_VALUES,
     HALF_SIZE,
     HALF_SPACE,
@@ -27,16 +24,13 @@ from hapticmech_ros.contact.layout import (
     MIDDLE,
     MOST_POINTS,
     NOTHING,
-    NOW,
-    OFF,
-    PARTS,
     POINT_VALUES,
     POLYTOPE,
     PUSH_VALUES,
-    REPORT_VALUES,
     SHAPE_VALUES,
     SPHERE,
-    SWEEPS,
+    ContactCounts,
+    ContactReport,
     Contacts,
     workspace_size,
 )
@@ -160,7 +154,7 @@ def contacts_of(
         shapes: the scene's shapes.
         model: the mechanism's, with any set of closures.
         places: per link with shapes the joint that carries it, and its origin (3,) there, m.
-        settings: (5,) as in :class:`Contacts`.
+        settings: (5,) a :class:`~hapticmech_ros.contact.layout.ContactSettings`, in its order.
     """
     nq, nv, joints = model.nq, model.nv, model.joints
     place = {shape.name: index for index, shape in enumerate(scene.shapes)}
@@ -182,7 +176,7 @@ def contacts_of(
         "faces": shapes.faces,
         "corners": shapes.corners,
         "carriers": np.array([joint for joint, _ in places.values()], dtype=np.int64),
-        "counts": np.zeros(COUNTS, dtype=np.int64),
+        "counts": ContactCounts().values,
         "owners": np.zeros(most, dtype=np.int64),
         "owners_before": np.zeros(most, dtype=np.int64),
         "shape_values": shapes.values,
@@ -212,14 +206,15 @@ def contacts_of(
         "step_force": np.zeros(nv),
         "stiff": np.zeros(nv),
         "branch": np.zeros((nv, nv)),
-        "report": np.zeros(REPORT_VALUES),
+        "report": ContactReport().values,
         "begun": np.zeros(nq + nv),
         "external": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
         "frames": np.zeros((most, 9)),
         "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }
     remembered = ("counts", "owners", "points", "forces", "origins", "joint_force", "report")
-    return _packed(parts | {f"kept_{name}": parts[name] for name in remembered})
+    kept = {f"kept_{name}": parts[name] for name in remembered}
+    return arrays_of(Contacts, {}, parts | kept)
 
 
 def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -231,20 +226,9 @@ def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, A
         points: their number.
     """
     contacts = Contacts(numbers, values)
-    parts = {name: getattr(contacts, name) for name in PARTS}
-    return _packed(parts | {"workspace": np.zeros(workspace_size(points, contacts.free.size))})
-
-
-def _packed(parts: dict[str, Array]) -> tuple[Array, Array]:
-    """Return parts one after the other, and where each one is."""
-    whole = [np.zeros(SIZES + 3 * len(PARTS), dtype=np.int64)]
-    real: list[Array] = []
-    for name, part in PARTS.items():
-        kept, values = whole if part.whole else real, parts[name]
-        columns = values.shape[1] if part.dimensions == 2 else 1
-        whole[0][part.at : part.at + 3] = sum(one.size for one in kept), len(values), columns
-        kept.append(values.ravel())
-    return np.concatenate(whole), np.concatenate(real)
+    parts = {name: place.view(contacts) for name, place in Contacts.parts.items()}
+    room = np.zeros(workspace_size(points, contacts.free.size))
+    return arrays_of(Contacts, {}, parts | {"workspace": room})
 
 
 def _moves(joints: Array, nv: int) -> Array:
@@ -350,22 +334,23 @@ class ContactMemory:
         self._last = None
         contacts.joint_force[:] = 0.0 if touching is None else touching.joint_force
         if touching is None or not touching.pairs.size:
-            contacts.counts[NOW] = 0
+            contacts.counts.points = 0
         elif touching is not known:
             count = len(touching.pairs)
-            contacts.counts[NOW] = count
+            contacts.counts.points = count
             contacts.owners[:count] = touching.pairs
             contacts.points[:count, :3] = touching.points
             contacts.points[:count, 3:6] = touching.normals
             contacts.points[:count, 6] = touching.depths
             contacts.forces[:count] = touching.forces
             contacts.origins[:count] = touching.origins
-            contacts.report[[SWEEPS, OFF]] = touching.sweeps, touching.residual
+            report = contacts.report
+            report.sweeps, report.residual = touching.sweeps, touching.residual
 
     def touching(self) -> Touching:
         """Return the points of contact of the last step."""
         contacts = self.contacts
-        count = int(contacts.counts[NOW])
+        count = int(contacts.counts.points)
         if not count:
             # Of an impact that was over before the period was.
             felt = contacts.joint_force
@@ -374,7 +359,6 @@ class ContactMemory:
                 return replace(self._nothing, joint_force=felt.copy())
             return self._nothing
         points = contacts.points[:count].copy()
-        report = contacts.report.tolist()
         self._last = Touching(
             contacts.owners[:count].copy(),
             points[:, :3],
@@ -383,19 +367,21 @@ class ContactMemory:
             contacts.forces[:count].copy(),
             contacts.origins[:count].copy(),
             contacts.joint_force.copy(),
-            int(report[SWEEPS]),
-            report[OFF],
-            int(contacts.counts[DIVISION]),
+            int(contacts.report.sweeps),
+            contacts.report.residual,
+            int(contacts.counts.parts),
         )
         return self._last
 
     def enlarge(self) -> None:
         """Make the solver's workspace large enough for the points that were found."""
         contacts = self.contacts
-        points = min(2 * int(contacts.counts[FOUND]), len(contacts.points))
+        points = min(2 * int(contacts.counts.points_found), len(contacts.points))
         self._hold(*with_workspace(*self.arrays, points))
 
     def _hold(self, numbers: Array, values: Array) -> None:
         self.arrays = numbers, values
         contacts = Contacts(numbers, values)
-        self.contacts = SimpleNamespace(**{name: getattr(contacts, name) for name in PARTS})
+        self.contacts = SimpleNamespace(
+            **{name: getattr(contacts, name) for name in Contacts.parts}
+        )

@@ -34,22 +34,15 @@ from hapticmech_ros.contact.impact_kernels import (
     put_velocity,
 )
 from hapticmech_ros.contact.layout import (
-    AHEAD,
     COULOMB,
     DAMPING,
     DISSIPATION,
-    FAILED,
-    HELD,
-    HELD_BEFORE,
-    IS_PART,
     ITS_BRANCH,
     JOINT_A,
     JOINT_B,
-    KNOWN,
-    OFF,
     SHAPE_A,
     STIFFNESS,
-    SWEEPS,
+    ContactReport,
     Contacts,
 )
 from hapticmech_ros.contact.touch_kernels import tangents
@@ -219,7 +212,7 @@ def solve_points(
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
         tolerance: of the impulses' effect, m/s.
-        report: (5,) its SWEEPS and OFF are filled.
+        report: (5,) a ``layout.ContactReport``, of which ``sweeps`` and ``residual`` are filled.
         slopes: (3 points, 3 points) to work in.
     """
     n, size = scales.shape[0], impulse.size
@@ -249,7 +242,8 @@ def solve_points(
             _solve_point(c, scales, coupling, impulse, velocity)
         sweeps += 2
         worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
-    report[SWEEPS], report[OFF] = sweeps, worst
+    ended = ContactReport(report)
+    ended.sweeps, ended.residual = sweeps, worst
 
 
 @inner
@@ -323,9 +317,9 @@ def _solve(
         if turn > 0 and away <= EXACT * longest:
             break
         put_velocity(apart, coupling, impulse, velocity)
-        solve_points(scales, apart, coupling, impulse, velocity, tolerance, report, slopes)
-    if (reached and moving) or report[OFF] > UNSOLVED_SHARE * largest + FLOOR:
-        report[FAILED] = 1.0
+        solve_points(scales, apart, coupling, impulse, velocity, tolerance, report.values, slopes)
+    if (reached and moving) or report.residual > UNSOLVED_SHARE * largest + FLOOR:
+        report.failed = 1.0
 
 
 @inner
@@ -334,7 +328,7 @@ def _depth(contacts: Contacts, c: int, rate: float, step: float, impacts: bool) 
 
     At rest that is h / 2 ahead of the motion, where positions move by the mean of both rates.
     """
-    ahead = contacts.settings[AHEAD] - (0.5 if impacts else 0.0)
+    ahead = contacts.settings.ahead - (0.5 if impacts else 0.0)
     return float(contacts.points[c, 6] - ahead * step * rate)
 
 
@@ -344,7 +338,7 @@ def _left_free(model: Model, data: Data, contacts: Contacts, row: Array) -> None
 
     Next to a crossing of branches they do not say: then it is what the branch leaves free.
     """
-    if contacts.settings[KNOWN] != ITS_BRANCH:
+    if contacts.settings.known != ITS_BRANCH:
         free_part(model, data, row)
         return
     whole = local(row.size)
@@ -401,14 +395,14 @@ def contact_forces(
     laws, report, impacts, depths = contacts.laws, contacts.report, local_whole(n), local(n)
     for c in range(n):
         before = max(points[c, 6], 0.0)
-        report[HELD_BEFORE] += 0.5 * laws[owners[c], STIFFNESS] * before * before
+        report.energy_before += 0.5 * laws[owners[c], STIFFNESS] * before * before
         depths[c] = _depth(contacts, c, now[3 * c], step, True)
     put(trial, impulse)
     for i in range(3 * n):
         stiff[i] += apart[i]
     fastest = find_impacts(contacts, stiff, now, depths, coupling, trial, tried, step, impacts)
     parts = parts_of(fastest)
-    if parts > 1 and contacts.settings[IS_PART] == 0.0:
+    if parts > 1 and contacts.settings.is_part == 0.0:
         return parts
     for c in range(n):
         if impacts[c] == 0:
@@ -421,7 +415,7 @@ def contact_forces(
         k, stiffness = 3 * c, laws[owners[c], STIFFNESS]
         way = -0.5 * step * (now[k] + velocity[k]) if impacts[c] != 0 else -step * velocity[k]
         left = max(depths[c] + way, 0.0)
-        report[HELD] += 0.5 * stiffness * left * left
+        report.energy += 0.5 * stiffness * left * left
         for i in range(3):
             forces[c, i] = 0.0
         for d in range(3):

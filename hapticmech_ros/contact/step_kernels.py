@@ -12,24 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.contact.layout import (
-    BEFORE,
-    DIVISION,
-    FAILED,
-    FAR_SHARE,
-    FOUND,
-    IS_PART,
-    JOINT_A,
-    JOINT_B,
-    KNOWN,
-    NOTHING,
-    NOW,
-    PERIOD,
-    REPORT_VALUES,
-    SHAPE_A,
-    UNSOLVED,
-    Contacts,
-)
+from hapticmech_ros.contact.layout import JOINT_A, JOINT_B, NOTHING, SHAPE_A, Contacts
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.touch_kernels import (
     near_pairs,
@@ -41,20 +24,7 @@ from hapticmech_ros.contact.touch_kernels import (
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    IMPLICIT,
-    PUSHES,
-    STAGES,
-    STEP,
-    STEPS,
-    TERMS_KNOWN,
-    TOLERANCE,
-    TOUCHING,
-    Data,
-    Model,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     NEEDS_CARE,
@@ -64,7 +34,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     step_once,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import Work, find_rates, start_step
+from hapticmech_ros.mechanism.kernels.step_kernels import find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import cross, dot
@@ -80,31 +50,31 @@ def _copy(count: int, source: Array, target: Array) -> None:
 @inner
 def keep(contacts: Contacts) -> None:
     """Keep points and forces as they are."""
-    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
-    put(contacts.kept_counts, contacts.counts)
+    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
+    put(contacts.kept_counts.values, contacts.counts.values)
     for k in range(count):
         kept[k] = owners[k]
     _copy(count, contacts.points, contacts.kept_points)
     _copy(count, contacts.forces, contacts.kept_forces)
     _copy(count, contacts.origins, contacts.kept_origins)
     put(contacts.kept_joint_force, contacts.joint_force)
-    put(contacts.kept_report, contacts.report)
+    put(contacts.kept_report.values, contacts.report.values)
 
 
 @inner
 def restore(contacts: Contacts) -> None:
     """Put points and forces back as they were kept."""
-    found = contacts.counts[FOUND]
-    put(contacts.counts, contacts.kept_counts)
-    contacts.counts[FOUND] = found
-    count, owners, kept = contacts.counts[NOW], contacts.owners, contacts.kept_owners
+    found = contacts.counts.points_found
+    put(contacts.counts.values, contacts.kept_counts.values)
+    contacts.counts.points_found = found
+    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
     for k in range(count):
         owners[k] = kept[k]
     _copy(count, contacts.kept_points, contacts.points)
     _copy(count, contacts.kept_forces, contacts.forces)
     _copy(count, contacts.kept_origins, contacts.origins)
     put(contacts.joint_force, contacts.kept_joint_force)
-    put(contacts.report, contacts.kept_report)
+    put(contacts.report.values, contacts.kept_report.values)
 
 
 @inner
@@ -180,7 +150,7 @@ def _untouched(
     parts: Work,
     contacts: Contacts,
     spring_work: Array,
-    plan: Array,
+    plan: RunPlan,
     external: Array,
 ) -> int:
     """Do a period as if there were no contacts; return NEAR where it cannot be done so.
@@ -189,20 +159,20 @@ def _untouched(
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
-    substeps, stages, implicit = plan[STEPS], plan[STAGES], plan[IMPLICIT] != 0
+    substeps, stages, implicit = plan.steps, plan.stages, plan.implicit != 0
     first = unpack(start, model)
-    if plan[TERMS_KNOWN] == 0:
+    if plan.terms_known == 0:
         code = factor(model, q0, first)
         if code < 0:
             return code
-    span, share = STEPS_AHEAD * contacts.settings[PERIOD], contacts.settings[FAR_SHARE]
+    span, share = STEPS_AHEAD * contacts.settings.period, contacts.settings.far_share
     place_shapes(contacts, first)
     if near_pairs(contacts, v0, span, share) > 0:
         return NEAR
     put(begun[: q0.size], q0)
     put(begun[q0.size :], v0)
-    before = local(account.size)
-    put(before, account)
+    before = StepAccount()
+    put(before.values, account.values)
     one, other, code, odd = first, unpack(end, model), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
@@ -216,7 +186,7 @@ def _untouched(
             break
     # What pushes may have made it fast enough to come near after all.
     if code == SETTLED and near_pairs(contacts, parts.v, span, share) == 0:
-        contacts.counts[NOW] = 0
+        contacts.counts.points = 0
         if odd:
             put(end, start)
         return SETTLED
@@ -226,7 +196,7 @@ def _untouched(
         return code
     put(q0, begun[: q0.size])
     put(v0, begun[q0.size :])
-    put(account, before)
+    put(account.values, before.values)
     if substeps > 1:
         code = factor(model, q0, first)
         if code < 0:
@@ -254,7 +224,7 @@ def _find_free(
     from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
     NOT_DECIDED included.
     """
-    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings[STEP]
+    free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings.step
     change, stiff, fastest = contacts.change, contacts.stiff, 0.0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
@@ -267,14 +237,14 @@ def _find_free(
         change[c] = 0.5 * step * (v0[c] + free[c])
     if implicit or step * fastest > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
-        before, tolerance = local(account.size), settings[TOLERANCE]
-        put(before, account)
-        settings[TOLERANCE] = 0.0
+        before, tolerance = StepAccount(), settings.energy_tolerance
+        put(before.values, account.values)
+        settings.energy_tolerance = 0.0
         code = step_once(
             model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
         )
-        settings[TOLERANCE] = tolerance
-        put(account, before)
+        settings.energy_tolerance = tolerance
+        put(account.values, before.values)
         if code in (NEEDS_CARE, NOT_DECIDED):
             return code
         if code == SETTLED:
@@ -298,7 +268,7 @@ def _approach(first: Data, step: float, contacts: Contacts) -> int:
 @inner
 def _remember(contacts: Contacts) -> None:
     """Keep points and forces of the substep before."""
-    count, counts = contacts.counts[NOW], contacts.counts
+    count, counts = contacts.counts.points, contacts.counts
     points, before = contacts.points, contacts.points_before
     forces, forces_before = contacts.forces, contacts.forces_before
     owners, owners_before = contacts.owners, contacts.owners_before
@@ -306,7 +276,7 @@ def _remember(contacts: Contacts) -> None:
         owners_before[k] = owners[k]
         for i in range(3):
             before[k, i], forces_before[k, i] = points[k, i], forces[k, i]
-    counts[BEFORE] = count
+    counts.points_before = count
 
 
 @inner
@@ -314,7 +284,7 @@ def _guess(contacts: Contacts, count: int) -> None:
     """Fill ``forces`` with those of the substep before, at the nearest points of the same pairs."""
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     points_before, forces_before = contacts.points_before, contacts.forces_before
-    owners_before, known = contacts.owners_before, contacts.counts[BEFORE]
+    owners_before, known = contacts.owners_before, contacts.counts.points_before
     same = known == count
     for k in range(count):
         same = same and owners[k] == owners_before[k]
@@ -349,9 +319,9 @@ def _substep(
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
     contacts = Contacts(contact_numbers, contact_values)
-    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings[STEP]
+    links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings.step
     external = contacts.external[links : links + external_count]
-    is_known = contacts.settings[KNOWN] != NOTHING
+    is_known = contacts.settings.known != NOTHING
     if not searched:
         if not known:
             code = factor(model, q0, first)
@@ -381,39 +351,38 @@ def _substep(
     count = touching_points(contact_numbers, contact_values)
     counts, report = contacts.counts, contacts.report
     if 3 * count * (model.nv + 6 * count) > contacts.workspace.size:
-        counts[FOUND] = count
+        counts.points_found = count
         return MORE_WORKSPACE
-    counts[NOW] = count
-    if contacts.settings[IS_PART] == 0.0:
-        counts[DIVISION] = 1
-    for i in range(REPORT_VALUES):
-        report[i] = 0.0
+    counts.points = count
+    if contacts.settings.is_part == 0.0:
+        counts.parts = 1
+    report.values[:] = 0.0
     if count > 0:
         _guess(contacts, count)
         place_tree(model, contacts.q, stage_space)
         later = stage_space.joint_jacobian
         division = contact_forces(model, first, contacts, later, v0, step, count)
         if division > 1:
-            counts[DIVISION] = division
+            counts.parts = division
             return IMPACT
         contact_effects(contacts, first.places, count)
         external = contacts.external[: links + external_count]
     if is_known:
         return FORCES
-    parts.settings[TOUCHING] = links if count > 0 else 0
+    parts.settings.contact_wrenches = links if count > 0 else 0
     code = step_once(
         model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
     )
-    parts.settings[TOUCHING] = 0.0
+    parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
         share, felt, force = (
-            step / contacts.settings[PERIOD],
+            step / contacts.settings.period,
             contacts.joint_force,
             contacts.step_force,
         )
         for c in range(felt.size):
             felt[c] += share * force[c]
-        counts[UNSOLVED] += int(report[FAILED])
+        counts.unsolved += int(report.failed)
     return code
 
 
@@ -441,36 +410,36 @@ def advance_period(
         start: (size,) packed terms at the start: to read where they are known, else to fill.
         end: (size,) packed terms, to fill at the end.
         scratch: (size,) packed terms of stages.
-        work: (work,) see ``step_kernels.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
+        work: (work,) see ``model.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
             and the account adds up.
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
-        plan: (7,) see ``step_layout.RUN_PLAN``; it begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
+        plan: (7,) a ``model.RunPlan`` that begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
 
     Returns:
-        0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of
-        the pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``counts[FOUND]``
-        points is missing, IMPACT, where the substep should be divided into ``counts[DIVISION]``
-        parts, FORCES, where ``settings[KNOWN]`` asks for these alone, or NEEDS_CARE, INACCURATE and
-        NOT_DECIDED, of which ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then,
-        and ``start`` has the terms there unless it is NOT_DECIDED. Points and forces are those of
-        this substep where it is FORCES or INACCURATE. Or how a substep failed. The account says
-        how many substeps were done.
+        0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
+        pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
+        is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
+        ``settings.known`` asks for these alone, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
+        ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then, and ``start`` has the
+        terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
+        is FORCES or INACCURATE. Or how a substep failed. The account says how many substeps were
+        done.
     """
-    model, parts = Model(numbers, values), Work(numbers, work)
+    model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
-    substeps, stages, known = plan[STEPS], plan[STAGES], plan[TERMS_KNOWN] != 0
-    searched, implicit = plan[BEGINS_WITH] == SEARCHED, plan[IMPLICIT] != 0
-    external_count = plan[PUSHES]
-    if plan[BEGINS_WITH] == WHOLE:
+    substeps, stages, known = run.steps, run.stages, run.terms_known != 0
+    searched, implicit = run.begins_with == SEARCHED, run.implicit != 0
+    external_count = run.external_wrenches
+    if run.begins_with == WHOLE:
         links = contacts.carriers.size
         contacts.joint_force[:] = 0.0
-        contacts.counts[DIVISION], contacts.counts[UNSOLVED] = 1, 0
+        contacts.counts.parts, contacts.counts.unsolved = 1, 0
         external = contacts.external[links : links + external_count]
         code = _untouched(
-            model, start, end, stage_space, parts, contacts, spring_work, plan, external
+            model, start, end, stage_space, parts, contacts, spring_work, run, external
         )
         if code != NEAR:
             return code

@@ -14,22 +14,12 @@ import numpy as np
 
 from hapticmech_ros.contact.impact_kernels import MOST_PARTS, TOO_MANY_PARTS
 from hapticmech_ros.contact.layout import (
-    AHEAD,
-    DIVISION,
-    FAILED,
-    HELD,
-    HELD_BEFORE,
-    IS_PART,
     ITS_BRANCH,
     ITS_END,
-    KNOWN,
     NEEDS_SEARCH,
     NOTHING,
-    NOW,
-    PERIOD,
     SHAPE_A,
     SHAPE_B,
-    UNSOLVED,
 )
 from hapticmech_ros.contact.memory import ContactMemory, Touching
 from hapticmech_ros.contact.step_kernels import (
@@ -44,16 +34,7 @@ from hapticmech_ros.contact.step_kernels import (
 from hapticmech_ros.mechanism.careful import branch_projection
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    IMPLICIT,
-    PUSHES,
-    RUN_PLAN,
-    STAGES,
-    STEPS,
-    STEPS_DONE,
-    TERMS_KNOWN,
-)
+from hapticmech_ros.mechanism.kernels.model import RunPlan
 from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
@@ -98,8 +79,8 @@ class ContactStepper:
         self._stepper = Stepper(mechanism, plan)
         self.memory = ContactMemory(mechanism)
         scheme = SCHEMES[plan.integrator]
-        self._plan = np.zeros(RUN_PLAN.size, dtype=np.int64)
-        self._plan[STAGES], self._plan[IMPLICIT] = len(scheme.weights), scheme.implicit
+        self._plan = RunPlan()
+        self._plan.stages, self._plan.implicit = len(scheme.weights), scheme.implicit
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -156,11 +137,11 @@ class ContactStepper:
         # The step itself is not used.
         self._call(self._mechanism.active_set(start.active), start, nothing, 1, EACH)
         contacts = self.memory.contacts
-        return float(contacts.report[HELD_BEFORE]) if contacts.counts[NOW] else 0.0
+        return float(contacts.report.energy_before) if contacts.counts.points else 0.0
 
     def _push(self, external: ExternalWrenches) -> None:
         """Put wrenches on links behind those of contacts."""
-        self._plan[PUSHES] = len(external.on_links)
+        self._plan.external_wrenches = len(external.on_links)
         if external.on_links:
             rows, first = self._stepper.on_links(external), len(self.memory.links)
             self.memory.contacts.external[first : first + len(rows)] = rows
@@ -176,19 +157,19 @@ class ContactStepper:
         """Do substeps by the kernel until one needs care, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
-        plan[STEPS], plan[TERMS_KNOWN], plan[BEGINS_WITH] = count, known is not None, phase
+        plan.steps, plan.terms_known, plan.begins_with = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
         constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
         while True:
-            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan)
+            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan.values)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:
                 self.memory.enlarge()
             else:
                 return stepper.took(code, active_set, start.active, end)
-            plan[STEPS] = count - int(stepper.parts.account[STEPS_DONE])
-            plan[TERMS_KNOWN], plan[BEGINS_WITH] = 1, SEARCHED
+            plan.steps = count - int(stepper.parts.account.steps_done)
+            plan.terms_known, plan.begins_with = 1, SEARCHED
 
     def _search(self) -> None:
         """Find the nearest points of pairs that are near."""
@@ -204,7 +185,7 @@ class ContactStepper:
             return self._divided(start, external)
         if code == NEEDS_CARE:
             return self._on_branch(start, external)
-        if not self.memory.contacts.counts[NOW]:
+        if not self.memory.contacts.counts.points:
             return self._stepper.alone(code, start, external)
         return self._pushed(code, start, external)
 
@@ -219,20 +200,20 @@ class ContactStepper:
         branch = branch_projection(self._mechanism, start, external, stepper.step)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
         # Whatever the scene's rule, positions move by the mean of both rates here.
-        ahead = float(contacts.settings[AHEAD])
-        contacts.settings[AHEAD], contacts.settings[KNOWN] = 0.5, ITS_END
+        ahead = float(contacts.settings.ahead)
+        contacts.settings.ahead, contacts.settings.known = 0.5, ITS_END
         if branch is not None:
             contacts.branch[:] = branch
-            contacts.settings[KNOWN] = ITS_BRANCH
+            contacts.settings.known = ITS_BRANCH
         try:
             dense = self._mechanism.active_set(start.active).dense
             took = self._call(dense, start, external, 1, EACH)
         finally:
             contacts = self.memory.contacts
-            contacts.settings[AHEAD], contacts.settings[KNOWN] = ahead, NOTHING
+            contacts.settings.ahead, contacts.settings.known = ahead, NOTHING
         if took.code == IMPACT:
             return self._divided(start, external)
-        if not self.memory.contacts.counts[NOW]:
+        if not self.memory.contacts.counts.points:
             return free
         return self._pushed(NEEDS_CARE, start, external)
 
@@ -242,20 +223,20 @@ class ContactStepper:
         rows = zip(self.memory.links, contacts.external, strict=False)
         touching = {link: row[4:].copy() for link, row in rows}
         stepped = self._stepper.alone(code, start, external._replace(touching=touching))
-        share = self._stepper.step / contacts.settings[PERIOD]
+        share = self._stepper.step / contacts.settings.period
         contacts.joint_force += share * contacts.step_force
-        contacts.counts[UNSOLVED] += int(contacts.report[FAILED])
+        contacts.counts.unsolved += int(contacts.report.failed)
         return stepped
 
     def _divided(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a substep in the parts that an impact needs; inaccurate where these are too many."""
         counts = self.memory.contacts.counts
-        wanted, unsolved = int(counts[DIVISION]), int(counts[UNSOLVED])
-        counts[DIVISION] = min(wanted, MOST_PARTS)
+        wanted, unsolved = int(counts.parts), int(counts.unsolved)
+        counts.parts = min(wanted, MOST_PARTS)
         stepped = self._in_parts(start, external, min(wanted, MOST_PARTS))
         # It is one step, however many of its parts were not solved.
         counts = self.memory.contacts.counts
-        counts[UNSOLVED] = min(counts[UNSOLVED], unsolved + (wanted <= TOO_MANY_PARTS))
+        counts.unsolved = min(counts.unsolved, unsolved + (wanted <= TOO_MANY_PARTS))
         return stepped._replace(
             refined=stepped.refined + 1,
             inaccurate=stepped.inaccurate + (wanted > TOO_MANY_PARTS),
@@ -267,20 +248,20 @@ class ContactStepper:
             self.memory.contacts.settings,
             self._mechanism.active_set(start.active),
         )
-        settings[IS_PART] = 1.0
+        settings.is_part = 1.0
         try:
             with self._stepper.divided(count):
                 took = self._call(active_set, start, external, count, EACH)
                 return self._ended(took, start, external, count)
         finally:
-            self.memory.contacts.settings[IS_PART] = 0.0
+            self.memory.contacts.settings.is_part = 0.0
 
     def _touched(self, stepped: Stepped) -> Touched:
         """Return a period's outcome with what is known of its last substep."""
-        touching, unsolved = self.memory.touching(), int(self.memory.contacts.counts[UNSOLVED])
+        touching, unsolved = self.memory.touching(), int(self.memory.contacts.counts.unsolved)
         stepped = stepped._replace(inaccurate=stepped.inaccurate + unsolved)
         # Of the arrays there are now, which a call may replace.
-        held = float(self.memory.contacts.report[HELD]) if touching.pairs.size else 0.0
+        held = float(self.memory.contacts.report.energy) if touching.pairs.size else 0.0
         return Touched(stepped, touching, held)
 
     def _searches(

@@ -12,7 +12,7 @@ Passivity at the mechanism's port: it gets no more than the hand has put in, E_m
 While E_m is above, the part of a wrench that would give more is taken away along the twist, as a
 damper -λ Λ_d v would that leaves f · v = 0.
 
-Arrays are laid out as :mod:`~hapticmech_ros.control.loop_layout` says.
+Accounts and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
 
 A hand's wrench in the period to come, and what a device adds to a command for it.
 
@@ -36,83 +36,69 @@ and the whole parabola would make that loop unstable at half the sample rate. Th
 which attenuates that rate, and leaves an error of second order, 5/12 (1 - W) (ω T)² (m / m_d - 1).
 With masses that are rigidly fixed to K + 1 devices on one body, equal or not, no loop that is
 stable without F' and F'' is unstable with them (``test/control/test_hand_lead.py``).
-
-A memory is an array (22,): the number of samples it has, then three rows, newest first: time since
-the sample before, s, and (6,) F_h.
 """
 
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.kernels import (
-    C2,
-    C6,
-    DAMPING,
-    FEEDFORWARD,
-    FORCE_LIMIT,
-    HELD_STIFFNESS,
-    JOINT_DAMPING,
-    JOINT_STIFFNESS,
-    STIFFNESS,
-    TORQUE_LIMIT,
+    MODEL_SIZE,
     answer_measurements,
     brake,
     displacement,
     force_let_through,
     hand_on_mechanism,
     let_through,
+    limit_wrench,
 )
-from hapticmech_ros.control.kernels import INERTIA as DEVICE_INERTIA
 from hapticmech_ros.control.loop_layout import (
-    ANSWER,
-    CONTROLLER_ACCOUNT,
-    FORCE_LOCAL,
-    JOINT_LOCAL,
-    ON_HAND,
-    ON_MECHANISM,
-    POSE_ERROR,
-    WITH_MODEL,
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    HandMemory,
+    HandsCorrection,
+    Locality,
+    MeanChange,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.numerics.saturation import limit
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
 
-ROW, MOST = 7, 3
-MEMORY_SIZE = 1 + MOST * ROW
-_NEWEST, _SECOND, _THIRD = 1, 1 + ROW, 1 + 2 * ROW
+# Samples that a memory has at most.
+MOST = 3
+CHANGE_SIZE = MeanChange.layout.size
 # Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
 _MOST_GROWTH = 1e6
 
 
 @inner
-def remember(memory: Array, spacing: float, wrench: Array) -> None:
+def remember(memory: HandMemory, spacing: float, wrench: Array) -> None:
     """Remember a wrench (6,), ``spacing`` (s) after the last one; see :func:`remember_wrench`."""
-    for i in range(MEMORY_SIZE - 1, ROW, -1):
-        memory[i] = memory[i - ROW]
-    memory[_NEWEST] = spacing
-    put(memory[_NEWEST + 1 : _SECOND], wrench)
-    memory[0] = min(memory[0] + 1.0, MOST)
+    put(memory.third.values, memory.second.values)
+    put(memory.second.values, memory.newest.values)
+    memory.newest.spacing = spacing
+    put(memory.newest.wrench, wrench)
+    memory.known = min(memory.known + 1.0, MOST)
 
 
 @inner
-def change_of_mean(memory: Array, start: float, period: float, change: Array) -> None:
-    """Fill (12,) how the mean over a period differs from F; see :func:`mean_change`."""
-    change[:] = 0.0
-    if memory[0] < 2.0:
+def change_of_mean(memory: HandMemory, start: float, period: float, change: MeanChange) -> None:
+    """Fill how the mean over a period differs from F; see :func:`mean_change`."""
+    change.values[:] = 0.0
+    if memory.known < 2.0:
         return
+    newest, second, third = memory.newest, memory.second, memory.third
     # Samples that are closer than a period would amplify their noise.
-    first, second = max(memory[_NEWEST], period), max(memory[_SECOND], period)
+    first, before = max(newest.spacing, period), max(second.spacing, period)
     end = start + period
     middle = 0.5 * (start + end)
     square = (start * start + start * end + end * end) / 3.0
     for i in range(6):
-        newest, before = memory[_NEWEST + 1 + i], memory[_SECOND + 1 + i]
-        slope = (newest - before) / first
-        change[i] = middle * slope
-        if memory[0] > 2.0:
-            bend = (slope - (before - memory[_THIRD + 1 + i]) / second) / (first + second)
-            change[6 + i] = (square + first * middle) * bend
+        slope = (newest.wrench[i] - second.wrench[i]) / first
+        change.line[i] = middle * slope
+        if memory.known > 2.0:
+            turn = slope - (second.wrench[i] - third.wrench[i]) / before
+            change.bend[i] = (square + first * middle) * (turn / (first + before))
 
 
 @inner
@@ -128,13 +114,13 @@ def largest(vector: Array) -> float:
 def weigh(gain: Array, hands: float, bend: Array) -> bool:
     """Replace ``bend`` (6,) by W bend; return whether that is regular.
 
-    ``gain`` (36,) is G row by row, SI units, and ``hands`` K + 1.
+    ``gain`` (6, 6) is G, SI units, and ``hands`` K + 1.
     """
     ratio, factor, solved = shaped(local(36), (6, 6)), shaped(local(36), (6, 6)), local(6)
     for i in range(6):
         solved[i] = bend[i]
         for j in range(6):
-            ratio[i, j] = hands * gain[6 * i + j]
+            ratio[i, j] = hands * gain[i, j]
         ratio[i, i] += hands
     for i in range(6):
         for j in range(6):
@@ -153,20 +139,22 @@ def weigh(gain: Array, hands: float, bend: Array) -> bool:
 
 
 @inner
-def lead(memory: Array, period: float, gain: Array, others: Array, command: Array) -> None:
+def lead(
+    memory: HandMemory, period: float, gain: Array, others: HandsCorrection, command: Array
+) -> None:
     """Add what the module says to a command (6,), or nothing where it is not regular.
 
-    ``gain`` (36,) is G row by row, SI units; ``others`` (13,) are both sums over H_j, and K.
+    ``gain`` (6, 6) is G, SI units.
     """
-    change, line, bend, moves = local(12), local(6), local(6), False
+    change, line, bend, moves = MeanChange(local(CHANGE_SIZE)), local(6), local(6), False
     change_of_mean(memory, 0.0, period, change)
     for i in range(6):
-        line[i], bend[i] = others[i], others[6 + i]
+        line[i], bend[i] = others.line[i], others.bend[i]
         for j in range(6):
-            line[i] += gain[6 * i + j] * change[j]
-            bend[i] += gain[6 * i + j] * change[6 + j]
+            line[i] += gain[i, j] * change.line[j]
+            bend[i] += gain[i, j] * change.bend[j]
         moves = moves or line[i] != 0.0 or bend[i] != 0.0
-    if moves and weigh(gain, 1.0 + others[12], bend):
+    if moves and weigh(gain, 1.0 + others.hands, bend):
         for i in range(6):
             command[i] += line[i] + bend[i]
 
@@ -176,11 +164,11 @@ def remember_wrench(memory: Array, spacing: float, wrench: Array) -> None:
     """Remember a sample of a hand's wrench.
 
     Args:
-        memory: (22,) changed; see the module. Zeros at first.
+        memory: (22,) a ``HandMemory``, changed. Zeros at first.
         spacing: s since the sample before; of no meaning for the first one.
         wrench: (6,) F_h, N and N m, world axes.
     """
-    remember(memory, spacing, wrench)
+    remember(HandMemory(memory), spacing, wrench)
 
 
 @kernel("void(float64[::1], float64, float64, float64[::1])")
@@ -188,123 +176,88 @@ def mean_change(memory: Array, start: float, period: float, change: Array) -> No
     """Fill how the mean of a wrench over a period differs from its newest sample, F' and F''.
 
     Args:
-        memory: (22,) of its samples; see the module.
+        memory: (22,) of its samples, a ``HandMemory``.
         start: s, from the newest sample to the period's start.
         period: T, s.
-        change: (12,) to fill, F' by the line through two samples, and what the parabola through
-            three adds to it, N and N m, world axes; zero where fewer are known.
+        change: (12,) a ``MeanChange`` to fill; zero where fewer samples are known.
     """
-    change_of_mean(memory, start, period, change)
-
-
-PERIOD, PASSIVE, SLACK, INERTIA = CONTROLLER_ACCOUNT.starts("period", "passive", "slack", "inertia")
-GIVEN, STORED, INJECTED, LOST = CONTROLLER_ACCOUNT.starts(
-    "to_mechanism", "stored", "injected", "dissipated"
-)
-ACTING, MOVING, MOVED = CONTROLLER_ACCOUNT.starts("acting", "twist_known", "twist")
-STRETCHED, ERROR, SPRING, PROJECTOR, CHANNEL = CONTROLLER_ACCOUNT.starts(
-    "error_known", "error", "spring", "projector", "channel"
-)
-FROM_HAND, CHANGED, RECEIVED, HEARD_SAMPLE, QUEUE_AT = CONTROLLER_ACCOUNT.starts(
-    "from_hand", "changed", "sample_known", "sample", "queue_at"
-)
-(IS_ANSWER, WRENCHES, MODELLED, FORCE_GAIN, SPRING_GAIN, DAMPER_GAIN, ANSWERED, GIVEN_THEN) = (
-    ANSWER.starts(*ANSWER)
-)
-TO_MECHANISM, ERROR_OF_POSE = WRENCHES + 6 * ON_MECHANISM, WRENCHES + 6 * POSE_ERROR
-PUSH = DEVICE_SAMPLE.start("hand_wrench")
-SAMPLE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
-X, P_C, SHARE, FREE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
-    *("inverse_inertia", "constraint_projector", "wrench_projector", "free_acceleration"),
-    *("twist", "contact"),
-)
+    change_of_mean(HandMemory(memory), start, period, MeanChange(change))
 
 
 @inner
-def account_for_motion(account: Array, twist: Array, duration: float) -> None:
+def account_for_motion(account: ControllerAccount, twist: Array, duration: float) -> None:
     """Add to E_m what the wrench that acts gave in ``duration`` (s), until the twist (6,)."""
-    if account[MOVING] != 0.0:
+    if account.twist_known != 0.0:
         total = 0.0
         for i in range(6):
-            total += account[ACTING + i] * (account[MOVED + i] + twist[i])
-        account[GIVEN] += duration * (0.5 * total)
-    account[MOVING] = 1.0
-    put(account[MOVED : MOVED + 6], twist)
+            total += account.acting[i] * (account.twist[i] + twist[i])
+        account.energies.to_mechanism += duration * (0.5 * total)
+    account.twist_known = 1.0
+    put(account.twist, twist)
 
 
 @inner
-def account_for_hand(account: Array, sample: Array) -> None:
-    """Add to E_h what the hand did until a sample (19,) of the device."""
-    before = account[HEARD_SAMPLE : HEARD_SAMPLE + SAMPLE_SIZE]
-    if account[RECEIVED] != 0.0:
+def account_for_hand(account: ControllerAccount, sample: DeviceSample) -> None:
+    """Add to E_h what the hand did until a sample of the device."""
+    before = account.sample
+    if account.sample_known != 0.0:
         way, total = local(6), 0.0
         displacement(before, sample, way)
         for i in range(6):
-            total += 0.5 * (before[PUSH + i] + sample[PUSH + i]) * way[i]
-        account[FROM_HAND] += total
-    account[RECEIVED] = 1.0
-    put(before, sample)
+            total += 0.5 * (before.hand_wrench[i] + sample.hand_wrench[i]) * way[i]
+        account.from_hand += total
+    account.sample_known = 1.0
+    put(before.values, sample.values)
 
 
 @inner
 def spring_energy(error: Array, gain: float, projector: Array, channel: Array) -> float:
-    """Return ½ eᵀ (gain P_c + C) e, with P_c (36,) row by row and the diagonal (6,) of C; J."""
+    """Return ½ eᵀ (gain P_c + C) e, with P_c (6, 6) and the diagonal (6,) of C; J."""
     held = 0.0
     for i in range(6):
-        total = 0.0
-        for j in range(6):
-            total += projector[6 * i + j] * error[j]
-        held += error[i] * (gain * total + channel[i] * error[i])
+        held += error[i] * (gain * dot(projector[i], error) + channel[i] * error[i])
     return 0.5 * held
 
 
 @inner
 def account_for_springs(
-    account: Array,
-    error: Array,
-    projector: Array,
-    spring: float,
-    damper: float,
-    stiffness: Array,
-    damping: Array,
-    duration: float,
+    account: ControllerAccount, settings: ControllerSettings, error: Array, projector: Array
 ) -> None:
-    """Account for the springs and dampers of an answer, ``duration`` (s) after the last one.
+    """Account for the springs and dampers of an answer, a period after the last one.
 
     Args:
-        account: (account,) of the controller, changed; see ``loop_layout``.
+        account: of the controller, changed.
+        settings: with springs and dampers of joint constraint and C.
         error: (6,) e of the answer, m and rad, world axes.
-        projector: (36,) P_c, row by row.
-        spring: k of the joint constraint, N/m.
-        damper: b of the joint constraint, N s/m.
-        stiffness: (6,) diagonal of C's stiffness, N/m and N m/rad.
-        damping: (6,) diagonal of C's damping, N s/m and N m s/rad.
-        duration: s.
+        projector: (6, 6) P_c.
     """
-    stored = spring_energy(error, spring, projector, stiffness)
-    before, old = account[ERROR : ERROR + 6], account[PROJECTOR : PROJECTOR + 36]
-    channel = account[CHANNEL : CHANNEL + 6]
-    if account[STRETCHED] != 0.0 and duration > 0.0:
-        account[INJECTED] += stored - spring_energy(error, account[SPRING], old, channel)
+    spring, energies = settings.joint_stiffness, account.energies
+    stored = spring_energy(error, spring, projector, settings.stiffness)
+    if account.error_known != 0.0:
+        energies.injected += stored - spring_energy(
+            error, account.spring, account.projector, account.channel
+        )
         way = local(6)
         for i in range(6):
-            way[i] = error[i] - before[i]
-        account[LOST] += 2.0 * spring_energy(way, damper, projector, damping) / duration
-    account[STORED], account[STRETCHED], account[SPRING] = stored, 1.0, spring
-    put(before, error)
-    put(old, projector)
-    put(channel, stiffness)
+            way[i] = error[i] - account.error[i]
+        damped = spring_energy(way, settings.joint_damping, projector, settings.damping)
+        energies.dissipated += 2.0 * damped / account.period
+    energies.stored, account.error_known, account.spring = stored, 1.0, spring
+    put(account.error, error)
+    for row in range(6):
+        put(account.projector[row], projector[row])
+    put(account.channel, settings.stiffness)
 
 
 @inner
 def predict(
-    account: Array,
-    settings: Array,
+    account: ControllerAccount,
+    settings: ControllerSettings,
     queue: Array,
-    device: Array,
-    operational_model: Array,
+    device: DeviceSample,
+    model: OperationalModelSample,
     time: float,
-    predicted: Array,
+    predicted: OperationalModelSample,
 ) -> float:
     """Fill an operational model once what is in the queue has acted; return how long it takes, s.
 
@@ -313,54 +266,58 @@ def predict(
     pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
 
     Args:
-        account: (account,) of the controller; see ``loop_layout``.
-        settings: (59,) of the controllers.
+        account: of the controller.
+        settings: of the controllers.
         queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
-        device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
+        device: the sample.
+        model: now.
         time: s.
-        predicted: (139,) to fill, likewise.
+        predicted: to fill.
     """
-    put(predicted, operational_model)
-    duration, impulse = (queue.shape[0] + 0.5) * account[PERIOD], local(6)
-    hand_on_mechanism(settings, device, operational_model, time, impulse)
+    put(predicted.values, model.values)
+    duration, impulse = (queue.shape[0] + 0.5) * account.period, local(6)
+    hand_on_mechanism(settings, device, model, time, impulse)
     for i in range(6):
         total = 0.5 * impulse[i]
         for row in range(queue.shape[0]):
             total += queue[row, i]
-        impulse[i] = account[PERIOD] * total + duration * operational_model[CONTACT + i]
-    x = shaped(operational_model[X:], (6, 6))
+        impulse[i] = account.period * total + duration * model.contact[i]
+    x = model.inverse_inertia
     for i in range(6):
-        change = dot(x[i], impulse) + duration * operational_model[FREE + i]
-        predicted[TWIST + i] = operational_model[TWIST + i] + change
+        change = dot(x[i], impulse) + duration * model.free_acceleration[i]
+        predicted.twist[i] = model.twist[i] + change
     return float(duration)
 
 
 @inner
-def respond(settings: Array, operational_model: Array, time: float, out: Array) -> None:
-    """Fill how a command answers a wrench that moves both sides: s Λ_d X + r (1 - β) Π (36,).
+def respond(
+    settings: ControllerSettings, model: OperationalModelSample, time: float, out: Array
+) -> None:
+    """Fill how a command answers a wrench that moves both sides: s Λ_d X + r (1 - β) Π (6, 6).
 
     s = 1 at a start, else r; share r as :meth:`Clutch.ramp`. In rows and columns of the task space.
 
     Args:
-        settings: (59,) of the controllers.
-        operational_model: (139,) operational model.
+        settings: of the controllers.
+        model: the operational model.
         time: s.
-        out: to fill, row by row; SI, world axes.
+        out: to fill; SI, world axes.
     """
-    task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
-    through = force_let_through(settings, time)
-    kept = let_through(settings, time) * (1.0 - settings[FEEDFORWARD])
+    task, through = settings.task, force_let_through(settings, time)
+    kept = let_through(settings, time) * (1.0 - settings.feedforward)
     for i in range(6):
         for j in range(6):
-            at = 6 * i + j
-            moved = through * (inertia[i] * operational_model[X + at])
-            out[at] = task[i] * task[j] * (moved + kept * operational_model[SHARE + at])
+            moved = through * (settings.inertia[i] * model.inverse_inertia[i, j])
+            out[i, j] = task[i] * task[j] * (moved + kept * model.wrench_projector[i, j])
 
 
 @inner
 def model_answer(
-    settings: Array, operational_model: Array, time: float, locality: Array, answer: Array
+    settings: ControllerSettings,
+    model: OperationalModelSample,
+    time: float,
+    locality: Locality,
+    answer: Answer,
 ) -> None:
     """Say how an answer depends on the device: G, K and B, as far as the device closes them.
 
@@ -368,109 +325,93 @@ def model_answer(
     shares r and r_b as :meth:`Clutch.ramp` and :meth:`Clutch.brake`.
 
     Args:
-        settings: (59,) of the controllers.
-        operational_model: (139,) operational model.
+        settings: of the controllers.
+        model: the operational model.
         time: s.
-        locality: (3,) see :func:`answer_sample`.
+        locality: what the device closes.
         answer: to fill.
     """
-    task, inertia = settings[:DEVICE_INERTIA], settings[DEVICE_INERTIA:STIFFNESS]
-    ramp, through = let_through(settings, time), force_let_through(settings, time)
-    spring = ramp * settings[JOINT_STIFFNESS]
-    damper = settings[JOINT_DAMPING]
+    task, inertia, found = settings.task, settings.inertia, answer.model
+    through, damper = force_let_through(settings, time), settings.joint_damping
+    spring = let_through(settings, time) * settings.joint_stiffness
     damper *= brake(settings, time, inertia[0], damper)
-    respond(settings, operational_model, time, answer[FORCE_GAIN:SPRING_GAIN])
-    again = through * settings[C6]
+    respond(settings, model, time, found.force)
+    again = through * settings.c6
     for i in range(6):
         for j in range(6):
-            at, within = 6 * i + j, task[i] * task[j]
-            gain = answer[FORCE_GAIN + at]
-            gain += within * (again * (inertia[i] * operational_model[X + at]))
+            within = task[i] * task[j]
+            moved = again * (inertia[i] * model.inverse_inertia[i, j])
+            gain = found.force[i, j] + within * moved
             if i == j:
                 gain -= within * through
-            projector = within * operational_model[P_C + at]
-            answer[FORCE_GAIN + at] = gain * locality[FORCE_LOCAL]
-            answer[SPRING_GAIN + at] = spring * projector * locality[JOINT_LOCAL]
-            answer[DAMPER_GAIN + at] = damper * projector * locality[JOINT_LOCAL]
-    answer[MODELLED] = 1.0
+            projector = within * model.constraint_projector[i, j]
+            found.force[i, j] = gain * locality.force_channel
+            found.stiffness[i, j] = spring * projector * locality.joint_constraint
+            found.damping[i, j] = damper * projector * locality.joint_constraint
+    answer.modelled = 1.0
 
 
 @inner
 def conclude(
-    account: Array,
-    settings: Array,
-    device: Array,
-    operational_model: Array,
+    account: ControllerAccount,
+    settings: ControllerSettings,
+    device: DeviceSample,
+    model: OperationalModelSample,
     time: float,
-    locality: Array,
-    answer: Array,
+    locality: Locality,
+    answer: Answer,
 ) -> None:
-    """Complete an answer that has its wrenches; ``locality`` as in :func:`answer_sample`."""
-    account_for_springs(
-        account,
-        answer[ERROR_OF_POSE : ERROR_OF_POSE + 6],
-        operational_model[P_C : P_C + 36],
-        settings[JOINT_STIFFNESS],
-        settings[JOINT_DAMPING],
-        settings[STIFFNESS:DAMPING],
-        settings[DAMPING:HELD_STIFFNESS],
-        account[PERIOD],
-    )
-    answer[MODELLED] = 0.0
-    closes = locality[FORCE_LOCAL] != 0.0 or locality[JOINT_LOCAL] != 0.0
-    if closes and locality[WITH_MODEL] != 0.0:
-        model_answer(settings, operational_model, time, locality, answer)
-    answer[IS_ANSWER], answer[GIVEN_THEN] = 1.0, account[GIVEN]
-    put(answer[ANSWERED : ANSWERED + SAMPLE_SIZE], device)
+    """Complete an answer that has its wrenches."""
+    account_for_springs(account, settings, answer.wrenches.error, model.constraint_projector)
+    answer.given, answer.modelled, answer.to_mechanism = 1.0, 0.0, account.energies.to_mechanism
+    closes = locality.force_channel != 0.0 or locality.joint_constraint != 0.0
+    if closes and locality.with_model != 0.0:
+        model_answer(settings, model, time, locality, answer)
+    put(answer.sample.values, device.values)
 
 
 @inner
 def give_answer(
-    account: Array,
-    settings: Array,
+    account: ControllerAccount,
+    settings: ControllerSettings,
     faded: Array,
     queue: Array,
-    device: Array,
-    operational_model: Array,
+    device: DeviceSample,
+    model: OperationalModelSample,
     time: float,
     ahead: float,
-    locality: Array,
-    answer: Array,
+    locality: Locality,
+    answer: Answer,
 ) -> None:
     """Answer a sample; see :func:`answer_sample`."""
-    out = shaped(answer[WRENCHES:], (6, 6))
-    if locality[FORCE_LOCAL] != 0.0:
-        predicted = local(MODEL_SIZE)
-        later = ahead + predict(
-            account, settings, queue, device, operational_model, time, predicted
-        )
-        answer_measurements(settings, device, predicted, time, later, out)
-    else:
-        answer_measurements(settings, device, operational_model, time, ahead, out)
-    carries = False
+    seen, out, carries = model, answer.wrenches, False
+    if locality.force_channel != 0.0:
+        seen = OperationalModelSample(local(MODEL_SIZE))
+        ahead += predict(account, settings, queue, device, model, time, seen)
+    answer_measurements(settings, device, seen, time, ahead, out)
     for i in range(6):
         carries = carries or faded[i] != 0.0
     if carries:
         for i in range(6):
-            out[ON_HAND, i] += faded[i]
-        limit(out[ON_HAND, :3], settings[FORCE_LIMIT])
-        limit(out[ON_HAND, 3:], settings[TORQUE_LIMIT])
+            out.on_hand[i] += faded[i]
+        limit_wrench(out.on_hand, settings.force_limit, settings.torque_limit)
 
 
 @inner
-def passive_wrench(account: Array, answer: Array, commanded: Array) -> None:
+def passive_wrench(account: ControllerAccount, answer: Answer, commanded: Array) -> None:
     """Fill the command to the mechanism (6,): what of the last answer the hand has paid."""
-    if answer[IS_ANSWER] == 0.0:
+    if answer.given == 0.0:
         commanded[:] = 0.0
         return
-    put(commanded, answer[TO_MECHANISM : TO_MECHANISM + 6])
-    if account[PASSIVE] == 0.0 or account[GIVEN] - account[FROM_HAND] - account[SLACK] <= 0.0:
+    put(commanded, answer.wrenches.on_mechanism)
+    unpaid = account.energies.to_mechanism - account.from_hand - account.slack
+    if account.passive == 0.0 or unpaid <= 0.0:
         return
-    twist, inertia = account[MOVED : MOVED + 6], account[INERTIA : INERTIA + 6]
+    twist, inertia = account.twist, account.inertia
     given = dot(commanded, twist)
     if given <= 0.0:
         return
-    account[CHANGED] += 1.0
+    account.changed += 1.0
     square = 0.0
     for i in range(6):
         square += inertia[i] * twist[i] * twist[i]
@@ -479,17 +420,17 @@ def passive_wrench(account: Array, answer: Array, commanded: Array) -> None:
 
 
 @inner
-def queue_wrench(account: Array, queue: Array, commanded: Array, acting: Array) -> None:
+def queue_wrench(account: ControllerAccount, queue: Array, commanded: Array, acting: Array) -> None:
     """Put a wrench into the queue, and take out which acts from now on."""
     delay = queue.shape[0]
     if delay == 0:
         put(acting, commanded)
     else:
-        at = int(account[QUEUE_AT])
+        at = int(account.queue_at)
         put(acting, queue[at])
         put(queue[at], commanded)
-        account[QUEUE_AT] = (at + 1) % delay
-    put(account[ACTING : ACTING + 6], acting)
+        account.queue_at = (at + 1) % delay
+    put(account.acting, acting)
 
 
 @inner
@@ -505,11 +446,12 @@ def move_point_on(account: Array, operational_model: Array, elapsed: float) -> N
     """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on.
 
     Args:
-        account: (account,) of the controller, changed; see ``loop_layout``.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
         operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
         elapsed: s since the last one.
     """
-    account_for_motion(account, operational_model[TWIST : TWIST + 6], elapsed)
+    twist = OperationalModelSample(operational_model).twist
+    account_for_motion(ControllerAccount(account), twist, elapsed)
 
 
 @kernel(
@@ -531,23 +473,23 @@ def answer_sample(
     """Answer a sample of the device, and account for it.
 
     Args:
-        account: (account,) of the controller, changed; see ``loop_layout``.
-        settings: (59,) of the controllers, see :mod:`~hapticmech_ros.control.kernels`.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
         queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
         device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         ahead: s, from the time of ``operational_model`` to that of ``device``.
-        locality: (3,) 1 where the device closes the force channel, and the joint constraint; and 1
-            if the answer is to say how it depends on the device.
-        answer: (answer,) to fill; see ``loop_layout``.
+        locality: (3,) what the device closes, a ``Locality``.
+        answer: (numbers,) an ``Answer`` to fill.
     """
-    account_for_hand(account, device)
-    give_answer(
-        account, settings, faded, queue, device, operational_model, time, ahead, locality, answer
-    )
-    conclude(account, settings, device, operational_model, time, locality, answer)
+    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
+    sample, model = DeviceSample(device), OperationalModelSample(operational_model)
+    closed = Locality(locality)
+    account_for_hand(side, sample)
+    give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
+    conclude(side, gains, sample, model, time, closed, given)
 
 
 @kernel(
@@ -566,16 +508,18 @@ def account_for_answer(
     """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`.
 
     Args:
-        account: (account,) of the controller, changed; see ``loop_layout``.
-        settings: (59,) of the controllers; see ``loop_layout``.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         device: (19,) sample of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
-        locality: (3,) what the device closes; see :func:`answer_sample`.
-        answer: (answer,) filled; see ``loop_layout``.
+        locality: (3,) what the device closes, a ``Locality``.
+        answer: (numbers,) an ``Answer``, filled.
     """
-    account_for_hand(account, device)
-    conclude(account, settings, device, operational_model, time, locality, answer)
+    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
+    sample, model = DeviceSample(device), OperationalModelSample(operational_model)
+    account_for_hand(side, sample)
+    conclude(side, gains, sample, model, time, Locality(locality), given)
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64[::1])")
@@ -583,14 +527,15 @@ def command_response(settings: Array, operational_model: Array, time: float, out
     """Fill how a command answers F_c: C2 (s Λ_d X + r (1 - β) Π), of the task space.
 
     Args:
-        settings: (59,) of the controllers; see ``loop_layout``.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         out: (36,) to fill, row by row: 1, m and 1/m, world axes.
     """
-    respond(settings, operational_model, time, out)
+    gains, model = ControllerSettings(settings), OperationalModelSample(operational_model)
+    respond(gains, model, time, shaped(out, (6, 6)))
     for i in range(36):
-        out[i] *= settings[C2]
+        out[i] *= gains.c2
 
 
 @kernel("void(float64[::1], float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
@@ -600,12 +545,13 @@ def command_mechanism(
     """Fill the wrench commanded on the mechanism, and what acts on it from now on: rows of (2, 6).
 
     Args:
-        account: (account,) of the controller, changed; see ``loop_layout``.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
         queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
         past: (n, 6) those until now, the last one first, likewise; changed.
-        answer: (answer,) the last one; see ``loop_layout``.
+        answer: (numbers,) the last ``Answer``.
         wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes.
     """
-    passive_wrench(account, answer, wrenches[0])
-    queue_wrench(account, queue, wrenches[0], wrenches[1])
+    side = ControllerAccount(account)
+    passive_wrench(side, Answer(answer), wrenches[0])
+    queue_wrench(side, queue, wrenches[0], wrenches[1])
     remember_commanded(past, wrenches[0])

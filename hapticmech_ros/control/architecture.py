@@ -35,7 +35,7 @@ import pinocchio as pin
 
 from hapticmech_ros.control.clutch import Clutch, engage, pose_error
 from hapticmech_ros.control.kernels import control_wrenches
-from hapticmech_ros.control.loop_layout import BRAKE, SETTINGS
+from hapticmech_ros.control.loop_layout import BRAKE, ControllerSettings, ControlWrenches
 from hapticmech_ros.control.measurements import (
     ControlOutput,
     DeviceMeasurement,
@@ -51,7 +51,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, OperationalModelSample
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
@@ -161,10 +161,6 @@ def blended(old: P, new: P, share: float) -> P:
     return new.model_copy(update=changed)
 
 
-_GAINS, _RAMP = SETTINGS.slice("task", "c6"), SETTINGS.slice("ramp", "carries")
-_LIMITS = SETTINGS.slice("force_limit", "torque_limit")
-_ENGAGED = SETTINGS.slice("engaged_at", "turn")
-_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
 _NOTHING = np.zeros(6)
 # A ramp is no longer than so many of those of a start at rest.
 LONGEST_RAMP = 6.0
@@ -222,8 +218,9 @@ class ControlArchitecture:
         self.task = np.zeros(6)
         self.task[list(scene.task_rows)] = 1.0
         self._gain_ramp: GainRamp | None = None
-        self._settings = np.zeros(SETTINGS.size)
-        self._settings[_LIMITS] = self.limits
+        self._settings = settings = ControllerSettings()
+        settings.task[:], settings.inertia[:] = self.task, np.diag(self.device_inertia)
+        settings.force_limit, settings.torque_limit = self.limits
         self._clutch: Clutch | None = None
         self.apply_gains(scene.controller)
 
@@ -233,23 +230,22 @@ class ControlArchitecture:
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
-        inertia = np.diag(self.device_inertia)
-        self.channels = channels = FourChannel(position, force, inertia, lag)
-        sixes = (self.task, inertia, channels.stiffness, channels.damping)
-        scalars = (
-            *(joint.feedforward, joint.stiffness, joint.damping),
-            *(joint.force_limit, joint.torque_limit),
-            *(position.to_mechanism, force.contact, force.hand, position.to_device),
-            *(force.mechanism_feedback, force.device_feedback),
-        )
-        held = (channels.held_stiffness, channels.held_damping)
-        self._settings[_GAINS] = np.concatenate((*sixes, *held, scalars))
+        self.channels = FourChannel(position, force, np.diag(self.device_inertia), lag)
+        own, channels = self._settings, self.channels
+        own.stiffness[:], own.damping[:] = channels.stiffness, channels.damping
+        own.held_stiffness[:], own.held_damping[:] = channels.held_stiffness, channels.held_damping
+        own.feedforward = joint.feedforward
+        own.joint_stiffness, own.joint_damping = joint.stiffness, joint.damping
+        own.joint_force_limit, own.joint_torque_limit = joint.force_limit, joint.torque_limit
+        own.c1, own.c4 = position.to_mechanism, position.to_device
+        own.c2, own.c3 = force.contact, force.hand
+        own.c5, own.c6 = force.mechanism_feedback, force.device_feedback
 
     def settings_at(self, time: float, clutch: Clutch) -> Array:
         """Return what fixes the controllers at ``time`` (s) as an array (59,) for kernels.
 
-        It is the same one each time, laid out as
-        :data:`~hapticmech_ros.control.loop_layout.SETTINGS`.
+        It is the same one each time, a
+        :class:`~hapticmech_ros.control.loop_layout.ControllerSettings`.
         """
         self.apply_gains_at(time)
         if clutch is not self._clutch:
@@ -257,10 +253,11 @@ class ControlArchitecture:
             turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            self._settings[_RAMP] = clutch.duration, float(clutch.carried is not None)
-            place = (clutch.time,), clutch.displacement, turn.coeffs()
-            self._settings[_ENGAGED] = np.concatenate(place)
-        return self._settings
+            settings = self._settings
+            settings.ramp, settings.carries = clutch.duration, clutch.carried is not None
+            settings.engaged_at = clutch.time
+            settings.displacement[:], settings.turn[:] = clutch.displacement, turn.coeffs()
+        return self._settings.values
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:
         """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
@@ -322,7 +319,7 @@ class ControlArchitecture:
         gains = self.gains
         if carried is not None:
             return engage(time, own.pose, point.pose, gains.grasp_ramp, carried)
-        apart = (self.task * (own.twist - operational_model[_TWIST]))[:3]
+        apart = (self.task * (own.twist - OperationalModelSample(operational_model).twist))[:3]
         momentum = float(self.device_inertia[0, 0] * np.sqrt(apart @ apart))
         return engage(time, own.pose, point.pose, _start_ramp(gains, momentum))
 
@@ -339,8 +336,8 @@ class ControlArchitecture:
         """
         if not clutch.is_closing:
             return clutch
-        own = device_of(device)
-        return clutch.with_slip(time, own.pose, own.twist, operational_model[_TWIST])
+        own, twist = device_of(device), OperationalModelSample(operational_model).twist
+        return clutch.with_slip(time, own.pose, own.twist, twist)
 
     def compute(
         self,
@@ -391,12 +388,10 @@ class ControlArchitecture:
         """
         settings = self.settings_at(time, clutch)
         if in_flight is not None and operational_model.size == OPERATIONAL_MODEL.size:
-            operational_model, model = operational_model.copy(), model_of(operational_model)
-            free, contact = model.free_acceleration, operational_model[_CONTACT]
-            twist = predicted_twist(
-                operational_model[_TWIST], model.inverse_inertia, free, contact, in_flight
-            )
-            operational_model[_TWIST] = twist
+            operational_model = operational_model.copy()
+            seen = OperationalModelSample(operational_model)
+            x, free = seen.inverse_inertia, seen.free_acceleration
+            seen.twist[:] = predicted_twist(seen.twist, x, free, seen.contact, in_flight)
             ahead += in_flight.duration
         out = np.empty((6, 6))
         if not control_wrenches(settings, device, operational_model, time, ahead, out):
@@ -512,11 +507,11 @@ class LawControl(ControlArchitecture):
         rate = self.task * (own.twist - point.twist)
         seen = LawInput(time, own, point, model_of(operational_model), error, rate)
         on_hand, on_mechanism = (clutch.ramp(time) * one for one in _checked(self._law(seen)))
-        wrenches = np.zeros((6, 6))
-        wrenches[0] = self.joined(time, clutch, limited(self.task * on_hand, *self.limits))
-        wrenches[1] = limited(self.task * on_mechanism, *self.limits)
-        wrenches[5] = error
-        return wrenches
+        found = ControlWrenches()
+        found.on_hand[:] = self.joined(time, clutch, limited(self.task * on_hand, *self.limits))
+        found.on_mechanism[:] = limited(self.task * on_mechanism, *self.limits)
+        found.error[:] = error
+        return found.values.reshape(6, 6)
 
 
 def control_for(scene: Scene, law: ControlLaw) -> ControlArchitecture:

@@ -8,8 +8,8 @@ A command answers a sample of some time ago. With G, K and B as it comes with th
 
 is the controllers' answer to the device as it is now, and to what hands do until the next sample
 (:mod:`~hapticmech_ros.control.account_kernels`, :mod:`~hapticmech_ros.control.other_hands`). What
-is then given is held to what there is, as :mod:`~hapticmech_ros.control.passivity` says. Arrays are
-laid out as :mod:`~hapticmech_ros.control.loop_layout` says.
+is then given is held to what there is, as :mod:`~hapticmech_ros.control.passivity` says. Accounts
+and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
 
 What acts on device and mechanism over a period: what is on the way, and both sides' share.
 """
@@ -19,166 +19,131 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import (
-    ANSWERED,
-    FORCE_GAIN,
-    GIVEN_THEN,
-    IS_ANSWER,
-    MODELLED,
-    PUSH,
-    WRENCHES,
-    lead,
-    passive_wrench,
-    queue_wrench,
-    remember,
+from hapticmech_ros.control.account_kernels import lead, passive_wrench, queue_wrench, remember
+from hapticmech_ros.control.kernels import displacement, limit_wrench
+from hapticmech_ros.control.loop_layout import (
+    ActingWrenches,
+    Answer,
+    ControllerAccount,
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
 )
-from hapticmech_ros.control.kernels import displacement
-from hapticmech_ros.control.loop_layout import COMMANDED, DEVICE_ACCOUNT, ON_HAND, ON_MECHANISM
-from hapticmech_ros.device.safety_kernels import stay_bounded, stay_within
+from hapticmech_ros.device.safety_kernels import Safety, stay_bounded, stay_within
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
-from hapticmech_ros.numerics.saturation import limit
+from hapticmech_ros.numerics.layout import DeviceSample
 
 
 @inner
-def queue_answer(account: Array, queue: Array, arrived: Array) -> int:
+def queue_answer(account: DeviceAccount, queue: Array, arrived: Array) -> int:
     """Put an answer into the queue (delay + 1, ...); return the row of the one that acts now."""
     delay = queue.shape[0] - 1
-    at = int(account[QUEUE_AT])
+    at = int(account.queue_at)
     # The row after the one that is filled is the oldest.
     put(queue[at], arrived)
-    account[QUEUE_AT] = (at + 1) % (delay + 1)
+    account.queue_at = (at + 1) % (delay + 1)
     return int((at + 1) % (delay + 1))
 
 
 @inner
 def act(
-    controller: Array,
-    given: Array,
+    controller: ControllerAccount,
+    given: Answer,
     commanded: Array,
-    device: Array,
-    safety: Array,
+    device: DeviceAccount,
+    safety: Safety,
     answers: Array,
-    sample: Array,
-    hand: Array,
+    sample: DeviceSample,
+    hand: HandMemory,
     applied: Array,
     added: Array,
-    others: Array,
-    wrenches: Array,
+    others: HandsCorrection,
+    wrenches: ActingWrenches,
 ) -> None:
     """Fill what acts on both sides from now on.
 
     Args:
-        controller: the controller's account.
+        controller: its account.
         given: the last answer that was given, whether it has arrived or not.
         commanded: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
-        device: the device's account.
-        safety: its envelope, a :data:`~hapticmech_ros.device.safety_kernels.SAFETY`.
+        device: its account.
+        safety: its envelope.
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
             that has arrived.
-        sample: (19,) of the device.
-        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
+        sample: of the device.
+        hand: its last wrenches.
         applied: (6,) by the actuators until now.
         added: (6,) by the device's driver, to the next command.
-        others: (19,) what corrects it for other hands; see ``other_hands``.
-        wrenches: (3, 6) to fill: on the hand by the device, on the mechanism by the hand, and what
-            the mechanism gets.
+        others: what corrects it for other hands.
+        wrenches: to fill.
     """
-    rows = answers.shape[0] - 1
-    passive_wrench(controller, given, wrenches[COMMANDED])
-    queue_wrench(controller, commanded, wrenches[COMMANDED], wrenches[ON_MECHANISM])
-    now = answers[queue_answer(device, answers[:rows], answers[rows])]
+    rows, on_hand = answers.shape[0] - 1, wrenches.on_hand
+    passive_wrench(controller, given, wrenches.commanded)
+    queue_wrench(controller, commanded, wrenches.commanded, wrenches.on_mechanism)
+    now = Answer(answers[queue_answer(device, answers[:rows], answers[rows])])
     account_for_actuators(device, sample, applied)
-    remember(hand, device[PERIOD], sample[PUSH : PUSH + 6])
-    if now[IS_ANSWER] == 0.0:
-        wrenches[ON_HAND] = 0.0
+    remember(hand, device.period, sample.hand_wrench)
+    if now.given == 0.0:
+        on_hand[:] = 0.0
     else:
-        take_energy(device, now[GIVEN_THEN])
-        command = now[WRENCHES : WRENCHES + 6]
-        if now[MODELLED] == 0.0:
-            put(wrenches[ON_HAND], command)
+        take_energy(device, now.to_mechanism)
+        command = now.wrenches.on_hand
+        if now.modelled == 0.0:
+            put(on_hand, command)
         else:
-            model, answered = now[FORCE_GAIN:ANSWERED], now[ANSWERED:GIVEN_THEN]
-            found = wrenches[ON_HAND]
-            correct(command, model, answered, sample, hand, device[PERIOD], others, found)
-    allow(device, safety, wrenches[ON_HAND], sample, added)
-
-
-ACTS, MOST_FORCE, MOST_TORQUE, PERIOD, KEPT, AHEAD, MOVED, MOST_DAMPING, FILTERED = (
-    DEVICE_ACCOUNT.starts(
-        *("acts", "force_limit", "torque_limit", "period", "kept", "ahead", "moved"),
-        *("most_damping", "filtered"),
-    )
-)
-PASSIVE, ALLOWANCE, SLACK, ACTUATORS, MECHANISM, RECEIVED, DISSIPATED, CHANGED = (
-    DEVICE_ACCOUNT.starts(
-        *(
-            "passive",
-            "allowance",
-            "slack",
-            "actuators",
-            "mechanism",
-            "received",
-            "dissipated",
-            "changed",
-        )
-    )
-)
-PLACED, PLACE, ADDED, RATE, APPLIED, QUEUE_AT = DEVICE_ACCOUNT.starts(
-    "pose_known", "pose", "added", "rate", "applied", "queue_at"
-)
-SPEED = DEVICE_SAMPLE.start("twist")
-TWIST = OPERATIONAL_MODEL.start("twist")
+            correct(command, now.model, now.sample, sample, hand, device.period, others, on_hand)
+    allow(device, safety, on_hand, sample, added)
 
 
 @inner
-def account_for_actuators(account: Array, sample: Array, applied: Array) -> None:
-    """Account for the period until a sample (19,), over which ``applied`` (6,) was held."""
-    if account[PLACED] != 0.0:
+def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied: Array) -> None:
+    """Account for the period until a sample, over which ``applied`` (6,) was held."""
+    if account.pose_known != 0.0:
         way, taken, driven = local(6), 0.0, 0.0
-        displacement(account[PLACE:ADDED], sample, way)
+        displacement(account.pose, sample, way)
         for i in range(6):
             # In the middle of the period, and half of it later.
-            pushed = 0.5 * account[PERIOD] * (applied[i] - account[ADDED + i] + sample[PUSH + i])
-            account[RATE + i] = way[i] / account[PERIOD] + pushed / account[i]
+            net = applied[i] - account.added[i] + sample.hand_wrench[i]
+            pushed = 0.5 * account.period * net
+            account.rate[i] = way[i] / account.period + pushed / account.inertia[i]
             taken += applied[i] * way[i]
-            driven += account[ADDED + i] * way[i]
-        account[ACTUATORS] -= taken - driven
-    account[PLACED] = 1.0
-    for i in range(7):
-        account[PLACE + i] = sample[i]
+            driven += account.added[i] * way[i]
+        account.actuators -= taken - driven
+    account.pose_known = 1.0
+    put(account.pose.position, sample.position)
+    put(account.pose.quaternion, sample.quaternion)
     for i in range(6):
-        acts = applied[i] - account[ADDED + i]
-        account[APPLIED + i] = acts if account[KEPT] != 0.0 else 0.0
+        account.applied[i] = applied[i] - account.added[i] if account.kept != 0.0 else 0.0
 
 
 @inner
-def take_energy(account: Array, given: float) -> None:
+def take_energy(account: DeviceAccount, given: float) -> None:
     """Take E_m, J, as it is received, or NaN; the account begins with the first one."""
     if np.isnan(given):
-        account[RECEIVED] = 0.0
+        account.received = 0.0
         return
-    if account[RECEIVED] == 0.0:
-        account[ACTUATORS] = account[DISSIPATED] = 0.0
-    account[RECEIVED], account[MECHANISM] = 1.0, given
+    if account.received == 0.0:
+        account.actuators = account.dissipated = 0.0
+    account.received, account.mechanism = 1.0, given
 
 
 @inner
-def energy_available(account: Array) -> float:
+def energy_available(account: DeviceAccount) -> float:
     """Return what the actuators may give now, J; infinite while E_m is not known."""
-    if account[RECEIVED] == 0.0 or account[PASSIVE] == 0.0:
+    if account.received == 0.0 or account.passive == 0.0:
         return float(np.inf)
-    given = account[MECHANISM]
-    least = min(0.0, given) - account[ALLOWANCE]
-    return float(account[ACTUATORS] - max(least, given - account[SLACK]))
+    given = account.mechanism
+    least = min(0.0, given) - account.allowance
+    return float(account.actuators - max(least, given - account.slack))
 
 
 @inner
-def predicted_transfer(account: Array, command: Array, twist: Array, hand: Array) -> float:
+def predicted_transfer(account: DeviceAccount, command: Array, twist: Array, hand: Array) -> float:
     """Return what a command (6,) gives in the next period, J, as far as can be predicted."""
-    total = 0.0
+    total, ahead, moved, inertia = 0.0, account.ahead, account.moved, account.inertia
     for i in range(6):
-        way = account[AHEAD] * twist[i] + account[MOVED] * (command[i] + hand[i]) / account[i]
+        way = ahead * twist[i] + moved * (command[i] + hand[i]) / inertia[i]
         total += command[i] * way
     return total
 
@@ -198,15 +163,15 @@ def least_root(square: float, slope: float, constant: float) -> float:
 
 @inner
 def share_within(
-    account: Array, command: Array, twist: Array, hand: Array, available: float
+    account: DeviceAccount, command: Array, twist: Array, hand: Array, available: float
 ) -> float:
     """Return the largest share of a command (6,) that gives no more than is available, J."""
-    square, slope = 0.0, 0.0
+    square, slope, ahead, moved, inertia = 0.0, 0.0, account.ahead, account.moved, account.inertia
     for i in range(6):
-        square += command[i] * command[i] / account[i]
-        way = account[AHEAD] * twist[i] + account[MOVED] * hand[i] / account[i]
+        square += command[i] * command[i] / inertia[i]
+        way = ahead * twist[i] + moved * hand[i] / inertia[i]
         slope += command[i] * way
-    square *= account[MOVED]
+    square *= moved
     if square <= 0.0 or square + slope <= available:
         return 1.0
     if available <= 0.0:
@@ -218,90 +183,86 @@ def share_within(
 
 @inner
 def hold_within(
-    account: Array, command: Array, twist: Array, hand: Array, available: float
+    account: DeviceAccount, command: Array, twist: Array, hand: Array, available: float
 ) -> None:
     """Change a command (6,) by as little damping as holds it to what is available, J."""
-    given = predicted_transfer(account, command, twist, hand)
-    momentum, square, slope = local(6), 0.0, 0.0
+    given, momentum = predicted_transfer(account, command, twist, hand), local(6)
+    square, slope, ahead, moved, inertia = 0.0, 0.0, account.ahead, account.moved, account.inertia
     for i in range(6):
-        momentum[i] = account[i] * twist[i]
-        way = account[AHEAD] * twist[i] + account[MOVED] * (command[i] + hand[i]) / account[i]
-        slope += momentum[i] * way + account[MOVED] * (twist[i] * command[i])
-        square += account[MOVED] * (momentum[i] * twist[i])
+        momentum[i] = inertia[i] * twist[i]
+        way = ahead * twist[i] + moved * (command[i] + hand[i]) / inertia[i]
+        slope += momentum[i] * way + moved * (twist[i] * command[i])
+        square += moved * (momentum[i] * twist[i])
     damping = least_root(square, -slope, given - available)
-    if damping <= account[MOST_DAMPING]:
-        for i in range(6):
-            command[i] -= damping * momentum[i]
-        return
-    best = 0.5 * slope / square if square > 0.0 else 0.0
-    damping = min(max(best, 0.0), account[MOST_DAMPING])
+    enough = damping <= account.most_damping
+    if not enough:
+        best = 0.5 * slope / square if square > 0.0 else 0.0
+        damping = min(max(best, 0.0), account.most_damping)
     for i in range(6):
         command[i] -= damping * momentum[i]
-    share = share_within(account, command, twist, hand, available)
-    for i in range(6):
-        command[i] *= share
+    if not enough:
+        share = share_within(account, command, twist, hand, available)
+        for i in range(6):
+            command[i] *= share
 
 
 @inner
-def enforce(account: Array, command: Array, sample: Array, added: Array) -> bool:
+def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added: Array) -> bool:
     """Hold a command (6,) to what may be given; return whether that changed it.
 
     See :func:`enforce_passivity`.
     """
-    put(account[ADDED : ADDED + 6], added)
+    put(account.added, added)
     available = energy_available(account)
     if available == np.inf:
         return False
-    acting, twist, hand = local(6), sample[SPEED:PUSH], sample[PUSH : PUSH + 6]
+    acting, hand = local(6), sample.hand_wrench
     for i in range(6):
-        acting[i] = account[ACTS + i] * command[i]
-    limit(acting[:3], account[MOST_FORCE])
-    limit(acting[3:], account[MOST_TORQUE])
-    if account[KEPT] != 0.0:
+        acting[i] = account.acts[i] * command[i]
+    limit_wrench(acting, account.force_limit, account.torque_limit)
+    if account.kept != 0.0:
         for i in range(6):
-            acting[i] += account[KEPT] * (account[APPLIED + i] - acting[i])
-    given, rate = predicted_transfer(account, acting, twist, hand), account[RATE : RATE + 6]
-    moves_on = account[FILTERED] != 0.0
-    if moves_on:
-        other = predicted_transfer(account, acting, rate, hand)
-        moves_on = other > given
+            acting[i] += account.kept * (account.applied[i] - acting[i])
+    seen = sample.twist
+    given = predicted_transfer(account, acting, seen, hand)
+    if account.filtered != 0.0:
+        other = predicted_transfer(account, acting, account.rate, hand)
+        if other > given:
+            seen = account.rate
         given = max(given, other)
     if given <= available:
         return False
-    seen = local(6)
-    if moves_on:
-        put(seen, rate)
-    else:
-        put(seen, twist)
-    account[CHANGED] += 1.0
+    account.changed += 1.0
     hold_within(account, acting, seen, hand, available)
-    account[DISSIPATED] += given - predicted_transfer(account, acting, seen, hand)
+    account.dissipated += given - predicted_transfer(account, acting, seen, hand)
     # Actuators that lag do it a little later: undoing their lag would shake the device.
     put(command, acting)
     return True
 
 
 @inner
-def allow(account: Array, safety: Array, command: Array, sample: Array, added: Array) -> None:
+def allow(
+    account: DeviceAccount, safety: Safety, command: Array, sample: DeviceSample, added: Array
+) -> None:
     """Change a command (6,) into what leaves: within the safety envelope, and passive.
 
     Passivity control comes last but for the bounds of force and workspace: it has to predict the
     energy that is given, and a slew rate after it would let old commands give more.
     """
-    stay_within(safety, command, sample[:3])
+    stay_within(safety, command, sample.position)
     if enforce(account, command, sample, added):
-        stay_bounded(safety, command, sample[:3])
+        stay_bounded(safety, command, sample.position)
 
 
 @inner
 def correct(
     command: Array,
-    model: Array,
-    answered: Array,
-    now: Array,
-    hand: Array,
+    model: LocalModel,
+    answered: DeviceSample,
+    now: DeviceSample,
+    hand: HandMemory,
     period: float,
-    others: Array,
+    others: HandsCorrection,
     found: Array,
 ) -> None:
     """Fill a command (6,) for the device as it is now; see :func:`correct_command`."""
@@ -310,12 +271,11 @@ def correct(
     for i in range(6):
         total = 0.0
         for j in range(6):
-            at = 6 * i + j
-            total += model[at] * (now[PUSH + j] - answered[PUSH + j])
-            total -= model[36 + at] * way[j]
-            total -= model[72 + at] * (now[SPEED + j] - answered[SPEED + j])
-        found[i] = command[i] + total + others[i]
-    lead(hand, period, model[:36], others[6:], found)
+            total += model.force[i, j] * (now.hand_wrench[j] - answered.hand_wrench[j])
+            total -= model.stiffness[i, j] * way[j]
+            total -= model.damping[i, j] * (now.twist[j] - answered.twist[j])
+        found[i] = command[i] + total + others.change[i]
+    lead(hand, period, model.force, others, found)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
@@ -323,11 +283,11 @@ def record_sample(account: Array, sample: Array, applied: Array) -> None:
     """Account for the period until a sample (19,), over which actuators held ``applied`` (6,).
 
     Args:
-        account: (account,) of the device, changed; see ``loop_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
     """
-    account_for_actuators(account, sample, applied)
+    account_for_actuators(DeviceAccount(account), DeviceSample(sample), applied)
 
 
 @kernel(
@@ -346,17 +306,18 @@ def allow_command(
     """Account for the last period, and change a command into what leaves in the next one.
 
     Args:
-        account: (account,) of the device, changed; see ``loop_layout``.
-        safety: (numbers,) the envelope, changed; see ``safety_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
+        safety: (numbers,) the envelope, a ``device.safety_kernels.Safety``; changed.
         command: (6,) on the hand, by the device, N and N m, world axes; changed.
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         added: (6,) by the device's driver, N and N m, world axes.
         given: E_m, J, as it was received; NaN while nobody sends it.
     """
-    account_for_actuators(account, sample, applied)
-    take_energy(account, given)
-    allow(account, safety, command, sample, added)
+    side, now = DeviceAccount(account), DeviceSample(sample)
+    account_for_actuators(side, now, applied)
+    take_energy(side, given)
+    allow(side, Safety(safety), command, now, added)
 
 
 @kernel("float64(float64[::1])")
@@ -364,9 +325,9 @@ def available_energy(account: Array) -> float:
     """Return what the actuators may give now, J.
 
     Args:
-        account: (account,) of the device; see ``loop_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``.
     """
-    return energy_available(account)
+    return energy_available(DeviceAccount(account))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
@@ -374,13 +335,13 @@ def enforce_passivity(account: Array, command: Array, sample: Array, added: Arra
     """Change a command where it would give more than there is.
 
     Args:
-        account: (account,) of the device, changed; see ``loop_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
         command: (6,) on the hand, by the device, N and N m, world axes; changed.
         sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
         added: (6,) by the device's driver, for its weight and friction, N and N m, world axes: what
             it gives stays in the device, and does not count.
     """
-    enforce(account, command, sample, added)
+    enforce(DeviceAccount(account), command, DeviceSample(sample), added)
 
 
 @kernel(
@@ -401,12 +362,21 @@ def correct_command(
 
     Args:
         command: (6,) of the controller, N and N m, world axes.
-        model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
+        model: (108,) how it depends on the device, a ``LocalModel``.
         answered: (19,) the device's sample that the command answers, in SI units.
         now: (19,) its newest sample, likewise.
-        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
+        hand: (22,) the hand's last wrenches, a ``HandMemory``.
         period: T, s, over which the command is held.
-        others: (19,) what corrects it for other hands; see ``other_hands``.
+        others: (19,) what corrects it for other hands, a ``HandsCorrection``.
         found: (6,) to fill, N and N m, world axes.
     """
-    correct(command, model, answered, now, hand, period, others, found)
+    correct(
+        command,
+        LocalModel(model),
+        DeviceSample(answered),
+        DeviceSample(now),
+        HandMemory(hand),
+        period,
+        HandsCorrection(others),
+        found,
+    )

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and a clutch fix is laid out as
-:data:`~hapticmech_ros.control.loop_layout.SETTINGS`, measurements as
-:mod:`~hapticmech_ros.numerics.layout` says.
+What a scene and a clutch fix are
+:class:`~hapticmech_ros.control.loop_layout.ControllerSettings`, measurements records of
+:mod:`~hapticmech_ros.numerics.layout`.
 
 Poses inside kernels: the logarithm, and the error between device and operational point.
 
@@ -20,8 +20,9 @@ and 1, or not at all. Whoever receives takes the newest that has arrived; one th
 overtaken is dropped. u and the loss are functions of seed, direction and n: the same connection
 gives the same bits, in a session and in a graph.
 
-A channel is two arrays. Whole numbers: a :data:`STATE`, then for each slot the time of arrival, ns,
-the message's number, -1 if the slot is free, and its tag. And a message in each row of the other
+A channel is two arrays. Whole numbers: a
+:class:`~hapticmech_ros.control.loop_layout.ChannelState`, then for each slot a
+:class:`~hapticmech_ros.control.loop_layout.ChannelSlot`. And a message in each row of the other
 one; the last row is the message that was received last.
 """
 
@@ -32,25 +33,24 @@ import numpy as np
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
 from hapticmech_ros.control.loop_layout import (
     BRAKE,
-    FOUR_CHANNEL,
-    IMPEDANCE,
-    JOINT_CONSTRAINT,
-    ON_HAND,
-    ON_MECHANISM,
-    POSE_ERROR,
-    SETTINGS,
+    ChannelSlot,
+    ChannelState,
+    ControllerSettings,
+    ControlWrenches,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.layout import (
+    DEVICE_SAMPLE,
+    OPERATIONAL_MODEL,
+    DeviceSample,
+    OperationalModelSample,
+    Pose,
+)
 from hapticmech_ros.numerics.saturation import limit
 from hapticmech_ros.numerics.small_matrices import cross, dot
 
-ONE = Field(1)
-# Random numbers' stream; messages sent, and lost; number of the newest that was received, and its
-# tag.
-STATE = Layout(dict.fromkeys(("stream", "sent", "lost", "newest", "tag"), ONE))
-STREAM, SENT, LOST, NEWEST, TAG = STATE.starts(*STATE)
-SLOTS, SLOT_SIZE = STATE.size, 3
+STATE_SIZE, SLOT_SIZE = ChannelState.layout.size, ChannelSlot.layout.size
+DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
 # Two random numbers, of loss and delay, for each message.
 DRAWS = 2
 NANOSECONDS = 1e9
@@ -68,14 +68,20 @@ def mixed(number: int | np.uint64) -> np.uint64:
 
 
 @inner
-def drawn(stream: int, index: int) -> float:
+def drawn(stream: int | np.int64, index: int) -> float:
     """Return the random number of an index, in [0, 1]."""
     return float(np.float64(mixed(np.uint64(stream) + np.uint64(index))) / WORDS)
 
 
 @inner
+def slot_of(numbers: Array, slot: int) -> ChannelSlot:
+    """Return a slot of a channel's whole numbers."""
+    return ChannelSlot(numbers[STATE_SIZE + SLOT_SIZE * slot :])
+
+
+@inner
 def send(
-    state: Array,
+    numbers: Array,
     rows: Array,
     delay: float,
     jitter: float,
@@ -85,36 +91,35 @@ def send(
     message: Array,
 ) -> bool:
     """Send a message (n,) at a time (ns); return whether there is room for it."""
-    number = state[SENT]
-    state[SENT] += 1
-    if loss > 0.0 and drawn(state[STREAM], DRAWS * number) < loss:
-        state[LOST] += 1
+    state = ChannelState(numbers)
+    number, stream = state.sent, np.int64(state.stream)
+    state.sent += 1
+    if loss > 0.0 and drawn(stream, DRAWS * number) < loss:
+        state.lost += 1
         return True
-    uneven = 0.0
-    if jitter > 0.0:
-        uneven = 2.0 * drawn(state[STREAM], DRAWS * number + 1) - 1.0
+    uneven = 2.0 * drawn(stream, DRAWS * number + 1) - 1.0 if jitter > 0.0 else 0.0
     late = int(np.rint(delay * (1.0 + jitter * uneven) * NANOSECONDS))
-    for slot in range(rows.shape[0] - 1):
-        at = SLOTS + SLOT_SIZE * slot
-        if state[at + 1] < 0:
-            state[at], state[at + 1], state[at + 2] = time_ns + late, number, tag
-            put(rows[slot], message)
+    for row in range(rows.shape[0] - 1):
+        slot = slot_of(numbers, row)
+        if slot.number < 0:
+            slot.arrives, slot.number, slot.tag = time_ns + late, number, tag
+            put(rows[row], message)
             return True
     return False
 
 
 @inner
-def receive(state: Array, rows: Array, time_ns: int) -> bool:
+def receive(numbers: Array, rows: Array, time_ns: int) -> bool:
     """Put the newest message that has arrived since the last call into the last row, if any."""
-    last, found = rows.shape[0] - 1, -1
-    for slot in range(last):
-        at = SLOTS + SLOT_SIZE * slot
-        number = state[at + 1]
-        if number < 0 or state[at] > time_ns:
+    state, last, found = ChannelState(numbers), rows.shape[0] - 1, -1
+    for row in range(last):
+        slot = slot_of(numbers, row)
+        number = slot.number
+        if number < 0 or slot.arrives > time_ns:
             continue
-        state[at + 1] = -1
-        if number > state[NEWEST]:
-            state[NEWEST], state[TAG], found = number, state[at + 2], slot
+        slot.number = -1
+        if number > state.newest:
+            state.newest, state.tag, found = number, slot.tag, row
     if found < 0:
         return False
     put(rows[last], rows[found])
@@ -222,28 +227,33 @@ def log6(rotation: Array, translation: Array, out: Array) -> None:
 
 
 @inner
-def carry_on(place: Array, twist: Array, duration: float, out: Array) -> None:
-    """Fill ``out`` (7,) with where a frame is after ``duration`` (s).
+def carry_on(position: Array, quaternion: Array, twist: Array, duration: float, out: Pose) -> None:
+    """Fill ``out`` with where a frame is after ``duration`` (s).
 
     Args:
-        place: (7,) its position, m, and quaternion.
+        position: (3,) of the frame, m.
+        quaternion: (4,) likewise.
         twist: (6,) of its origin, constant, world axes, m/s and rad/s.
         duration: s, may be negative.
-        out: to fill, as ``place``.
+        out: to fill.
     """
-    turn = local(4)
+    turn, place = local(4), out.position
     x, y, z = duration * twist[3], duration * twist[4], duration * twist[5]
     angle = np.sqrt(x * x + y * y + z * z)
     ratio = np.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
     turn[0], turn[1], turn[2], turn[3] = ratio * x, ratio * y, ratio * z, np.cos(0.5 * angle)
-    follow(turn, place[3:7], out[3:])
+    follow(turn, quaternion, out.quaternion)
     for i in range(3):
-        out[i] = place[i] + duration * twist[i]
+        place[i] = position[i] + duration * twist[i]
 
 
 @inner
 def clutch_error(
-    clutch: Array, device: Array, place: Array, twist: Array, ahead: float, error: Array
+    settings: ControllerSettings,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    ahead: float,
+    error: Array,
 ) -> None:
     """Fill ``error`` (6,) with e, from the point, carried on, to the device through the clutch.
 
@@ -251,36 +261,35 @@ def clutch_error(
     the translation from origin to origin.
 
     Args:
-        clutch: (7,) displacement of the clutch, and quaternion of its turn.
-        device: (7,) its position and quaternion.
-        place: (7,) the point's.
-        twist: (6,) the point's, world axes.
+        settings: with the clutch.
+        device: its sample.
+        model: the point's.
         ahead: s, for which the point is carried on.
         error: to fill, m and rad.
     """
-    point, mapped, between, way = local(7), local(4), local(4), local(3)
-    carry_on(place, twist, ahead, point)
-    follow(device[3:7], clutch[3:7], mapped)
-    turn_between(point[3:], mapped, between)
+    point, mapped, between, way = Pose(local(7)), local(4), local(4), local(3)
+    carry_on(model.position, model.quaternion, model.twist, ahead, point)
+    follow(device.quaternion, settings.turn, mapped)
+    turn_between(point.quaternion, mapped, between)
     for i in range(3):
-        way[i] = device[i] + clutch[i] - point[i]
+        way[i] = device.position[i] + settings.displacement[i] - point.position[i]
     log6(between, way, error)
 
 
 @inner
-def displacement(start: Array, end: Array, way: Array) -> None:
+def displacement(start: Pose, end: Pose, way: Array) -> None:
     """Fill ``way`` (6,) with the way from one pose to another, world axes; m and rad.
 
     The translation from origin to origin, and the rotation vector of end start⁻¹. Equal poses
     differ by nothing, to the bit.
 
     Args:
-        start: (7,) or more, position and unit quaternion x, y, z, w first.
+        start: with a quaternion of length 1.
         end: the same, later.
         way: to fill.
     """
     turn = local(4)
-    turn_between(start[3:7], end[3:7], turn)
+    turn_between(start.quaternion, end.quaternion, turn)
     x, y, z, cosine = turn[0], turn[1], turn[2], turn[3]
     sine = np.sqrt(x * x + y * y + z * z)
     scale = 2.0 * np.arctan2(sine, abs(cosine)) / sine if sine > 0.0 else 0.0
@@ -288,31 +297,8 @@ def displacement(start: Array, end: Array, way: Array) -> None:
     if cosine < 0.0:
         scale = -scale
     for i in range(3):
-        way[i] = end[i] - start[i]
+        way[i] = end.position[i] - start.position[i]
         way[3 + i] = scale * turn[i]
-
-
-INERTIA, STIFFNESS, DAMPING, HELD_STIFFNESS, HELD_DAMPING = SETTINGS.starts(
-    "inertia", "stiffness", "damping", "held_stiffness", "held_damping"
-)
-FEEDFORWARD, JOINT_STIFFNESS, JOINT_DAMPING, JOINT_FORCE_LIMIT, JOINT_TORQUE_LIMIT = (
-    SETTINGS.starts(
-        *("feedforward", "joint_stiffness", "joint_damping"),
-        *("joint_force_limit", "joint_torque_limit"),
-    )
-)
-C1, C2, C3, C4, C5, C6 = SETTINGS.starts("c1", "c2", "c3", "c4", "c5", "c6")
-RAMP, CARRIES, FORCE_LIMIT, TORQUE_LIMIT, ENGAGED, CLUTCH = SETTINGS.starts(
-    "ramp", "carries", "force_limit", "torque_limit", "engaged_at", "displacement"
-)
-DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
-RATE, PUSH = DEVICE_SAMPLE.starts("twist", "hand_wrench")
-X, P_C, SHARE = OPERATIONAL_MODEL.starts(
-    "inverse_inertia", "constraint_projector", "wrench_projector"
-)
-FREE, PLACE, TWIST, CONTACT = OPERATIONAL_MODEL.starts(
-    "free_acceleration", "position", "twist", "contact"
-)
 
 
 @inner
@@ -327,71 +313,81 @@ def scale_within(wrench: Array, force_limit: float, torque_limit: float) -> None
 
 
 @inner
-def let_through(settings: Array, time: float) -> float:
+def limit_wrench(wrench: Array, force_limit: float, torque_limit: float) -> None:
+    """Shorten force and torque of a wrench (6,) each to its limit."""
+    limit(wrench[:3], force_limit)
+    limit(wrench[3:], torque_limit)
+
+
+@inner
+def let_through(settings: ControllerSettings, time: float) -> float:
     """Return the share of springs at ``time`` (s): see :meth:`Clutch.ramp`."""
-    duration, begun = settings[RAMP], settings[ENGAGED]
+    duration, begun = settings.ramp, settings.engaged_at
     if duration <= 0.0:
         return 1.0
-    if settings[CARRIES] == 0.0:
+    if settings.carries == 0.0:
         duration *= 0.5
         begun += duration
     return float(min(max((time - begun) / duration, 0.0), 1.0))
 
 
 @inner
-def brake(settings: Array, time: float, mass: float, damping: float) -> float:
+def brake(settings: ControllerSettings, time: float, mass: float, damping: float) -> float:
     """Return the share of a damper on a mass at ``time`` (s): see :meth:`Clutch.brake`."""
-    if settings[CARRIES] != 0.0:
+    if settings.carries != 0.0:
         return float(let_through(settings, time))
-    left = settings[ENGAGED] + 0.5 * settings[RAMP] - time
+    left = settings.engaged_at + 0.5 * settings.ramp - time
     if left <= 0.0 or damping * left <= BRAKE * mass:
         return 1.0
     return float(BRAKE * mass / (damping * left))
 
 
 @inner
-def force_let_through(settings: Array, time: float) -> float:
+def force_let_through(settings: ControllerSettings, time: float) -> float:
     """Return the share of the force channel: see :meth:`Clutch.force_ramp`."""
-    return 1.0 if settings[CARRIES] == 0.0 else let_through(settings, time)
+    return 1.0 if settings.carries == 0.0 else let_through(settings, time)
 
 
 @inner
 def hand_on_mechanism(
-    settings: Array, device: Array, operational_model: Array, time: float, commanded: Array
+    settings: ControllerSettings,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    time: float,
+    commanded: Array,
 ) -> None:
     """Fill the wrench that measured forces command on the mechanism (6,): s (C3 F_h + C5 F_c)."""
-    through = force_let_through(settings, time)
+    through, task = force_let_through(settings, time), settings.task
     for i in range(6):
-        hand, touch = device[PUSH + i], operational_model[CONTACT + i]
-        commanded[i] = through * settings[i] * (settings[C3] * hand + settings[C5] * touch)
+        hand, touch = device.hand_wrench[i], model.contact[i]
+        commanded[i] = through * task[i] * (settings.c3 * hand + settings.c5 * touch)
 
 
 @inner
 def parts(
-    settings: Array, device: Array, operational_model: Array, time: float, out: Array
+    settings: ControllerSettings,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    time: float,
+    out: ControlWrenches,
 ) -> None:
-    """Fill all but the first row of ``out`` (6, 6), without the device's limits, given e in it."""
-    task, inertia = settings[:INERTIA], settings[INERTIA:STIFFNESS]
-    stiffness, damping = settings[STIFFNESS:DAMPING], settings[DAMPING:HELD_STIFFNESS]
-    held_stiffness = settings[HELD_STIFFNESS:HELD_DAMPING]
-    held_damping = settings[HELD_DAMPING:FEEDFORWARD]
-    beta, spring = settings[FEEDFORWARD], settings[JOINT_STIFFNESS]
-    damper = settings[JOINT_DAMPING]
-    force_limit, torque_limit = settings[JOINT_FORCE_LIMIT], settings[JOINT_TORQUE_LIMIT]
-    c1, c2, c4, c6 = settings[C1], settings[C2], settings[C4], settings[C6]
-    x, p_c = shaped(operational_model[X:], (6, 6)), shaped(operational_model[P_C:], (6, 6))
-    share, free = shaped(operational_model[SHARE:], (6, 6)), operational_model[FREE : FREE + 6]
-    twist, contact = operational_model[TWIST : TWIST + 6], operational_model[CONTACT : CONTACT + 6]
+    """Fill all but ``out.on_hand``, without the device's limits, given e in it."""
+    task, inertia, beta = settings.task, settings.inertia, settings.feedforward
+    stiffness, damping = settings.stiffness, settings.damping
+    held_stiffness, held_damping = settings.held_stiffness, settings.held_damping
+    spring, damper = settings.joint_stiffness, settings.joint_damping
+    c1, c2, c4, c6 = settings.c1, settings.c2, settings.c4, settings.c6
+    x, p_c, share = model.inverse_inertia, model.constraint_projector, model.wrench_projector
+    free, twist, contact = model.free_acceleration, model.twist, model.contact
     ramp, through = let_through(settings, time), force_let_through(settings, time)
     damper *= brake(settings, time, inertia[0], damper)
-    hand_on_mechanism(settings, device, operational_model, time, out[ON_MECHANISM])
-    room = shaped(local(30), (5, 6))
-    push, pull, coupling, drive, held = room[0], room[1], room[2], room[3], room[4]
-    error = out[POSE_ERROR]
+    hand_on_mechanism(settings, device, model, time, out.on_mechanism)
+    push, pull, coupling, drive, held = local(6), local(6), local(6), local(6), local(6)
+    error = out.error
     for i in range(6):
         error[i] *= task[i]
-        rate = task[i] * (device[RATE + i] - twist[i])
-        hand = task[i] * device[PUSH + i]
+        rate = task[i] * (device.twist[i] - twist[i])
+        hand = task[i] * device.hand_wrench[i]
         push[i] = hand + c2 * (task[i] * contact[i])
         drive[i] = push[i] + c6 * hand
         pull[i] = ramp * spring * error[i] + damper * rate
@@ -402,28 +398,32 @@ def parts(
     for i in range(6):
         motion = inertia[i] * (dot(x[i], drive) + free[i])
         joined = ramp * (1.0 - beta) * dot(share[i], push)
-        out[ON_MECHANISM, i] += c1 * coupling[i]
-        out[IMPEDANCE, i] = task[i] * (through * (motion - push[i]) + joined)
-        out[JOINT_CONSTRAINT, i] = -dot(p_c[i], pull)
+        out.on_mechanism[i] += c1 * coupling[i]
+        out.impedance[i] = task[i] * (through * (motion - push[i]) + joined)
+        out.joint_constraint[i] = -dot(p_c[i], pull)
         in_range = c4 * (held[i] - dot(share[i], held))
-        out[FOUR_CHANNEL, i] = through * (c2 * (task[i] * contact[i])) - in_range
+        out.four_channel[i] = through * (c2 * (task[i] * contact[i])) - in_range
     if through > 0.0:
-        scale_within(out[JOINT_CONSTRAINT], through * force_limit, through * torque_limit)
+        force_limit, torque_limit = settings.joint_force_limit, settings.joint_torque_limit
+        scale_within(out.joint_constraint, through * force_limit, through * torque_limit)
 
 
 @inner
 def answer_measurements(
-    settings: Array, device: Array, operational_model: Array, time: float, ahead: float, out: Array
+    settings: ControllerSettings,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    time: float,
+    ahead: float,
+    out: ControlWrenches,
 ) -> None:
     """Fill a control period's wrenches; see :func:`control_wrenches`."""
-    place, twist = operational_model[PLACE:TWIST], operational_model[TWIST : TWIST + 6]
-    clutch_error(settings[CLUTCH:], device[:7], place, twist, ahead, out[POSE_ERROR])
-    parts(settings, device, operational_model, time, out)
+    clutch_error(settings, device, model, ahead, out.error)
+    parts(settings, device, model, time, out)
     for i in range(6):
-        out[ON_HAND, i] = out[IMPEDANCE, i] + out[JOINT_CONSTRAINT, i] + out[FOUR_CHANNEL, i]
-    for row in (ON_HAND, ON_MECHANISM):
-        limit(out[row, :3], settings[FORCE_LIMIT])
-        limit(out[row, 3:], settings[TORQUE_LIMIT])
+        out.on_hand[i] = out.impedance[i] + out.joint_constraint[i] + out.four_channel[i]
+    limit_wrench(out.on_hand, settings.force_limit, settings.torque_limit)
+    limit_wrench(out.on_mechanism, settings.force_limit, settings.torque_limit)
 
 
 @kernel(
@@ -436,7 +436,7 @@ def control_wrenches(
     """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
 
     Args:
-        settings: (59,) what the scene and the clutch fix; see ``loop_layout``.
+        settings: (59,) what the scene and the clutch fix, a ``ControllerSettings``.
         device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
@@ -448,7 +448,14 @@ def control_wrenches(
     """
     if device.size != DEVICE_SIZE or operational_model.size != MODEL_SIZE:
         return False
-    answer_measurements(settings, device, operational_model, time, ahead, out)
+    answer_measurements(
+        ControllerSettings(settings),
+        DeviceSample(device),
+        OperationalModelSample(operational_model),
+        time,
+        ahead,
+        ControlWrenches(shaped(out, (out.size,))),
+    )
     return True
 
 
@@ -459,10 +466,16 @@ def forces_on_mechanism(
     """Fill the wrench that measured forces command on the mechanism, C3 F_h + C5 F_c.
 
     Args:
-        settings: (59,) what the scene and the clutch fix; see ``loop_layout``.
+        settings: (59,) what the scene and the clutch fix, a ``ControllerSettings``.
         device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
         time: s.
         commanded: (6,) to fill, N and N m, world axes.
     """
-    hand_on_mechanism(settings, device, operational_model, time, commanded)
+    hand_on_mechanism(
+        ControllerSettings(settings),
+        DeviceSample(device),
+        OperationalModelSample(operational_model),
+        time,
+        commanded,
+    )

@@ -24,12 +24,12 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
-    MEMORY_SIZE,
     MOST,
     command_response,
     mean_change,
     remember_wrench,
 )
+from hapticmech_ros.control.loop_layout import HandMemory, HandsCorrection, MeanChange
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
@@ -40,7 +40,7 @@ REMEMBERED = 64
 # how many at most a period may begin after the sample from which its wrench is carried on.
 SILENT, FARTHEST = 12, 1.0
 # What corrects a command that needs nothing for other hands.
-NO_OTHERS = np.zeros(19)
+NO_OTHERS = HandsCorrection().values
 NO_OTHERS.flags.writeable = False
 
 
@@ -73,15 +73,15 @@ def coupling_gain(
     """Return H_j (6, 6), see the module: 1, m and 1/m, force before torque, world axes.
 
     Args:
-        settings: (59,) of the controllers; see ``loop_layout``.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         operational_model: (139,) of the own point; see ``layout.OPERATIONAL_MODEL``.
         time: s, of the controllers.
         transmitted: (6, 6) Y_ij, see :func:`~hapticmech_ros.operational.analysis.transmission`.
         share: C3_j.
     """
-    response = np.empty(36)
-    command_response(settings, operational_model, time, response)
-    return np.asarray(share * (response.reshape(6, 6) @ transmitted))
+    response = np.empty((6, 6))
+    command_response(settings, operational_model, time, response.ravel())
+    return np.asarray(share * (response @ transmitted))
 
 
 class OtherHands:
@@ -126,9 +126,7 @@ class OtherHands:
         return self._newest(self._samples[name], now_ns) is not None
 
     def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:
-        """Return (19,) the sums of H_j, N and N m, world axes at the own point, and K.
-
-        Those of the change since t', of F'_j and of F''_j.
+        """Return (19,) a ``HandsCorrection``: sums of H_j, and K; world axes at the own point.
 
         Args:
             gains: H_j (6, 6) by operational point; see the module.
@@ -148,16 +146,16 @@ class OtherHands:
             return np.zeros((3, 6))
         stamp_ns, wrench = samples[at]
         change = wrench - samples[self._nearest(samples, at, answered_ns - period)][1]
-        memory, carried = np.zeros(MEMORY_SIZE), np.empty(12)
+        memory, mean = HandMemory(), MeanChange()
         first = max(at + 1 - MOST, 0)
         before_ns = samples[first][0]
         for number in range(first, at + 1):
             known_ns, known = samples[number]
-            remember_wrench(memory, (known_ns - before_ns) / NANOSECONDS, known)
+            remember_wrench(memory.values, (known_ns - before_ns) / NANOSECONDS, known)
             before_ns = known_ns
         since = min(now_ns - stamp_ns, FARTHEST * period)
-        mean_change(memory, since / NANOSECONDS, period / NANOSECONDS, carried)
-        return np.array([change, carried[:6], carried[6:]])
+        mean_change(memory.values, since / NANOSECONDS, period / NANOSECONDS, mean.values)
+        return np.array([change, mean.line, mean.bend])
 
     def _newest(self, samples: deque[tuple[int, Array]], now_ns: int) -> int | None:
         """Return which sample is the newest at a time (ns); None if the hand is silent then."""

@@ -38,11 +38,11 @@ from hapticmech_ros.control.device_side_kernels import (
     record_sample,
     take_energy,
 )
-from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
+from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 
@@ -50,10 +50,6 @@ NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False
 # Most damping, as a share of what stops the device within a sample.
 MOST_DAMPING = 0.4
-_TWIST = DEVICE_SAMPLE.slice("twist")
-_STARTS = {name: DEVICE_ACCOUNT.start(name) for name in DEVICE_ACCOUNT}
-_MEMORY = DEVICE_ACCOUNT.slice("pose_known", "applied")
-_INERTIA = DEVICE_ACCOUNT.slice("inertia")
 
 
 class PassivityController:
@@ -71,7 +67,7 @@ class PassivityController:
             and go on with what was commanded for as long.
 
     Attributes:
-        account: all that it knows; a :data:`~hapticmech_ros.control.loop_layout.DEVICE_ACCOUNT`.
+        account: all that it knows.
     """
 
     def __init__(
@@ -84,54 +80,43 @@ class PassivityController:
         filtered: bool = False,
         lag: float = 0.0,
     ) -> None:
-        ahead = period + lag
-        constants = {
-            "inertia": inertia,
-            "acts": np.ones(6) if acts is None else acts,
-            "force_limit": limits[0],
-            "torque_limit": limits[1],
-            "period": period,
-            # Mean share, over a period, of what actuators gave before.
-            "kept": lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0,
-            # What is predicted, s, and what a held wrench moves in it, per acceleration.
-            "ahead": ahead,
-            "moved": 0.5 * ahead**2,
-            "most_damping": MOST_DAMPING / period,
-            "filtered": filtered,
-            "passive": bounds.control,
-            "allowance": bounds.allowance,
-            "slack": bounds.slack,
-        }
-        self.account: Array = np.zeros(DEVICE_ACCOUNT.size)
-        for name, value in constants.items():
-            self.account[DEVICE_ACCOUNT.slice(name)] = value
+        self.account = account = DeviceAccount()
+        account.inertia[:], account.acts[:] = inertia, 1.0 if acts is None else acts
+        account.force_limit, account.torque_limit = limits
+        account.period, account.most_damping = period, MOST_DAMPING / period
+        account.kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
+        account.ahead = ahead = period + lag
+        account.moved, account.filtered = 0.5 * ahead**2, filtered
+        account.passive, account.allowance = bounds.control, bounds.allowance
+        account.slack = bounds.slack
 
     def begin(self) -> None:
         """Start anew: the hand takes hold, or nobody holds."""
-        for name in ("actuators", "mechanism", "received", "dissipated"):
-            self.account[_STARTS[name]] = 0.0
-        self.account[_MEMORY] = 0.0
+        account = self.account
+        account.actuators = account.mechanism = account.received = 0.0
+        account.dissipated = account.pose_known = 0.0
+        for part in (account.pose.values, account.added, account.rate, account.applied):
+            part[:] = 0.0
 
     @property
     def actuators(self) -> float:
         """W, J, since E_m was received first; before that, since the last :meth:`begin`."""
-        return float(self.account[_STARTS["actuators"]])
+        return self.account.actuators
 
     @property
     def mechanism(self) -> float | None:
         """E_m as it was received last, J; None until it is, and nothing is held back."""
-        received = self.account[_STARTS["received"]] != 0.0
-        return float(self.account[_STARTS["mechanism"]]) if received else None
+        return self.account.mechanism if self.account.received != 0.0 else None
 
     @property
     def dissipated(self) -> float:
         """J that the controller's damping has taken in excess of the commands."""
-        return float(self.account[_STARTS["dissipated"]])
+        return self.account.dissipated
 
     @property
     def changed(self) -> int:
         """Samples in which a command was changed."""
-        return int(self.account[_STARTS["changed"]])
+        return int(self.account.changed)
 
     def hand(self, sample: Array) -> float:
         """Return E_h at a sample (19,), J, without what friction took.
@@ -139,13 +124,13 @@ class PassivityController:
         Args:
             sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
         """
-        twist = sample[_TWIST]
-        return self.actuators + 0.5 * float(twist @ (self.account[_INERTIA] * twist))
+        twist = DeviceSample(sample).twist
+        return self.actuators + 0.5 * float(twist @ (self.account.inertia * twist))
 
     @property
     def available(self) -> float:
         """J that the actuators may give now; infinite while E_m is not known."""
-        return available_energy(self.account)
+        return available_energy(self.account.values)
 
     def set_mechanism_energy(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.
@@ -162,7 +147,7 @@ class PassivityController:
             sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
             applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         """
-        record_sample(self.account, sample, applied)
+        record_sample(self.account.values, sample, applied)
 
     def enforce(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
         """Return the command (6,), changed where it would give more than there is.
@@ -174,7 +159,7 @@ class PassivityController:
                 what it gives stays in the device, and does not count.
         """
         held = np.array(command, dtype=float)
-        enforce_passivity(self.account, held, sample, added)
+        enforce_passivity(self.account.values, held, sample, added)
         return held
 
 
@@ -194,7 +179,7 @@ def corrected(
         model: (108,) G, K and B row by row, SI units: wrench per F_h, ξ and v.
         answered: (19,) the device's sample that the command answers, in SI units.
         now: (19,) its newest sample, likewise.
-        hand: (22,) the hand's last wrenches; see ``hand_lead_kernels``.
+        hand: (22,) the hand's last wrenches, a ``HandMemory``.
         period: T, s, over which the command is held.
         others: (19,) what corrects it for other hands; see ``other_hands``.
     """
@@ -258,6 +243,6 @@ class DeviceSide:
         """
         found = np.array(command, dtype=float)
         given = math.nan if to_mechanism is None else to_mechanism
-        arrays = self.passivity.account, self.envelope.numbers
-        allow_command(*arrays, found, sample, applied, added, given)
+        account, safety = self.passivity.account.values, self.envelope.numbers.values
+        allow_command(account, safety, found, sample, applied, added, given)
         return found

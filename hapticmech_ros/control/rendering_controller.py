@@ -22,25 +22,15 @@ from hapticmech_ros.control.account_kernels import (
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.kernels import (
-    LOST,
-    NEWEST,
     SLOT_SIZE,
-    SLOTS,
-    STREAM,
-    TAG,
+    STATE_SIZE,
     forces_on_mechanism,
     mixed,
     receive_message,
     send_message,
+    slot_of,
 )
-from hapticmech_ros.control.loop_layout import (
-    ANSWER,
-    CONTROLLER_ACCOUNT,
-    FORCE_LOCAL,
-    JOINT_LOCAL,
-    LOCALITY,
-    WITH_MODEL,
-)
+from hapticmech_ros.control.loop_layout import Answer, ChannelState, ControllerAccount, Locality
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
@@ -72,23 +62,25 @@ class Channel:
         self.law = connection.delay, connection.jitter, connection.loss
         # On the way at once: one for each period of the longest delay, and the one just sent.
         slots = math.ceil(connection.delay * (1.0 + connection.jitter) / period) + 2
-        self.state: Array = np.zeros(SLOTS + SLOT_SIZE * slots, dtype=np.int64)
+        self.state: Array = np.zeros(STATE_SIZE + SLOT_SIZE * slots, dtype=np.int64)
         self.rows: Array = np.zeros((slots + 1, size))
-        self.state[NEWEST] = -1
-        self.state[SLOTS + 1 :: SLOT_SIZE] = -1
+        state = ChannelState(self.state)
+        state.newest = -1
+        for slot in range(slots):
+            slot_of(self.state, slot).number = -1
         with np.errstate(over="ignore"):
             stream = np.uint64(mixed(2 * connection.seed + direction))
-        self.state[STREAM] = stream.view(np.int64)
+        state.stream = int(stream.view(np.int64))
 
     @property
     def lost(self) -> int:
         """Messages that were lost."""
-        return int(self.state[LOST])
+        return ChannelState(self.state).lost
 
     @property
     def tag(self) -> int:
         """The number that came with the message that was received last."""
-        return int(self.state[TAG])
+        return ChannelState(self.state).tag
 
     def put(self, time_ns: int, message: Array, tag: int = 0) -> None:
         """Send a message (n,) at a time (ns), and a whole number with it.
@@ -107,16 +99,6 @@ class Channel:
     def take(self, time_ns: int) -> Array | None:
         """Return the newest message (n,) since the last call, a view; None if none arrived."""
         return self.rows[-1] if receive_message(self.state, self.rows, time_ns) else None
-
-
-_WRENCHES, _SAMPLE = ANSWER.slice("wrenches"), ANSWER.slice("sample")
-_MODEL = ANSWER.slice("force", "damping")
-_MODELLED, _TO_MECHANISM = ANSWER.starts("modelled", "to_mechanism")
-_ENERGIES = CONTROLLER_ACCOUNT.slice("to_mechanism", "dissipated")
-_FROM_HAND, _CHANGED, _HEARD = CONTROLLER_ACCOUNT.starts("from_hand", "changed", "sample_known")
-_ACTING, _PASSIVE = CONTROLLER_ACCOUNT.slice("acting"), CONTROLLER_ACCOUNT.start("passive")
-_PERIOD, _SLACK = CONTROLLER_ACCOUNT.starts("period", "slack")
-_MOVING, _STRETCHED = CONTROLLER_ACCOUNT.starts("twist_known", "error_known")
 
 
 # Commands to the mechanism that are remembered, for states of it that are late.
@@ -147,42 +129,42 @@ class ControllerCommand(NamedTuple):
     """An answer to a sample of the device.
 
     Attributes:
-        numbers: an :data:`~hapticmech_ros.control.loop_layout.ANSWER`.
+        numbers: all of it.
         answered_ns: stamp of the sample.
     """
 
-    numbers: Array
+    numbers: Answer
     answered_ns: int
 
     @property
     def wrenches(self) -> Array:
         """(6, 6) rows, units and axes of :class:`~.measurements.ControlOutput`."""
-        return self.numbers[_WRENCHES].reshape(6, 6)
+        return self.numbers.wrenches.values.reshape(6, 6)
 
     @property
     def is_modelled(self) -> bool:
         """Whether it says how its first wrench depends on the device."""
-        return bool(self.numbers[_MODELLED] != 0.0)
+        return self.numbers.modelled != 0.0
 
     @property
     def model(self) -> Array:
         """(108,) G, K and B row by row, SI, world axes; zero unless :attr:`is_modelled`."""
-        return self.numbers[_MODEL]
+        return self.numbers.model.values
 
     @property
     def answered(self) -> Array:
         """(19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``."""
-        return self.numbers[_SAMPLE]
+        return self.numbers.sample.values
 
     @property
     def to_mechanism(self) -> float:
         """E_m when it was given, J."""
-        return float(self.numbers[_TO_MECHANISM])
+        return self.numbers.to_mechanism
 
     @classmethod
     def nothing(cls, stamp_ns: int) -> ControllerCommand:
         """Return what stands for an answer before there is one."""
-        return cls(np.zeros(ANSWER.size), stamp_ns)
+        return cls(Answer(), stamp_ns)
 
 
 class LedgerEntry(NamedTuple):
@@ -212,7 +194,7 @@ class RenderingController:
         before: what answered until now, whose account goes on.
 
     Attributes:
-        account: a :data:`~hapticmech_ros.control.loop_layout.CONTROLLER_ACCOUNT`.
+        account: of energies.
         queue: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
         past: (16, 6) what was commanded until now, the last command first.
         last: last answer that was given, whether it has arrived or not; None before the first.
@@ -229,39 +211,36 @@ class RenderingController:
     ) -> None:
         self.control = control
         if before is None:
-            self.account: Array = np.zeros(CONTROLLER_ACCOUNT.size)
-            inertia = np.diag(control.device_inertia)
-            self.account[CONTROLLER_ACCOUNT.start("period")] = period
-            self.account[CONTROLLER_ACCOUNT.slice("inertia")] = inertia
+            self.account = ControllerAccount()
+            self.account.period, self.account.inertia[:] = period, np.diag(control.device_inertia)
         else:
             self.account = before.account
-        self.account[_HEARD] = 0.0
+        self.account.sample_known = 0.0
         self.queue = np.zeros((delay, 6))
         self.past = np.zeros((REMEMBERED, 6))
         self.held_elsewhere()
         self.last: ControllerCommand | None = None
-        self._locality = np.zeros(LOCALITY.size)
-        self._nothing = np.zeros(ANSWER.size)
+        self._locality, self._nothing = Locality(), Answer()
         self.channels: tuple[Channel, Channel] | None = None
         if not connection.ideal:
-            sizes = DEVICE_SAMPLE.size, ANSWER.size
+            sizes = DEVICE_SAMPLE.size, Answer.layout.size
             forth, back = (Channel(connection, i, size, period) for i, size in enumerate(sizes))
             self.channels = forth, back
 
     @property
     def entry(self) -> LedgerEntry:
         """Energies as of the last sample."""
-        return LedgerEntry(*self.account[_ENERGIES].tolist())
+        return LedgerEntry(*self.account.energies.values.tolist())
 
     @property
     def from_hand(self) -> float:
         """E_h, J, that the hand has put in, as the controller knows it."""
-        return float(self.account[_FROM_HAND])
+        return self.account.from_hand
 
     @property
     def changed(self) -> int:
         """Wrenches to the mechanism that passivity control has changed."""
-        return int(self.account[_CHANGED])
+        return int(self.account.changed)
 
     @property
     def is_ideal(self) -> bool:
@@ -273,19 +252,19 @@ class RenderingController:
         """Messages that the connection lost."""
         return 0 if self.channels is None else sum(channel.lost for channel in self.channels)
 
-    def locality(self, corrects: bool, with_model: bool) -> Array:
-        """Return what the device closes (3,); see ``account_kernels.answer_sample``.
+    def locality(self, corrects: bool, with_model: bool) -> Locality:
+        """Return what the device closes.
 
         Args:
             corrects: whether the device corrects commands by itself.
             with_model: whether answers are to say how.
         """
-        gains, passivity = self.control.gains, self.control.gains.passivity
-        self.account[_PASSIVE], self.account[_SLACK] = passivity.control, passivity.slack
-        self._locality[FORCE_LOCAL] = corrects and gains.force_channel.local
-        self._locality[JOINT_LOCAL] = corrects and gains.joint_constraint.local
-        self._locality[WITH_MODEL] = with_model
-        return self._locality
+        gains, account, locality = self.control.gains, self.account, self._locality
+        account.passive, account.slack = gains.passivity.control, gains.passivity.slack
+        locality.force_channel = corrects and gains.force_channel.local
+        locality.joint_constraint = corrects and gains.joint_constraint.local
+        locality.with_model = with_model
+        return locality
 
     def tick(
         self, inputs: ControllerInput, clutch: Clutch, corrects: bool, with_model: bool = True
@@ -298,26 +277,25 @@ class RenderingController:
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        move_point_on(self.account, inputs.operational_model, inputs.elapsed)
+        move_point_on(self.account.values, inputs.operational_model, inputs.elapsed)
         locality = self.locality(corrects, with_model)
         if self.channels is None:
-            received = inputs.device, inputs.stamp_ns
-            self.last = self._answered(*received, inputs, clutch, locality)
+            self.last = self._answered(inputs.device, inputs.stamp_ns, inputs, clutch, locality)
             return self.last
         forth, back = self.channels
         forth.put(inputs.stamp_ns, inputs.device, inputs.stamp_ns)
         device = forth.take(inputs.stamp_ns)
         if device is not None:
             self.last = self._answered(device, forth.tag, inputs, clutch, locality)
-            back.put(inputs.stamp_ns, self.last.numbers, self.last.answered_ns)
+            back.put(inputs.stamp_ns, self.last.numbers.values, self.last.answered_ns)
         arrived = back.take(inputs.stamp_ns)
-        return None if arrived is None else ControllerCommand(arrived.copy(), back.tag)
+        return None if arrived is None else ControllerCommand(Answer(arrived.copy()), back.tag)
 
     def command_mechanism(self) -> tuple[Array, Array]:
         """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
-        commanded = np.empty((2, 6))
-        command_mechanism(self.account, self.queue, self.past, last, commanded)
+        account, commanded = self.account.values, np.empty((2, 6))
+        command_mechanism(account, self.queue, self.past, last.values, commanded)
         return commanded[0], commanded[1]
 
     def held_elsewhere(self) -> None:
@@ -327,8 +305,8 @@ class RenderingController:
         """
         self.queue[:] = 0.0
         self.past[:] = 0.0
-        self.account[_ACTING] = 0.0
-        self.account[_MOVING] = self.account[_STRETCHED] = 0.0
+        self.account.acting[:] = 0.0
+        self.account.twist_known = self.account.error_known = 0.0
 
     def _answered(
         self,
@@ -336,64 +314,57 @@ class RenderingController:
         stamp_ns: int,
         inputs: ControllerInput,
         clutch: Clutch,
-        locality: Array,
+        locality: Locality,
     ) -> ControllerCommand:
-        control, time, operational_model = self.control, inputs.time, inputs.operational_model
-        numbers = np.zeros(ANSWER.size)
+        control, time, model = self.control, inputs.time, inputs.operational_model
+        answer, account, closed = Answer(), self.account.values, locality.values
         queue, ahead = self._queue_of(inputs.ahead, locality)
+        settings, flying = control.settings_at(time, clutch), None
         if control.answers_in_python:
-            settings, flying = control.settings_at(time, clutch), None
-            if locality[FORCE_LOCAL] != 0.0:
-                flying = self._in_flight(queue, settings, device, operational_model, time)
-            found = control.answer(time, clutch, device, operational_model, ahead, flying)
-            numbers[_WRENCHES] = found.ravel()
-            account_for_answer(
-                self.account, settings, device, operational_model, time, locality, numbers
-            )
+            if locality.force_channel != 0.0:
+                flying = self.in_flight(queue, settings, device, model, time)
+            found = control.answer(time, clutch, device, model, ahead, flying)
+            answer.wrenches.values[:] = found.ravel()
+            account_for_answer(account, settings, device, model, time, closed, answer.values)
         else:
-            settings = control.settings_at(time, clutch)
-            carried = control.carried_at(time, clutch)
-            known = (settings, carried, queue, device, operational_model, time, ahead)
-            answer_sample(self.account, *known, locality, numbers)
-        return ControllerCommand(numbers, stamp_ns)
+            known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
+            answer_sample(account, *known, closed, answer.values)
+        return ControllerCommand(answer, stamp_ns)
 
     def in_flight(
-        self, settings: Array, device: Array, operational_model: Array, time: float
+        self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
     ) -> InFlight:
-        """Return what was commanded on the mechanism, and a device that corrects commands has done.
+        """Return what of commands on the mechanism has not acted, with half a period of one now.
+
+        A device that corrects commands has done it already.
 
         Args:
-            settings: (59,) of the controllers; see ``loop_layout``.
+            queue: (n, 6) these commands, N and N m, world axes.
+            settings: (59,) of the controllers, a ``ControllerSettings``.
             device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
             operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
             time: s, of the controllers.
         """
-        return self._in_flight(self.queue, settings, device, operational_model, time)
-
-    def _in_flight(
-        self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
-    ) -> InFlight:
-        """Return the same of a queue, with half a period of what is commanded now."""
-        commanded, period = np.empty(6), float(self.account[_PERIOD])
+        commanded, period = np.empty(6), self.account.period
         forces_on_mechanism(settings, device, operational_model, time, commanded)
         impulse = period * (queue.sum(axis=0) + 0.5 * commanded)
         return InFlight((len(queue) + 0.5) * period, impulse)
 
-    def _queue_of(self, ahead: float, locality: Array) -> tuple[Array, float]:
+    def _queue_of(self, ahead: float, locality: Locality) -> tuple[Array, float]:
         """Return what a state of the mechanism has not been moved by yet, and the rest of ahead.
 
         A state that is late by n periods lacks n commands more than others do.
 
         Args:
             ahead: s, as of the inputs.
-            locality: (3,) what the device closes; only beside a force channel this matters.
+            locality: what the device closes; only beside a force channel this matters.
 
         Returns:
             (n, 6) commands, N and N m, world axes; and s.
         """
-        if ahead == 0.0 or locality[FORCE_LOCAL] == 0.0:
+        if ahead == 0.0 or locality.force_channel == 0.0:
             return self.queue, ahead
-        period = float(self.account[_PERIOD])
+        period = self.account.period
         number = len(self.queue) + round(ahead / period)
         if number <= 0:
             return np.zeros((0, 6)), number * period

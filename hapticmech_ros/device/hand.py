@@ -87,32 +87,28 @@ def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
     Raises:
         InvalidInputError: a script that cannot be read.
     """
-    head = np.zeros(laws.TIMES)
-    head[laws.KIND], head[laws.START] = laws.NOBODY, schedule.start
-    head[laws.HOLDS_FIRST], head[laws.SWITCHES] = (
-        schedule.holds_first,
-        len(schedule.switches),
-    )
-    rows = np.empty(0)
+    head, rows = laws.HandModel(), np.empty(0)
+    head.kind, head.start = laws.NOBODY, schedule.start
+    head.holds_first, head.switches = schedule.holds_first, len(schedule.switches)
     if isinstance(hand, ConstantWrenchHand):
-        head[laws.KIND] = laws.CONSTANT
-        head[laws.STIFFNESS : laws.DAMPING] = (*hand.force, *hand.torque)
+        head.kind = laws.CONSTANT
+        head.spring.stiffness[:] = (*hand.force, *hand.torque)
     elif isinstance(hand, ScriptedHand):
-        head[laws.KIND] = laws.STAIRS if hand.interpolation == "held" else laws.SCRIPT
+        head.kind = laws.STAIRS if hand.interpolation == "held" else laws.SCRIPT
         rows = read_script(hand.file)
     elif hand is not None:
-        head[laws.KIND] = laws.SPRING
-        head[laws.STIFFNESS : laws.TREMBLING] = np.concatenate(spring_gains(hand))
+        head.kind = laws.SPRING
+        head.spring.stiffness[:], head.spring.damping[:] = spring_gains(hand)
         rows = np.column_stack(_target_table(hand))
         if isinstance(hand, ArmHand) and hand.grip is not None:
-            head[laws.LIMB_MASS : laws.GRIP] = np.repeat((hand.mass, hand.angular_inertia), 3)
-            head[laws.GRIP : laws.TIMES] = np.concatenate(spring_gains(hand.grip))
+            head.limb_mass[:] = np.repeat((hand.mass, hand.angular_inertia), 3)
+            head.grip.stiffness[:], head.grip.damping[:] = spring_gains(hand.grip)
     tremor = None if hand is None else hand.tremor
     if tremor is not None:
-        head[laws.SPEED] = 2.0 * np.pi * tremor.frequency
-        head[laws.TREMBLING : laws.SWAY] = (*tremor.force, *tremor.torque)
-        head[laws.SWAY : laws.SPEED] = (*tremor.xyz, *tremor.rotation)
-    return np.concatenate((head, schedule.switches, rows.ravel()))
+        head.speed = 2.0 * np.pi * tremor.frequency
+        head.trembling[:] = (*tremor.force, *tremor.torque)
+        head.sway[:] = (*tremor.xyz, *tremor.rotation)
+    return np.concatenate((head.values, schedule.switches, rows.ravel()))
 
 
 def spring_gains(hand: TargetHand | Grip) -> tuple[Array, Array]:

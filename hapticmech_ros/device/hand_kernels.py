@@ -7,30 +7,19 @@ hand's own mass takes of its wrench is not in these. Before its start the hand's
 A mass behind a grip is pulled to the target instead, and the grip's spring and damper pull the
 device to the mass.
 
-A hand is one array:
-
-    KIND, START   which law; s, its delay
-    STIFFNESS     6, or the constant wrench
-    DAMPING       6
-    TREMBLING     6, amplitude of the wrench that tremor adds
-    SWAY          6, amplitude of what it adds to the target
-    SPEED         rad/s, of tremor; 0 for none
-    HOLDS_FIRST   1 if it holds before it first switches
-    SWITCHES      how often it lets go and takes hold; from TIMES on, when, s after the start
-    LIMB_MASS     6, masses and inertias behind the grip; 0 without one
-    GRIP          12, its stiffness and damping
-
-and behind those times a table of rows of 7: a waypoint's time (s), displacement (m) and rotation
-vector (rad), or a script's time, force and torque.
-A body is 18 numbers: position 3, rotation 9 row by row, twist 6, world axes.
+A hand is one array: a :class:`HandModel`, and behind it its plan: times when it switches, s after
+the start, and a table of rows of 7: a waypoint's time (s), displacement (m) and rotation vector
+(rad), or a script's time, force and torque.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, put, shaped
+from hapticmech_ros.compilation import inner, local, put, shaped
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import TWIST
 from hapticmech_ros.numerics.rotation_kernels import (
     angular_rate,
     exp3,
@@ -44,93 +33,145 @@ START_TOLERANCE = 5e-10
 # Number of the window in which nobody holds.
 OPEN = -1
 NOBODY, CONSTANT, SPRING, SCRIPT, STAIRS = 0.0, 1.0, 2.0, 3.0, 4.0
-KIND, START, STIFFNESS, DAMPING, TREMBLING, SWAY = 0, 1, 2, 8, 14, 20
-SPEED, HOLDS_FIRST, SWITCHES, LIMB_MASS, GRIP, TIMES = 26, 27, 28, 29, 35, 47
 ROW_SIZE = 7
-# Numbers that the laws need for what they compute on the way.
-WORK_SIZE = 42
+
+
+class Place(Record):
+    """Where a body is, in the world.
+
+    Attributes:
+        position: m.
+        rotation: its axes, in columns.
+    """
+
+    position, rotation = Vector(3), matrix(3, 3)
+
+
+class Body(Place):
+    """A body that moves.
+
+    Attributes:
+        twist: m/s and rad/s, world axes at its position.
+    """
+
+    twist = Vector(6, TWIST)
+
+
+class Spring(Record):
+    """A spring and a damper.
+
+    Attributes:
+        stiffness: N/m and N m/rad.
+        damping: N s/m and N m s/rad.
+    """
+
+    stiffness, damping = Vector(6), Vector(6)
+
+
+class HandModel(Record):
+    """What a hand is.
+
+    Attributes:
+        kind: which law: ``NOBODY``, ``CONSTANT``, ``SPRING``, ``SCRIPT`` or ``STAIRS``.
+        start: s, its delay since it could take hold.
+        spring: to the target; of a constant wrench, its stiffness is that wrench, N and N m.
+        trembling: amplitude of the wrench that tremor adds, N and N m.
+        sway: amplitude of what tremor adds to the target, m and rad.
+        speed: of tremor, rad/s; 0 for none.
+        holds_first: 1 if it holds before it first switches.
+        switches: how often it lets go and takes hold.
+        limb_mass: masses and inertias behind the grip, kg and kg m²; 0 without one.
+        grip: spring and damper of the grip.
+    """
+
+    kind, start = Number(), Number()
+    spring = Nested(Spring)
+    trembling, sway, speed = Vector(6), Vector(6), Number()
+    holds_first, switches = Number(), Number()
+    limb_mass = Vector(6)
+    grip = Nested(Spring)
+
+
+BODY_SIZE = Body.layout.size
 
 
 @inner
-def grasp_window(hand: Array, elapsed: float) -> int:
+def grasp_window(hand: HandModel, plan: Array, elapsed: float) -> int:
     """Return the number of switches passed if the hand holds, else -1; see ``GraspSchedule``."""
-    moving = elapsed - hand[START]
+    moving = elapsed - hand.start
     if moving < -START_TOLERANCE:
         return OPEN
     passed = 0
-    for i in range(int(hand[SWITCHES])):
-        if moving - hand[TIMES + i] >= -START_TOLERANCE:
+    for i in range(int(hand.switches)):
+        if moving - plan[i] >= -START_TOLERANCE:
             passed += 1
-    holds = hand[HOLDS_FIRST] == 1.0 if passed % 2 == 0 else hand[HOLDS_FIRST] == 0.0
+    holds = hand.holds_first == 1.0 if passed % 2 == 0 else hand.holds_first == 0.0
     return passed if holds else OPEN
 
 
 @inner
 def hand_wrench(
-    hand: Array, elapsed: float, body: Array, held: Array, wrench: Array, work: Array
+    hand: HandModel, plan: Array, elapsed: float, body: Body, held: Place, wrench: Array
 ) -> None:
     """Fill ``wrench`` (6,) with F_h of the hand's own law.
 
     Args:
-        hand: its numbers.
+        hand: what it is.
+        plan: times when it switches, and its table.
         elapsed: s since it could take hold.
-        body: (18,) the device.
-        held: (12,) position and rotation when the hand took hold.
+        body: the device.
+        held: where it was when the hand took hold.
         wrench: to fill, N and N m.
-        work: (42,) scratch.
     """
     wrench[:] = 0.0
-    moving = elapsed - hand[START]
+    moving = elapsed - hand.start
     if moving < -START_TOLERANCE:
         return
-    if hand[KIND] == CONSTANT:
-        put(wrench, hand[STIFFNESS:DAMPING])
-    elif hand[KIND] == SPRING:
-        _spring(hand, max(moving, 0.0), body, held, wrench, work)
-    elif hand[KIND] != NOBODY:
-        _script(hand, moving, wrench)
-    if hand[SPEED] > 0.0:
-        sine = np.sin(hand[SPEED] * max(moving, 0.0))
+    table = plan[int(hand.switches) :]
+    if hand.kind == CONSTANT:
+        put(wrench, hand.spring.stiffness)
+    elif hand.kind == SPRING:
+        _follow(hand, table, max(moving, 0.0), body, held, wrench)
+    elif hand.kind != NOBODY:
+        _script(hand, table, moving, wrench)
+    if hand.speed > 0.0:
+        sine = np.sin(hand.speed * max(moving, 0.0))
         for i in range(6):
-            wrench[i] += sine * hand[TREMBLING + i]
+            wrench[i] += sine * hand.trembling[i]
 
 
 @inner
-def grip_wrench(hand: Array, limb: Array, body: Array, wrench: Array, work: Array) -> None:
-    """Fill ``wrench`` (6,) with F_h of a grip between a mass and the device, (18,) each."""
-    grip = hand[GRIP:TIMES]
-    _pull(grip[:6], grip[6:], limb, body, wrench, work)
-
-
-@inner
-def _spring(hand: Array, time: float, body: Array, held: Array, wrench: Array, work: Array) -> None:
-    offset, rate, goal, turn = work[:6], work[6:12], work[12:30], shaped(work[30:39], (3, 3))
-    _target(hand[TIMES + int(hand[SWITCHES]) :], time, offset, rate)
-    if hand[SPEED] > 0.0:
-        sine, cosine = np.sin(hand[SPEED] * time), np.cos(hand[SPEED] * time)
-        for i in range(6):
-            offset[i] += sine * hand[SWAY + i]
-            rate[i] += hand[SPEED] * cosine * hand[SWAY + i]
-    exp3(offset[3:], turn)
-    multiply(turn, shaped(held[3:12], (3, 3)), shaped(goal[3:12], (3, 3)))
-    angular_rate(offset[3:], rate[3:], goal[15:])
-    for i in range(3):
-        goal[i] = held[i] + offset[i]
-        goal[12 + i] = rate[i]
-    _pull(hand[STIFFNESS:DAMPING], hand[DAMPING:TREMBLING], goal, body, wrench, work[30:])
-
-
-@inner
-def _pull(
-    stiffness: Array, damping: Array, goal: Array, body: Array, wrench: Array, work: Array
+def _follow(
+    hand: HandModel, table: Array, time: float, body: Body, held: Place, wrench: Array
 ) -> None:
-    """Fill what spring and damper (6,) exert on a body, pulling it to another one, (18,) each."""
-    turn, stretch = shaped(work[:9], (3, 3)), work[9:12]
-    multiply_transposed(shaped(goal[3:12], (3, 3)), shaped(body[3:12], (3, 3)), turn)
+    """Fill what pulls a body to where the target is ``time`` (s) after the start."""
+    offset, rate, turn, goal = local(6), local(6), shaped(local(9), (3, 3)), Body(local(BODY_SIZE))
+    _target(table, time, offset, rate)
+    if hand.speed > 0.0:
+        sine, cosine = np.sin(hand.speed * time), np.cos(hand.speed * time)
+        for i in range(6):
+            offset[i] += sine * hand.sway[i]
+            rate[i] += hand.speed * cosine * hand.sway[i]
+    exp3(offset[3:], turn)
+    multiply(turn, held.rotation, goal.rotation)
+    angular_rate(offset[3:], rate[3:], goal.twist[3:])
+    for i in range(3):
+        goal.position[i] = held.position[i] + offset[i]
+        goal.twist[i] = rate[i]
+    pull(hand.spring, goal, body, wrench)
+
+
+@inner
+def pull(spring: Spring, goal: Body, body: Body, wrench: Array) -> None:
+    """Fill ``wrench`` (6,) with what a spring exerts on a body, pulling it to another one."""
+    turn, stretch = shaped(local(9), (3, 3)), local(3)
+    stiffness, damping = spring.stiffness, spring.damping
+    multiply_transposed(goal.rotation, body.rotation, turn)
     log3(turn, stretch)
     for i in range(3):
-        way, angular = goal[i] - body[i], damping[3 + i] * (goal[15 + i] - body[15 + i])
-        wrench[i] = stiffness[i] * way + damping[i] * (goal[12 + i] - body[12 + i])
+        way = goal.position[i] - body.position[i]
+        angular = damping[3 + i] * (goal.twist[3 + i] - body.twist[3 + i])
+        wrench[i] = stiffness[i] * way + damping[i] * (goal.twist[i] - body.twist[i])
         wrench[3 + i] = stiffness[3 + i] * stretch[i] + angular
 
 
@@ -157,9 +198,8 @@ def _target(table: Array, time: float, offset: Array, rate: Array) -> None:
 
 
 @inner
-def _script(hand: Array, time: float, wrench: Array) -> None:
+def _script(hand: HandModel, table: Array, time: float, wrench: Array) -> None:
     """Fill the wrench of a script ``time`` (s) after the start."""
-    table = hand[TIMES + int(hand[SWITCHES]) :]
     # Rows before ``first`` are past; those from ``last`` on are not.
     first, last = 0, table.size // ROW_SIZE
     while first < last:
@@ -172,7 +212,7 @@ def _script(hand: Array, time: float, wrench: Array) -> None:
         return
     at, after = (first - 1) * ROW_SIZE, first * ROW_SIZE
     share = 0.0
-    if hand[KIND] == SCRIPT and after < table.size:
+    if hand.kind == SCRIPT and after < table.size:
         share = (time - table[at]) / (table[after] - table[at])
     for i in range(6):
         wrench[i] = table[at + 1 + i]

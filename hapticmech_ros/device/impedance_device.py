@@ -21,7 +21,7 @@ from hapticmech_ros.device.hand import (
     hand_numbers,
 )
 from hapticmech_ros.device.hand_kernels import OPEN
-from hapticmech_ros.device.kernels import DEVICE_MODEL, DEVICE_STATE
+from hapticmech_ros.device.kernels import DeviceModel, SimulatedState
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
@@ -29,8 +29,6 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device, ForceSensor
 from hapticmech_ros.scene.hand import Hand
 
-_PUSH, _HELD = DEVICE_MODEL.slice("push"), DEVICE_MODEL.slice("held")
-_OWN, _REPORTED = DEVICE_STATE.slice("own"), DEVICE_STATE.slice("hand_wrench")
 # Where the reported wrench of the hand is from.
 _SENSORS: dict[ForceSensor, float] = {
     "measured": kernels.MEASURED,
@@ -56,7 +54,7 @@ class ImpedanceDevice:
     Attributes:
         device: as given.
         period: s.
-        data: a :data:`~hapticmech_ros.device.kernels.DEVICE_MODEL`, and the hand.
+        data: a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of its hand.
         held: the device when the hand could take hold; None before.
     """
 
@@ -74,9 +72,10 @@ class ImpedanceDevice:
         self.device, self.period = device, period
         self._law = law
         numbers = hand_numbers(None if law is not None else hand, schedule)
-        self.data: Array = np.concatenate((np.zeros(DEVICE_MODEL.size), numbers))
+        layout = DeviceModel.layout
+        self.data: Array = np.concatenate((np.zeros(layout.start("hand")), numbers))
         for name, value in _constants(device, period, planar, schedule).items():
-            self.data[DEVICE_MODEL.slice(name)] = value
+            self.data[layout.slice(name)] = value
         self.held: DeviceState | None = None
 
     @property
@@ -99,7 +98,7 @@ class ImpedanceDevice:
         if self._law is not None and state.window != OPEN:
             self._push(self._law, 0.0, state)
             if self._senses:
-                state.flat[_REPORTED] = state.hand_wrench
+                state.reported[:] = state.hand_wrench
         return state
 
     def compensation(self, state: DeviceState) -> Array:
@@ -143,8 +142,8 @@ class ImpedanceDevice:
             ticks = -1
         elif held is not self.held:
             self.take_hold(held)
-        self.data[_PUSH] = push
-        flat = np.empty(DEVICE_STATE.size)
+        DeviceModel(self.data).push[:] = push
+        flat = np.empty(SimulatedState.layout.size)
         obeys, asked = command is not None, NO_WRENCH if command is None else command
         asked = np.ascontiguousarray(asked, dtype=float)
         if self._law is None:
@@ -156,8 +155,8 @@ class ImpedanceDevice:
 
     def take_hold(self, held: DeviceState) -> None:
         """Say where the device was when the hand could take hold."""
-        pose = held.pose
-        self.data[_HELD] = np.concatenate((pose.translation, pose.rotation.ravel()))
+        place, pose = DeviceModel(self.data).held, held.pose
+        place.position[:], place.rotation[:] = pose.translation, pose.rotation
         self.held = held
 
     @property
@@ -166,32 +165,32 @@ class ImpedanceDevice:
 
     def _advance_by(self, law: HandLaw, state: DeviceState, ticks: int, flat: Array) -> None:
         """Advance a period that has begun, with the hand's wrench by a law in Python."""
-        before, now, held = np.empty(kernels.BEFORE_SIZE), DeviceState(flat), False
-        data, substeps = self.data, self.device.substeps
-        self._push(law, kernels.time_of(data, ticks, 0), now)
+        before, now, held = np.empty(kernels.SUBSTEP_SIZE), DeviceState(flat), False
+        data, model, substeps = self.data, DeviceModel(self.data), self.device.substeps
+        self._push(law, kernels.time_of(model, ticks, 0), now)
         for index in range(substeps):
             kernels.half_substep(data, flat, before)
-            self._push(law, kernels.middle_of(data, ticks, index), now)
+            self._push(law, kernels.middle_of(model, ticks, index), now)
             held = kernels.end_substep(data, ticks, index, flat, before)
-        self._push(law, kernels.time_of(data, ticks, substeps), now)
-        kernels.finish(self.data, state.flat, held, before, flat)
+        self._push(law, kernels.time_of(model, ticks, substeps), now)
+        kernels.finish(data, state.flat, held, before, flat)
 
     def _push(self, law: HandLaw, elapsed: float, state: DeviceState) -> None:
         """Put the hand's wrench by its law into a state, zero unless it holds."""
         if state.window == OPEN:
-            state.flat[_OWN] = 0.0
+            state.hand_wrench[:] = 0.0
             return
         # Of its own: the law may keep what it is given, and the state's is written anew.
         wrench = np.asarray(law(elapsed, state.pose, state.twist.copy(), state.anchor), dtype=float)
         if wrench.shape != (6,):
             raise InvalidInputError("shape of the hand's wrench", wrench.shape, "must be (6,)")
-        state.flat[_OWN] = wrench
+        state.hand_wrench[:] = wrench
 
 
 def _constants(
     device: Device, period: float, planar: bool, schedule: GraspSchedule
 ) -> dict[str, object]:
-    """Return what is constant of a device, by names of :data:`DEVICE_MODEL`."""
+    """Return what is constant of a device, by fields of :class:`DeviceModel`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps
     body = np.array([device.mass] * 3 + [device.inertia] * 3)

@@ -19,9 +19,9 @@ the new one (position Verlet), so that a wrench acts by its mean over the subste
 
 with v' = v + h/2 (Λ_d + Λ_a)⁻¹ (F_s + ... - b v) by the hand's wrench of the time before.
 
-What the device is, and what acts on it, is one array, ``data``, and its state another one; they are
-laid out as :mod:`~hapticmech_ros.device.kernels` says. Behind the device in ``data`` is its
-hand, as :mod:`~hapticmech_ros.device.hand_kernels` says.
+What the device is, and what acts on it, is one array, ``data``: a :class:`DeviceModel`, and behind
+it the plan of its hand, as :mod:`~hapticmech_ros.device.hand_kernels` says. Its state is another
+one, a :class:`SimulatedState`.
 
 What resists a device's motion besides viscous damping: end stops, then Coulomb friction.
 
@@ -39,8 +39,6 @@ Coulomb friction takes up to g F_c of the speed, never more than there is:
 
     v⁺ = max(1 - g F_c / |v|, 0) v
 
-A stop is three numbers: limit (m or rad, 0 for none), stiffness and damping.
-
 What a device's driver does at the sample rate: compensation before, force sensing after.
 
 The hand's wrench without a sensor is a momentum observer's, from encoders and actuators. Momentum
@@ -57,8 +55,6 @@ over a period T, with means of the period and the exact step of the low-pass,
 ICRA 2005, here for a body in Cartesian space). A constant wrench is found without bias, a sinusoid
 of frequency f Hz lags by arctan(f / bandwidth) and half a period. What the model does not know is
 taken for the hand: Coulomb friction beyond its compensated share, end stops, an error of the mass.
-
-What a simulated device is, and its state: arrays that its kernels work on.
 """
 
 from __future__ import annotations
@@ -66,16 +62,18 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.device.hand_kernels import (
-    LIMB_MASS,
     OPEN,
-    WORK_SIZE,
+    Body,
+    HandModel,
+    Place,
     grasp_window,
-    grip_wrench,
     hand_wrench,
+    pull,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, TWIST, WRENCH, Field, Layout
+from hapticmech_ros.numerics.layout import TWIST, WRENCH, DeviceSample
 from hapticmech_ros.numerics.rotation_kernels import (
     exp3,
     log3,
@@ -86,80 +84,121 @@ from hapticmech_ros.numerics.rotation_kernels import (
 from hapticmech_ros.numerics.saturation import limit
 from hapticmech_ros.numerics.small_matrices import dot
 
-ONE, THREE, SIX, PLACE = Field(1), Field(3), Field(6), Field(12)
-# Step and period, s; number of steps in a period; gain of the velocity filter; limits of the
-# actuators, N and N m; steps of the encoders, m and rad, 0 if ideal; of the actuators' error what
-# is left after a step, and its mean over one, per unit, 0 if there is none; Coulomb friction, N and
-# N m; end stops: limit, stiffness and damping; damping; change of the twist per wrench and step, 0
-# where the scene has no direction, and the same with the hand's own mass; that mass and inertia.
-# Then what acts: command, weight, the wrench by others than the hand; and where the hand could take
-# hold: position and rotation.
-# Of the driver: 1 where the scene has a direction; 1 where there are actuators; share of the
-# friction that is compensated, from which speeds on, m/s and rad/s; 1 if weight is; 1 if what it
-# reports of the hand is estimated, and 2 if it is nothing; share of the observer's error that a
-# period takes away; share of the actuators' error in a period's mean; and Λ_d.
-DEVICE_MODEL = Layout(
-    {
-        **dict.fromkeys(("step", "period", "substeps", "filter_gain"), ONE),
-        **dict.fromkeys(("force_limit", "torque_limit", "position_step", "angle_step"), ONE),
-        **dict.fromkeys(("lag", "lag_mean", "friction", "angular_friction"), ONE),
-        **dict.fromkeys(("stop", "angular_stop"), THREE),
-        **dict.fromkeys(("damping", "gain", "held_gain", "arm"), SIX),
-        **dict.fromkeys(("command", "weight", "push"), SIX),
-        "held": PLACE,
-        **dict.fromkeys(("task", "acts"), SIX),
-        **dict.fromkeys(("compensated", "dead_zone", "angular_dead_zone", "lifts"), ONE),
-        **dict.fromkeys(("senses_itself", "observer_share", "actuator_share"), ONE),
-        "inertia": SIX,
-    }
-)
-# What is published: what is measured, the wrench of the hand as it is reported, and the wrench
-# applied; and what is not: position, rotation and twist of the body; measured rotation; where the
-# device started, and where the hand took hold; the window in which it holds; position, rotation and
-# twist of its mass behind a grip, and what pulls that; and its wrench. Rotations go row by row.
-DEVICE_STATE = Layout(
-    {
-        **DEVICE_SAMPLE.fields,
-        "applied": Field(6, WRENCH),
-        "body": PLACE,
-        "body_twist": Field(6, TWIST),
-        "seen": Field(9),
-        "home": PLACE,
-        "anchor": PLACE,
-        "window": ONE,
-        "limb": PLACE,
-        "limb_twist": Field(6, TWIST),
-        "pull": Field(6, WRENCH),
-        "own": Field(6, WRENCH),
-    }
-)
+
+class Stop(Record):
+    """An end of the workspace, of translation or rotation.
+
+    Attributes:
+        limit: distance from the home pose, m or rad; 0 for none.
+        stiffness: N/m or N m/rad.
+        damping: N s/m or N m s/rad.
+    """
+
+    limit, stiffness, damping = Number(), Number(), Number()
 
 
-STEP, PERIOD, SUBSTEPS, FILTER = DEVICE_MODEL.starts("step", "period", "substeps", "filter_gain")
-POSITION_STEP, ANGLE_STEP, LAG, LAG_MEAN = DEVICE_MODEL.starts(
-    "position_step", "angle_step", "lag", "lag_mean"
-)
-FRICTION, TURN_FRICTION, STOP, TURN_STOP = DEVICE_MODEL.starts(
-    "friction", "angular_friction", "stop", "angular_stop"
-)
-DAMPING, GAIN, HELD_GAIN, ARM, COMMAND, WEIGHT, PUSH, HELD, TASK = DEVICE_MODEL.starts(
-    *("damping", "gain", "held_gain", "arm", "command", "weight", "push", "held", "task")
-)
-HAND = DEVICE_MODEL.size
-SPEED, REPORTED, APPLIED, BODY, SEEN = DEVICE_STATE.starts(
-    "twist", "hand_wrench", "applied", "body", "seen"
-)
-HOME, ANCHOR, WINDOW, LIMB, PULL, OWN = DEVICE_STATE.starts(
-    "home", "anchor", "window", "limb", "pull", "own"
-)
-PUBLISHED_SIZE = BODY
-MOST_FORCE, MOST_TORQUE = DEVICE_MODEL.starts("force_limit", "torque_limit")
-ACTS, COMPENSATED, DEAD_ZONE, ANGULAR_DEAD_ZONE, LIFTS = DEVICE_MODEL.starts(
-    *("acts", "compensated", "dead_zone", "angular_dead_zone", "lifts")
-)
-SENSES_ITSELF, OBSERVER_SHARE, ACTUATOR_SHARE, INERTIA = DEVICE_MODEL.starts(
-    "senses_itself", "observer_share", "actuator_share", "inertia"
-)
+class DeviceModel(Record):
+    """What a device is, and what acts on it.
+
+    Six numbers are of translation and rotation along and about the axes of the world; wrenches act
+    on the device at the point held, N and N m.
+
+    Attributes:
+        step: of the integration, h, s.
+        period: of a sample, T, s.
+        substeps: steps in a period.
+        filter_gain: of the velocity filter, share of what is new that a period takes over.
+        force_limit, torque_limit: of the actuators, N and N m.
+        position_step, angle_step: of the encoders, m and rad; 0 if ideal.
+        lag: share of the actuators' error that is left after a step; 0 if they have none.
+        lag_mean: mean of that share over a step.
+        friction, angular_friction: Coulomb friction F_c, N and N m.
+        stop, angular_stop: end stops.
+        damping: b, N s/m and N m s/rad.
+        gain: change of the twist per wrench and step, h Λ_d⁻¹, s/kg and s/(kg m²); 0 where the
+            scene has no direction.
+        held_gain: the same with the hand's own mass, h (Λ_d + Λ_a)⁻¹.
+        arm: Λ_a, the hand's own mass and inertia, kg and kg m².
+        command: what the actuators are asked for.
+        weight: w.
+        push: F_o, by others than the hand.
+        held: where the hand could take hold.
+        task: 1 where the scene has a direction, else 0.
+        acts: 1 where there are actuators, else 0.
+        compensated: share of the friction that the driver compensates.
+        dead_zone, angular_dead_zone: speeds from which on it does, m/s and rad/s.
+        lifts: 1 if the driver lifts the weight.
+        senses_itself: where the reported wrench of the hand is from: ``MEASURED``, ``ESTIMATED`` or
+            ``ABSENT``.
+        observer_share: share of the observer's error that a period takes away.
+        actuator_share: mean over a period of the share of the actuators' error that is left.
+        inertia: Λ_d, kg and kg m².
+        hand: what holds it.
+    """
+
+    step, period, substeps, filter_gain = Number(), Number(), Number(), Number()
+    force_limit, torque_limit = Number(), Number()
+    position_step, angle_step = Number(), Number()
+    lag, lag_mean = Number(), Number()
+    friction, angular_friction = Number(), Number()
+    stop, angular_stop = Nested(Stop), Nested(Stop)
+    damping, gain, held_gain, arm = Vector(6), Vector(6), Vector(6), Vector(6)
+    command, weight, push = Vector(6), Vector(6), Vector(6)
+    held = Nested(Place)
+    task, acts = Vector(6), Vector(6)
+    compensated, dead_zone, angular_dead_zone, lifts = Number(), Number(), Number(), Number()
+    senses_itself, observer_share, actuator_share = Number(), Number(), Number()
+    inertia = Vector(6)
+    hand = Nested(HandModel)
+
+
+class PublishedState(DeviceSample):
+    """What is published of a device: what is measured and reported, world axes at the point held.
+
+    Attributes:
+        applied: by the actuators at this time, N and N m.
+    """
+
+    applied = Vector(6, WRENCH)
+
+
+class SimulatedState(PublishedState):
+    """State of a device: what is published, and what is not.
+
+    Attributes:
+        body: the point held, as it is.
+        seen: measured rotation.
+        home: where the device started, about which the workspace is.
+        anchor: where the hand took hold.
+        window: number of the window in which the hand holds; ``OPEN`` if nobody does.
+        limb: the hand's mass behind a grip.
+        pull: by the arm on that mass, N and N m, world axes.
+        own: F_h by the hand, on the device, N and N m, world axes at the point held.
+    """
+
+    body, seen = Nested(Body), matrix(3, 3)
+    home, anchor = Nested(Place), Nested(Place)
+    window = Number()
+    limb = Nested(Body)
+    pull, own = Vector(6, WRENCH), Vector(6, WRENCH)
+
+
+class Substep(Record):
+    """What a substep has to be ended with.
+
+    Attributes:
+        twist: at its start, m/s and rad/s.
+        others: all forces but the hand's, N and N m.
+        own: the hand's in its middle, N and N m.
+        limb_twist: of the mass behind a grip at its start, m/s and rad/s.
+    """
+
+    twist = Vector(6, TWIST)
+    others, own = Vector(6, WRENCH), Vector(6, WRENCH)
+    limb_twist = Vector(6, TWIST)
+
+
+MODEL_SIZE, SUBSTEP_SIZE = DeviceModel.layout.size, Substep.layout.size
 # Of what a device reports of its hand's wrench.
 MEASURED, ESTIMATED, ABSENT = 0.0, 1.0, 2.0
 
@@ -178,64 +217,64 @@ def _add_friction(
 
 
 @inner
-def compensate(data: Array, twist: Array, added: Array) -> None:
+def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
     """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
     added[:] = 0.0
-    if data[COMPENSATED] > 0.0:
-        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
-        friction, damping = data[FRICTION], data[DAMPING]
-        _add_friction(share, data[DEAD_ZONE], friction, damping, twist[:3], added[:3])
-        friction, damping = data[TURN_FRICTION], data[DAMPING + 3]
-        _add_friction(share, turning, friction, damping, twist[3:], added[3:])
+    if device.compensated > 0.0:
+        share, damping = device.compensated, device.damping
+        dead, turning = device.dead_zone, device.angular_dead_zone
+        _add_friction(share, dead, device.friction, damping[0], twist[:3], added[:3])
+        _add_friction(share, turning, device.angular_friction, damping[3], twist[3:], added[3:])
     for i in range(6):
-        added[i] = data[TASK + i] * (added[i] - data[LIFTS] * data[WEIGHT + i])
+        added[i] = device.task[i] * (added[i] - device.lifts * device.weight[i])
 
 
 @inner
-def estimate_hand(data: Array, before: Array, out: Array) -> None:
+def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
     """Fill what is reported of the hand without a sensor; r⁺ of the module.
 
     Args:
-        data: the device, and what its actuators were asked for.
+        device: what it is, and what its actuators were asked for.
         before: its state at the period's start.
         out: its state at the end.
     """
-    reported = out[REPORTED:APPLIED]
-    if data[SENSES_ITSELF] == ABSENT:
+    reported = out.hand_wrench
+    if device.senses_itself == ABSENT:
         reported[:] = 0.0
         return
     mean, known = local(6), local(6)
     known[:] = 0.0
     for i in range(6):
-        mean[i] = 0.5 * (before[SPEED + i] + out[SPEED + i])
-    if data[COMPENSATED] > 0.0:
-        share, turning = data[COMPENSATED], data[ANGULAR_DEAD_ZONE]
-        _add_friction(share, data[DEAD_ZONE], data[FRICTION], 0.0, mean[:3], known[:3])
-        _add_friction(share, turning, data[TURN_FRICTION], 0.0, mean[3:], known[3:])
+        mean[i] = 0.5 * (before.twist[i] + out.twist[i])
+    if device.compensated > 0.0:
+        share, dead, turning = device.compensated, device.dead_zone, device.angular_dead_zone
+        _add_friction(share, dead, device.friction, 0.0, mean[:3], known[:3])
+        _add_friction(share, turning, device.angular_friction, 0.0, mean[3:], known[3:])
     for i in range(6):
-        asked = data[COMMAND + i]
-        given = asked + data[ACTUATOR_SHARE] * (before[APPLIED + i] - asked)
-        change = data[INERTIA + i] * (out[SPEED + i] - before[SPEED + i]) / data[PERIOD]
-        pushed = change - given - data[TASK + i] * data[WEIGHT + i]
-        resisted = data[DAMPING + i] * mean[i] + known[i]
-        estimate = before[REPORTED + i]
-        behind = data[TASK + i] * (pushed + resisted) - estimate
-        reported[i] = estimate + data[OBSERVER_SHARE] * behind
+        asked = device.command[i]
+        given = asked + device.actuator_share * (before.applied[i] - asked)
+        change = device.inertia[i] * (out.twist[i] - before.twist[i]) / device.period
+        pushed = change - given - device.task[i] * device.weight[i]
+        resisted = device.damping[i] * mean[i] + known[i]
+        estimate = before.hand_wrench[i]
+        behind = device.task[i] * (pushed + resisted) - estimate
+        reported[i] = estimate + device.observer_share * behind
 
 
 @inner
-def command_device(data: Array, state: Array, command: Array) -> None:
+def command_device(device: DeviceModel, state: SimulatedState, command: Array) -> None:
     """Ask actuators, within their limits, for a command (6,) and what is added at a state."""
-    compensate(data, state[SPEED:REPORTED], data[COMMAND:WEIGHT])
+    given = device.command
+    compensate(device, state.twist, given)
     for i in range(6):
-        asked = command[i] + data[COMMAND + i]
-        data[COMMAND + i] = data[ACTS + i] * asked
-    limit(data[COMMAND : COMMAND + 3], data[MOST_FORCE])
-    limit(data[COMMAND + 3 : WEIGHT], data[MOST_TORQUE])
+        asked = command[i] + given[i]
+        given[i] = device.acts[i] * asked
+    limit(given[:3], device.force_limit)
+    limit(given[3:], device.torque_limit)
 
 
 @inner
-def stop(end: Array, away: Array, rate: Array, gain: float, left: float) -> None:
+def stop(end: Stop, away: Array, rate: Array, gain: float, left: float) -> None:
     """Slow a rate (3,) of ``away`` (3,) down at the end of the workspace.
 
     ``left`` s are left of the step.
@@ -243,13 +282,13 @@ def stop(end: Array, away: Array, rate: Array, gain: float, left: float) -> None
     distance = np.sqrt(dot(away, away))
     if distance == 0.0:
         return
-    beyond = distance - end[0]
+    beyond = distance - end.limit
     speed = dot(away, rate) / distance
     if beyond + left * speed <= 0.0:
         return
-    pushed = speed - gain * end[1] * beyond
-    damping = end[2] if pushed * speed >= 0.0 else 0.0
-    after = pushed / (1.0 + gain * (damping + left * end[1]))
+    pushed = speed - gain * end.stiffness * beyond
+    damping = end.damping if pushed * speed >= 0.0 else 0.0
+    after = pushed / (1.0 + gain * (damping + left * end.stiffness))
     if after < speed:
         for i in range(3):
             rate[i] += (after - speed) / distance * away[i]
@@ -264,265 +303,250 @@ def rub(rate: Array, most: float) -> None:
         rate[i] *= share
 
 
-# Of a substep: the twist at its start, all forces but the hand's, the hand's in its middle, and the
-# twist of the mass behind a grip at its start.
-BEFORE_SIZE = 24
-
-
 @inner
-def _drift(data: Array, body: Array, work: Array) -> None:
-    """Carry the pose of a body (18,) on by half a substep."""
-    turn, turned = shaped(work[3:12], (3, 3)), shaped(work[12:21], (3, 3))
-    half, twist = 0.5 * data[STEP], body[12:]
+def _drift(device: DeviceModel, body: Body) -> None:
+    """Carry the pose of a body on by half a substep."""
+    way, turn, turned = local(3), shaped(local(9), (3, 3)), shaped(local(9), (3, 3))
+    half, twist = 0.5 * device.step, body.twist
     for i in range(3):
-        body[i] += half * twist[i]
-        work[i] = half * twist[3 + i]
-    exp3(work[:3], turn)
-    multiply(turn, shaped(body[3:12], (3, 3)), turned)
-    put(body[3:12], work[12:21])
+        body.position[i] += half * twist[i]
+        way[i] = half * twist[3 + i]
+    exp3(way, turn)
+    multiply(turn, body.rotation, turned)
+    put(body.rotation, turned)
 
 
 @inner
-def _resist(data: Array, gain: Array, home: Array, body: Array, work: Array) -> None:
+def _resist(device: DeviceModel, gain: Array, home: Place, body: Body) -> None:
     """Let end stops and friction act on a body's twist in the middle of a substep."""
-    left, rate, spin = 0.5 * data[STEP], body[12:15], body[15:18]
-    if data[STOP] > 0.0:
+    left, rate, spin, away = 0.5 * device.step, body.twist[:3], body.twist[3:], local(3)
+    if device.stop.limit > 0.0:
         for i in range(3):
-            work[i] = body[i] - home[i]
-        stop(data[STOP:TURN_STOP], work[:3], rate, gain[0], left)
-    if data[TURN_STOP] > 0.0:
-        turn = shaped(work[3:12], (3, 3))
-        multiply_transposed(shaped(body[3:12], (3, 3)), shaped(home[3:12], (3, 3)), turn)
-        log3(turn, work[:3])
-        stop(data[TURN_STOP:DAMPING], work[:3], spin, gain[5], left)
-    if data[FRICTION] > 0.0:
-        rub(rate, gain[0] * data[FRICTION])
-    if data[TURN_FRICTION] > 0.0:
-        rub(spin, gain[5] * data[TURN_FRICTION])
+            away[i] = body.position[i] - home.position[i]
+        stop(device.stop, away, rate, gain[0], left)
+    if device.angular_stop.limit > 0.0:
+        turn = shaped(local(9), (3, 3))
+        multiply_transposed(body.rotation, home.rotation, turn)
+        log3(turn, away)
+        stop(device.angular_stop, away, spin, gain[5], left)
+    if device.friction > 0.0:
+        rub(rate, gain[0] * device.friction)
+    if device.angular_friction > 0.0:
+        rub(spin, gain[5] * device.angular_friction)
 
 
 @inner
-def _give(data: Array, asked: Array, applied: Array, given: Array) -> None:
-    """Advance what actuators apply by a substep, and fill its mean over that."""
-    if data[LAG_MEAN] == 0.0:
+def _give(device: DeviceModel, applied: Array, given: Array) -> None:
+    """Advance what actuators apply (6,) by a substep, and fill its mean over that (6,)."""
+    asked = device.command
+    if device.lag_mean == 0.0:
         put(given, asked)
         put(applied, asked)
         return
     for i in range(6):
         behind = applied[i] - asked[i]
-        given[i] = asked[i] + data[LAG_MEAN] * behind
-        applied[i] = asked[i] + data[LAG] * behind
+        given[i] = asked[i] + device.lag_mean * behind
+        applied[i] = asked[i] + device.lag * behind
 
 
 @inner
-def time_of(data: Array, ticks: int, index: int) -> float:
+def time_of(device: DeviceModel, ticks: int, index: int) -> float:
     """Return s since the hand could take hold, ``index`` substeps into a period."""
-    elapsed: float = (ticks + 1) * data[PERIOD]
-    if index < data[SUBSTEPS]:
-        elapsed = ticks * data[PERIOD] + index * data[STEP]
-    return elapsed
+    if index < device.substeps:
+        return ticks * device.period + index * device.step
+    return (ticks + 1) * device.period
 
 
 @inner
-def middle_of(data: Array, ticks: int, index: int) -> float:
+def middle_of(device: DeviceModel, ticks: int, index: int) -> float:
     """Return s since the hand could take hold, in the middle of substep ``index`` of a period."""
-    elapsed: float = ticks * data[PERIOD] + (index + 0.5) * data[STEP]
-    return elapsed
+    return ticks * device.period + (index + 0.5) * device.step
 
 
 @inner
-def _take(data: Array, ticks: int, index: int, out: Array) -> None:
+def _take(device: DeviceModel, plan: Array, ticks: int, index: int, out: SimulatedState) -> None:
     """Fill the window in which the hand holds, and from where."""
-    window = OPEN if ticks < 0 else grasp_window(data[HAND:], time_of(data, ticks, index))
-    anchor = out[ANCHOR:WINDOW]
+    window, body = OPEN, out.body
+    if ticks >= 0:
+        window = grasp_window(device.hand, plan, time_of(device, ticks, index))
     if window == 0:
-        put(anchor, data[HELD:TASK])
-    elif window > 0 and window != out[WINDOW]:
-        put(anchor, out[BODY : BODY + 12])
-    if window != OPEN and window != out[WINDOW]:
-        put(out[LIMB:PULL], out[BODY:SEEN])
-    out[WINDOW] = window
+        put(out.anchor.values, device.held.values)
+    elif window > 0 and window != out.window:
+        put(out.anchor.values, Place(body.values).values)
+    if window != OPEN and window != out.window:
+        put(out.limb.values, body.values)
+    out.window = window
 
 
 @inner
-def _has_limb(data: Array, out: Array) -> bool:
+def _has_limb(device: DeviceModel, out: SimulatedState) -> bool:
     """Return whether a mass behind a grip moves with the hand now."""
-    moves: bool = out[WINDOW] != OPEN and data[HAND + LIMB_MASS] > 0.0
-    return moves
+    return bool(out.window != OPEN and device.hand.limb_mass[0] > 0.0)
 
 
 @inner
-def _speed_up(data: Array, out: Array, share: float) -> None:
+def _speed_up(device: DeviceModel, out: SimulatedState, share: float) -> None:
     """Change the twist of the mass behind a grip by what acts on it over a share of a substep."""
     for i in range(6):
-        gain = share * data[STEP] * data[TASK + i] / data[HAND + LIMB_MASS + i]
-        out[LIMB + 12 + i] += gain * (out[PULL + i] - out[OWN + i])
+        gain = share * device.step * device.task[i] / device.hand.limb_mass[i]
+        out.limb.twist[i] += gain * (out.pull[i] - out.own[i])
 
 
 @inner
-def _push(data: Array, elapsed: float, out: Array, work: Array) -> None:
+def _push(device: DeviceModel, plan: Array, elapsed: float, out: SimulatedState) -> None:
     """Fill the wrench of the scene's hand, ``elapsed`` (s) since it could hold, if it holds."""
-    if out[WINDOW] == OPEN:
-        out[OWN:] = 0.0
-        return
-    hand, body, anchor = data[HAND:], out[BODY:SEEN], out[ANCHOR:WINDOW]
-    if _has_limb(data, out):
-        limb = out[LIMB:PULL]
-        hand_wrench(hand, elapsed, limb, anchor, out[PULL:OWN], work)
-        grip_wrench(hand, limb, body, out[OWN:], work)
+    hand, own = device.hand, out.own
+    if out.window == OPEN:
+        own[:] = 0.0
+    elif _has_limb(device, out):
+        hand_wrench(hand, plan, elapsed, out.limb, out.anchor, out.pull)
+        pull(hand.grip, out.limb, out.body, own)
     else:
-        hand_wrench(hand, elapsed, body, anchor, out[OWN:], work)
+        hand_wrench(hand, plan, elapsed, out.body, out.anchor, own)
 
 
 @inner
-def _quantise(data: Array, body: Array, position: Array, seen: Array, work: Array) -> None:
-    """Fill measured position (3,) and rotation (9,)."""
-    fine, turn = data[POSITION_STEP], data[ANGLE_STEP]
+def _quantise(device: DeviceModel, out: SimulatedState) -> None:
+    """Fill measured position and rotation."""
+    body, fine, turn = out.body, device.position_step, device.angle_step
     for i in range(3):
-        position[i] = fine * np.rint(body[i] / fine) if fine > 0.0 else body[i]
+        place = body.position[i]
+        out.position[i] = fine * np.rint(place / fine) if fine > 0.0 else place
     if turn > 0.0:
-        log3(shaped(body[3:12], (3, 3)), work[:3])
+        angles = local(3)
+        log3(body.rotation, angles)
         for i in range(3):
-            work[i] = turn * np.rint(work[i] / turn)
-        exp3(work[:3], shaped(seen, (3, 3)))
+            angles[i] = turn * np.rint(angles[i] / turn)
+        exp3(angles, out.seen)
     else:
-        put(seen, body[3:12])
+        put(out.seen, body.rotation)
 
 
 @inner
-def _estimate(data: Array, before: Array, out: Array, work: Array) -> None:
-    """Fill the measured twist from encoder differences, low-passed."""
-    turn = shaped(work[6:15], (3, 3))
-    multiply_transposed(shaped(out[SEEN:HOME], (3, 3)), shaped(before[SEEN:HOME], (3, 3)), turn)
-    log3(turn, work[3:6])
+def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
+    """Fill what the encoders say of the body in ``out``; its twist by differences, low-passed."""
+    _quantise(device, out)
+    quaternion_of(out.seen, out.quaternion)
+    if device.position_step == 0.0 and device.angle_step == 0.0:
+        put(out.twist, out.body.twist)
+        return
+    moved, turn = local(6), shaped(local(9), (3, 3))
+    multiply_transposed(out.seen, before.seen, turn)
+    log3(turn, moved[3:])
     for i in range(3):
-        work[i] = out[i] - before[i]
+        moved[i] = out.position[i] - before.position[i]
     for i in range(6):
-        old = before[SPEED + i]
-        out[SPEED + i] = old + data[FILTER] * (work[i] / data[PERIOD] - old)
+        old = before.twist[i]
+        out.twist[i] = old + device.filter_gain * (moved[i] / device.period - old)
 
 
 @inner
-def _measure(data: Array, before: Array, out: Array, work: Array) -> None:
-    """Fill what the encoders say of the body in ``out``."""
-    body, seen = out[BODY:SEEN], out[SEEN:HOME]
-    if data[POSITION_STEP] == 0.0 and data[ANGLE_STEP] == 0.0:
-        put(out[:3], body[:3])
-        put(seen, body[3:12])
-        put(out[SPEED:REPORTED], body[12:])
-    else:
-        _quantise(data, body, out[:3], seen, work)
-        _estimate(data, before, out, work)
-    quaternion_of(shaped(seen, (3, 3)), out[3:SPEED])
-
-
-@inner
-def _begin(data: Array, state: Array, ticks: int, out: Array) -> None:
+def _begin(
+    device: DeviceModel, plan: Array, state: SimulatedState, ticks: int, out: SimulatedState
+) -> None:
     """Begin a period: ``out`` is where ``state`` is, and the hand takes hold if it is time to."""
-    put(out[BODY:SEEN], state[BODY:SEEN])
-    put(out[HOME:OWN], state[HOME:OWN])
-    put(out[APPLIED:PUBLISHED_SIZE], state[APPLIED:PUBLISHED_SIZE])
-    _take(data, ticks, 0, out)
+    put(out.values, state.values)
+    _take(device, plan, ticks, 0, out)
 
 
 @inner
-def _half_substep(data: Array, out: Array, before: Array, work: Array) -> None:
+def _half_substep(device: DeviceModel, out: SimulatedState, before: Substep) -> None:
     """Move ``out`` to the middle of a substep, with the twist that is predicted there.
 
-    ``before`` (24,) is filled with the twists at its start, and all forces but the hand's.
+    ``before`` is filled with the twists at its start, and all forces but the hand's.
     """
-    body, own, given = out[BODY:SEEN], out[OWN:], work[:6]
-    _give(data, data[COMMAND:WEIGHT], out[APPLIED:PUBLISHED_SIZE], given)
-    put(before[:6], body[12:])
-    _drift(data, body, work[6:])
-    start = HELD_GAIN if out[WINDOW] != OPEN else GAIN
+    body, given = out.body, local(6)
+    _give(device, out.applied, given)
+    put(before.twist, body.twist)
+    _drift(device, body)
+    gain = device.held_gain if out.window != OPEN else device.gain
     for i in range(6):
-        before[6 + i] = data[PUSH + i] + data[WEIGHT + i] + given[i]
-        net = before[6 + i] + own[i] - data[DAMPING + i] * before[i]
-        body[12 + i] += 0.5 * data[start + i] * net
-    if _has_limb(data, out):
-        put(before[18:], out[LIMB + 12 : PULL])
-        _drift(data, out[LIMB:PULL], work[6:])
-        _speed_up(data, out, 0.5)
+        before.others[i] = device.push[i] + device.weight[i] + given[i]
+        net = before.others[i] + out.own[i] - device.damping[i] * before.twist[i]
+        body.twist[i] += 0.5 * gain[i] * net
+    if _has_limb(device, out):
+        put(before.limb_twist, out.limb.twist)
+        _drift(device, out.limb)
+        _speed_up(device, out, 0.5)
 
 
 @inner
 def _end_substep(
-    data: Array, ticks: int, index: int, out: Array, before: Array, work: Array
+    device: DeviceModel, plan: Array, ticks: int, index: int, out: SimulatedState, before: Substep
 ) -> bool:
     """End substep ``index`` from its middle; then the hand lets go or takes hold.
 
-    ``before`` (24,) is as of :func:`_half_substep`, and is filled with the hand's wrench (6,) in
-    the middle. Return whether the hand held.
+    ``before`` is as of :func:`_half_substep`, and is filled with the hand's wrench in the middle.
+    Return whether the hand held.
     """
-    body, own = out[BODY:SEEN], out[OWN:]
-    held: bool = out[WINDOW] != OPEN
-    start = HELD_GAIN if held else GAIN
-    gain = data[start : start + 6]
+    body, own = out.body, out.own
+    held: bool = out.window != OPEN
+    gain = device.held_gain if held else device.gain
     for i in range(6):
-        lost = 0.5 * gain[i] * data[DAMPING + i]
-        pushed = gain[i] * (before[6 + i] + own[i])
-        body[12 + i] = ((1.0 - lost) * before[i] + pushed) / (1.0 + lost)
-    put(before[12:18], own)
-    if _has_limb(data, out):
-        put(out[LIMB + 12 : PULL], before[18:])
-        _speed_up(data, out, 1.0)
-        _drift(data, out[LIMB:PULL], work)
-    _resist(data, gain, out[HOME:ANCHOR], body, work)
-    _drift(data, body, work)
-    _take(data, ticks, index + 1, out)
-    if out[WINDOW] == OPEN:
+        lost = 0.5 * gain[i] * device.damping[i]
+        pushed = gain[i] * (before.others[i] + own[i])
+        body.twist[i] = ((1.0 - lost) * before.twist[i] + pushed) / (1.0 + lost)
+    put(before.own, own)
+    if _has_limb(device, out):
+        put(out.limb.twist, before.limb_twist)
+        _speed_up(device, out, 1.0)
+        _drift(device, out.limb)
+    _resist(device, gain, out.home, body)
+    _drift(device, body)
+    _take(device, plan, ticks, index + 1, out)
+    if out.window == OPEN:
         own[:] = 0.0
     return held
 
 
 @inner
-def _finish(data: Array, state: Array, held: bool, before: Array, out: Array, work: Array) -> None:
+def _finish(
+    device: DeviceModel, state: SimulatedState, held: bool, before: Substep, out: SimulatedState
+) -> None:
     """Fill what is measured at the end of a period.
 
     Args:
-        data: the device.
+        device: what it is.
         state: at the period's start.
         held: whether the hand held in the last substep.
-        before: (24,) as of :func:`_end_substep`, of that.
+        before: as of :func:`_end_substep`, of that.
         out: at its end; of the hand's wrench its own mass takes its part away.
-        work: (42,) scratch.
     """
-    body, own = out[BODY:SEEN], out[OWN:]
-    if data[ARM] + data[ARM + 3] > 0.0 and held and out[WINDOW] != OPEN:
+    own, arm = out.own, device.arm
+    if arm[0] + arm[3] > 0.0 and held and out.window != OPEN:
         for i in range(6):
             # In the middle of the substep, and by how much the hand's wrench changes it since.
-            rate = body[12 + i] - before[i] + data[HELD_GAIN + i] * (own[i] - before[12 + i])
-            own[i] -= data[ARM + i] * (rate / data[STEP])
-    put(out[REPORTED:APPLIED], own)
-    _measure(data, state, out, work)
-    if data[SENSES_ITSELF] != MEASURED:
-        estimate_hand(data, state, out)
+            changed = device.held_gain[i] * (own[i] - before.own[i])
+            rate = out.body.twist[i] - before.twist[i] + changed
+            own[i] -= arm[i] * (rate / device.step)
+    put(out.hand_wrench, own)
+    _measure(device, state, out)
+    if device.senses_itself != MEASURED:
+        estimate_hand(device, state, out)
 
 
 @inner
-def move_device(data: Array, state: Array, ticks: int, out: Array) -> None:
+def move_device(data: Array, state: SimulatedState, ticks: int, out: SimulatedState) -> None:
     """Fill ``out`` with the state one period after ``state``; see :func:`advance`."""
-    scratch, held = local(BEFORE_SIZE + WORK_SIZE), False
-    before, work = scratch[:BEFORE_SIZE], scratch[BEFORE_SIZE:]
-    substeps = int(data[SUBSTEPS])
-    _begin(data, state, ticks, out)
-    _push(data, time_of(data, ticks, 0), out, work)
+    device, plan, held = DeviceModel(data), data[MODEL_SIZE:], False
+    substeps, before = int(device.substeps), Substep(local(SUBSTEP_SIZE))
+    _begin(device, plan, state, ticks, out)
+    _push(device, plan, time_of(device, ticks, 0), out)
     for index in range(substeps):
-        _half_substep(data, out, before, work)
-        _push(data, middle_of(data, ticks, index), out, work)
-        held = _end_substep(data, ticks, index, out, before, work)
-    _push(data, time_of(data, ticks, substeps), out, work)
-    _finish(data, state, held, before, out, work)
+        _half_substep(device, out, before)
+        _push(device, plan, middle_of(device, ticks, index), out)
+        held = _end_substep(device, plan, ticks, index, out, before)
+    _push(device, plan, time_of(device, ticks, substeps), out)
+    _finish(device, state, held, before, out)
 
 
 @inner
-def _command(data: Array, state: Array, command: Array, obeys: bool) -> None:
+def _command(device: DeviceModel, state: SimulatedState, command: Array, obeys: bool) -> None:
     """Ask the actuators for a command (6,) and what is added to it, or for nothing."""
     if obeys:
-        command_device(data, state, command)
+        command_device(device, state, command)
     else:
-        data[COMMAND:WEIGHT] = 0.0
+        device.command[:] = 0.0
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
@@ -530,15 +554,15 @@ def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, 
     """Fill ``out`` with the state one period after ``state``.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
-        state: (107,) where to start.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
+        state: (107,) where to start, a :class:`SimulatedState`.
         command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (107,) to fill.
     """
-    _command(data, state, command, obeys)
-    move_device(data, state, ticks, out)
+    _command(DeviceModel(data), SimulatedState(state), command, obeys)
+    move_device(data, SimulatedState(state), ticks, SimulatedState(out))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
@@ -549,15 +573,16 @@ def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, ou
     wrench is to be put into ``out``: zero unless it holds.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         state: (107,) at the period's start.
         command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
         obeys: whether it is obeyed; else the actuators are off, and compensation with them.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         out: (107,) to fill.
     """
-    _command(data, state, command, obeys)
-    _begin(data, state, ticks, out)
+    device, start = DeviceModel(data), SimulatedState(state)
+    _command(device, start, command, obeys)
+    _begin(device, data[MODEL_SIZE:], start, ticks, SimulatedState(out))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
@@ -565,11 +590,11 @@ def half_substep(data: Array, out: Array, before: Array) -> None:
     """Move ``out`` to the middle of a substep; its twist is the one predicted there.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         out: (107,) state, changed.
         before: (24,) to fill in part, for :func:`end_substep`.
     """
-    _half_substep(data, out, before, local(WORK_SIZE))
+    _half_substep(DeviceModel(data), SimulatedState(out), Substep(before))
 
 
 @kernel("boolean(float64[::1], int64, int64, float64[::1], float64[::1])")
@@ -577,13 +602,14 @@ def end_substep(data: Array, ticks: int, index: int, out: Array, before: Array) 
     """Move ``out`` from the middle of substep ``index`` to its end; return whether the hand held.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
         index: of the substep.
         out: (107,) state, changed.
         before: (24,) of :func:`half_substep`, completed for :func:`finish`.
     """
-    return _end_substep(data, ticks, index, out, before, local(WORK_SIZE))
+    device, plan = DeviceModel(data), data[MODEL_SIZE:]
+    return _end_substep(device, plan, ticks, index, SimulatedState(out), Substep(before))
 
 
 @kernel("void(float64[::1], float64[::1], boolean, float64[::1], float64[::1])")
@@ -591,13 +617,13 @@ def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> 
     """End a period that began at ``state``: fill what is measured; see :func:`end_substep`.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         state: (107,) at the period's start.
         held: whether the hand held in the last substep.
         before: (24,) of the last substep; see :func:`end_substep`.
         out: (107,) state, completed.
     """
-    _finish(data, state, held, before, out, local(WORK_SIZE))
+    _finish(DeviceModel(data), SimulatedState(state), held, Substep(before), SimulatedState(out))
 
 
 @kernel("void(float64[::1], boolean, float64[::1])")
@@ -605,18 +631,18 @@ def stand(data: Array, holds: bool, out: Array) -> None:
     """Fill a device that stands still.
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         holds: whether the hand can take hold now.
         out: (107,) zero but for where it is, its home and its anchor.
     """
-    work = local(WORK_SIZE)
-    out[WINDOW] = grasp_window(data[HAND:], 0.0) if holds else OPEN
-    put(out[LIMB:PULL], out[BODY:SEEN])
-    _push(data, 0.0, out, work)
-    _quantise(data, out[BODY:SEEN], out[:3], out[SEEN:HOME], work)
-    quaternion_of(shaped(out[SEEN:HOME], (3, 3)), out[3:SPEED])
-    if data[SENSES_ITSELF] == MEASURED:
-        put(out[REPORTED:APPLIED], out[OWN:])
+    device, plan, state = DeviceModel(data), data[MODEL_SIZE:], SimulatedState(out)
+    state.window = grasp_window(device.hand, plan, 0.0) if holds else OPEN
+    put(state.limb.values, state.body.values)
+    _push(device, plan, 0.0, state)
+    _quantise(device, state)
+    quaternion_of(state.seen, state.quaternion)
+    if device.senses_itself == MEASURED:
+        put(state.hand_wrench, state.own)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
@@ -624,11 +650,11 @@ def observe(data: Array, before: Array, out: Array) -> None:
     """Fill what is known of the hand from a device's motion, see above.
 
     Args:
-        data: (numbers,) the device, and what its actuators did; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel`, and what its actuators did.
         before: (107,) its state at the period's start.
         out: (107,) its state at the end, of which F_h is filled.
     """
-    estimate_hand(data, before, out)
+    estimate_hand(DeviceModel(data), SimulatedState(before), SimulatedState(out))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1])")
@@ -636,8 +662,8 @@ def compensation(data: Array, twist: Array, added: Array) -> None:
     """Fill what the driver adds (6,) to a command, at a measured twist (6,).
 
     Args:
-        data: (numbers,) the device; see ``device_layout``.
+        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         twist: (6,) measured, m/s and rad/s, world axes.
         added: (6,) to fill, N and N m, world axes.
     """
-    compensate(data, twist, added)
+    compensate(DeviceModel(data), twist, added)

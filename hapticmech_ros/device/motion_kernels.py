@@ -23,8 +23,9 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put, shaped
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, Field, Layout
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, rotation_of
 
 SHARE, LONGEST_LAG = 0.1, 0.015
@@ -33,37 +34,41 @@ LONGEST_GAP = 0.1
 SOUND, SPEED, ACCELERATION, DISAGREES, AWAY = 0, 1, 2, 3, 4
 ROTATION = 8
 
-_TWO = Field(2)
-# T of two windows, s; of translation and rotation most speed, m/s and rad/s, and most acceleration,
-# m/s² and rad/s²; by window, slack of both, m and rad. Furthest from the first sample, m; period,
-# s. Then what is known: whether there was a sample, the first position, the last sample, and by
-# window, of translation and rotation: d, h, the largest speed and a Δt²/4 within it. Last what was
-# found, and how much it may be.
-MOTION = Layout(
-    {
-        **dict.fromkeys(("window", "most_speed", "most_acceleration"), _TWO),
-        "slack": Field(4),
-        "reach": Field(1),
-        "period": Field(1),
-        "started": Field(1),
-        "first": Field(3),
-        "sample": Field(DEVICE_SAMPLE.size),
-        "apart": Field(12),
-        "change": Field(12),
-        "speed": Field(4),
-        "curve": Field(4),
-        "found": Field(1),
-        "most": Field(1),
-    }
-)
-WINDOW, MOST_SPEED, MOST_ACCELERATION, SLACK, REACH, PERIOD = MOTION.starts(
-    "window", "most_speed", "most_acceleration", "slack", "reach", "period"
-)
-STARTED, FIRST, SAMPLE = MOTION.starts("started", "first", "sample")
-APART, CHANGE, TOP_SPEED, CURVE, FOUND, MOST = MOTION.starts(
-    *("apart", "change", "speed", "curve", "found", "most")
-)
-QUATERNION, TWIST = DEVICE_SAMPLE.starts("quaternion", "twist")
+
+class Motion(Record):
+    """What a device's samples may be, and what is known of them.
+
+    Of translation and rotation: m, m/s and m/s², rad, rad/s and rad/s².
+
+    Attributes:
+        window: T of two windows, s.
+        most_speed, most_acceleration: of translation and rotation.
+        slack: by window, of translation and rotation.
+        reach: furthest from the first sample, m.
+        period: s.
+        started: 1 if there was a sample.
+        first: its position, m.
+        sample: the last one, see ``layout.DeviceSample``.
+        apart, change: d and h, by window, of translation and rotation.
+        speed, curve: the largest speed and a Δt²/4 within a window, likewise.
+        found, most: what was found last, and how much it may be.
+    """
+
+    window = Vector(2)
+    most_speed = Vector(2)
+    most_acceleration = Vector(2)
+    slack = Vector(4)
+    reach = Number()
+    period = Number()
+    started = Number()
+    first = Vector(3)
+    sample = Nested(DeviceSample)
+    apart = Vector(12)
+    change = Vector(12)
+    speed = Vector(4)
+    curve = Vector(4)
+    found = Number()
+    most = Number()
 
 
 @inner
@@ -83,20 +88,30 @@ def is_too_fast(twist: Array, most: Array) -> bool:
 
 
 @inner
-def _exceeds(motion: Array, found: float, most: float) -> bool:
+def _exceeds(motion: Motion, found: float, most: float) -> bool:
     """Return whether something is more than it may be; then both are kept."""
     exceeds = not found <= most
     if exceeds:
-        motion[FOUND], motion[MOST] = found, most
+        motion.found = found
+        motion.most = most
     return exceeds
 
 
 @inner
-def _begin(motion: Array, sample: Array) -> None:
+def _forget(motion: Motion) -> None:
+    """Let poses and twists agree from now on."""
+    motion.apart[:] = 0.0
+    motion.change[:] = 0.0
+    motion.speed[:] = 0.0
+    motion.curve[:] = 0.0
+
+
+@inner
+def _begin(motion: Motion, sample: DeviceSample) -> None:
     """Let a sample be the first one."""
-    put(motion[FIRST : FIRST + 3], sample[:3])
-    motion[APART:FOUND] = 0.0
-    motion[STARTED] = 1.0
+    put(motion.first, sample.position)
+    _forget(motion)
+    motion.started = 1.0
 
 
 @inner
@@ -117,42 +132,44 @@ def _from_lag(apart: Array, change: Array) -> float:
 
 @inner
 def _disagrees(
-    motion: Array, moved: Array, now: Array, before: Array, elapsed: float, part: int
+    motion: Motion, moved: Array, now: Array, before: Array, elapsed: float, part: int
 ) -> bool:
     """Return whether poses and twists disagree, of translation (part 0) or rotation (1)."""
-    speed, pace = max(_length(now), _length(before)), max(elapsed, motion[PERIOD])
-    curve = 0.25 * motion[MOST_ACCELERATION + part] * pace * pace
+    speed, pace = max(_length(now), _length(before)), max(elapsed, motion.period)
+    curve = 0.25 * motion.most_acceleration[part] * pace * pace
     wrong = False
     for window in range(2):
-        span, index = motion[WINDOW + window], 2 * window + part
+        span, index = motion.window[window], 2 * window + part
         left = np.exp(-elapsed / span)
-        apart = motion[APART + 3 * index : APART + 3 * index + 3]
-        change = motion[CHANGE + 3 * index : CHANGE + 3 * index + 3]
+        apart = motion.apart[3 * index : 3 * index + 3]
+        change = motion.change[3 * index : 3 * index + 3]
         for i in range(3):
             apart[i] = left * apart[i] + 0.5 * elapsed * (now[i] + before[i]) - moved[i]
             change[i] = left * change[i] + now[i] - before[i]
-        top = max(left * motion[TOP_SPEED + index], speed)
-        bend = max(left * motion[CURVE + index], curve)
-        motion[TOP_SPEED + index], motion[CURVE + index] = top, bend
-        most = motion[SLACK + index] + bend + top * (0.5 * pace + SHARE * span)
+        top = max(left * motion.speed[index], speed)
+        bend = max(left * motion.curve[index], curve)
+        motion.speed[index], motion.curve[index] = top, bend
+        most = motion.slack[index] + bend + top * (0.5 * pace + SHARE * span)
         if not wrong and _exceeds(motion, _from_lag(apart, change), most):
             wrong = True
             if window == 0:
                 # What has jumped is elsewhere from now on; what adds up slowly is still wrong.
-                motion[APART:FOUND] = 0.0
+                _forget(motion)
                 break
     return wrong
 
 
 @inner
-def _follow(motion: Array, sample: Array, last: Array, before: Array, elapsed: float) -> int:
+def _follow(
+    motion: Motion, sample: DeviceSample, last: DeviceSample, before: Array, elapsed: float
+) -> int:
     """Return what is wrong between a sample and the one before it."""
-    twist, moved, pace = sample[TWIST : TWIST + 6], local(6), max(elapsed, motion[PERIOD])
+    twist, moved, pace = sample.twist, local(6), max(elapsed, motion.period)
     for i in range(3):
-        moved[i] = sample[i] - last[i]
+        moved[i] = sample.position[i] - last.position[i]
     now_axes, last_axes, turn = local(9), local(9), local(9)
-    rotation_of(sample[QUATERNION : QUATERNION + 4], shaped(now_axes, (3, 3)))
-    rotation_of(last[QUATERNION : QUATERNION + 4], shaped(last_axes, (3, 3)))
+    rotation_of(sample.quaternion, shaped(now_axes, (3, 3)))
+    rotation_of(last.quaternion, shaped(last_axes, (3, 3)))
     multiply_transposed(shaped(now_axes, (3, 3)), shaped(last_axes, (3, 3)), shaped(turn, (3, 3)))
     log3(shaped(turn, (3, 3)), moved[3:])
     for part in range(2):
@@ -161,9 +178,9 @@ def _follow(motion: Array, sample: Array, last: Array, before: Array, elapsed: f
         for i in range(3):
             change[i] = twist[at + i] - before[at + i]
         # Encoder steps make a twist of their own.
-        most = motion[MOST_ACCELERATION + part] + motion[SLACK + part] / (pace * pace)
+        most = motion.most_acceleration[part] + motion.slack[part] / (pace * pace)
         if _exceeds(motion, _length(change) / pace, most):
-            motion[APART:FOUND] = 0.0
+            _forget(motion)
             return ACCELERATION + part * ROTATION
         if _disagrees(motion, moved[at:], twist[at:], before[at:], elapsed, part):
             return DISAGREES + part * ROTATION
@@ -171,17 +188,17 @@ def _follow(motion: Array, sample: Array, last: Array, before: Array, elapsed: f
 
 
 @inner
-def follow_sample(motion: Array, sample: Array, elapsed: float) -> int:
+def follow_sample(motion: Motion, sample: DeviceSample, elapsed: float) -> int:
     """Return whether a sample can follow the one before it; see :func:`check_sample`."""
-    last = motion[SAMPLE:APART]
-    twist, before = sample[TWIST : TWIST + 6], local(6)
-    put(before, last[TWIST : TWIST + 6])
+    last = motion.sample
+    twist, before = sample.twist, local(6)
+    put(before, last.twist)
     code = SOUND
     for part in range(2):
-        if _exceeds(motion, _length(twist[3 * part :]), motion[MOST_SPEED + part]):
+        if _exceeds(motion, _length(twist[3 * part :]), motion.most_speed[part]):
             code = SPEED + part * ROTATION
             break
-    follows = motion[STARTED] != 0.0 and 0.0 < elapsed <= LONGEST_GAP
+    follows = motion.started != 0.0 and 0.0 < elapsed <= LONGEST_GAP
     if not follows:
         _begin(motion, sample)
     elif code == SOUND:
@@ -189,10 +206,10 @@ def follow_sample(motion: Array, sample: Array, elapsed: float) -> int:
     if code == SOUND:
         moved = local(3)
         for i in range(3):
-            moved[i] = sample[i] - motion[FIRST + i]
-        if _exceeds(motion, _length(moved), motion[REACH]):
+            moved[i] = sample.position[i] - motion.first[i]
+        if _exceeds(motion, _length(moved), motion.reach):
             code = AWAY
-    put(last, sample)
+    put(last.values, sample.values)
     return code
 
 
@@ -201,8 +218,8 @@ def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
     """Return whether a sample can follow the one before it: one of the codes above.
 
     Args:
-        motion: (numbers,) limits and what is known; changed.
-        sample: (19,) of a device, see ``layout.DEVICE_SAMPLE``.
+        motion: (numbers,) a :class:`Motion`; changed.
+        sample: (19,) a :class:`~hapticmech_ros.numerics.layout.DeviceSample`.
         elapsed: s since the sample before it.
     """
-    return int(follow_sample(motion, sample, elapsed))
+    return int(follow_sample(Motion(motion), DeviceSample(sample), elapsed))

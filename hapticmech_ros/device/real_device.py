@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from hapticmech_ros.device import kernels
 from hapticmech_ros.device.impedance_device import ImpedanceDevice, device_for
-from hapticmech_ros.device.kernels import DEVICE_MODEL, DEVICE_STATE
+from hapticmech_ros.device.kernels import DeviceModel, SimulatedState
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
@@ -25,9 +25,6 @@ from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
 
-_PERIOD, _SHARE, _LAG = DEVICE_MODEL.starts("period", "observer_share", "actuator_share")
-_COMMAND, _WEIGHT = DEVICE_MODEL.slice("command"), DEVICE_MODEL.slice("weight")
-_TWIST, _HAND = DEVICE_STATE.slice("twist"), DEVICE_STATE.slice("hand_wrench")
 # Samples that are further apart say nothing of each other, s.
 LONGEST_PERIOD_S = 0.1
 
@@ -44,10 +41,10 @@ class HandObserver:
 
     def __init__(self, device: Device, planar: bool) -> None:
         self._rate = 2.0 * math.pi * device.observer_bandwidth
-        self._data = ImpedanceDevice(device, 1.0 / self._rate, planar).data
+        self._model = DeviceModel(ImpedanceDevice(device, 1.0 / self._rate, planar).data)
         # What actuators did is known.
-        self._data[_LAG], self._data[_WEIGHT] = 0.0, 0.0
-        self._before, self._now = np.zeros(DEVICE_STATE.size), np.zeros(DEVICE_STATE.size)
+        self._model.actuator_share, self._model.weight[:] = 0.0, 0.0
+        self._before, self._now = SimulatedState(), SimulatedState()
         self._time: float | None = None
 
     def forget(self) -> None:
@@ -65,17 +62,18 @@ class HandObserver:
         Returns:
             (6,) by the hand on the device, N and N m, world axes at the point held.
         """
-        self._now[_TWIST] = twist
+        model, now = self._model, self._now
+        now.twist[:] = twist
         if self._time is None or not 0.0 < time - self._time <= LONGEST_PERIOD_S:
-            self._now[_HAND] = 0.0
+            now.hand_wrench[:] = 0.0
         else:
             period = time - self._time
-            self._data[_PERIOD], self._data[_SHARE] = period, -math.expm1(-self._rate * period)
-            self._data[_COMMAND] = applied
-            kernels.observe(self._data, self._before, self._now)
+            model.period, model.observer_share = period, -math.expm1(-self._rate * period)
+            model.command[:] = applied
+            kernels.observe(model.values, self._before.values, now.values)
         self._time = time
-        self._before[:] = self._now
-        return self._now[_HAND].copy()
+        self._before.values[:] = now.values
+        return now.hand_wrench.copy()
 
 
 class TwistEstimate:

@@ -21,7 +21,7 @@ has no part in. Each sample is held against the one before it and against what t
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -29,15 +29,13 @@ import pinocchio as pin
 from hapticmech_ros.device.motion_kernels import (
     ACCELERATION,
     AWAY,
-    FOUND,
-    MOST,
-    MOTION,
     ROTATION,
     SOUND,
     SPEED,
+    Motion,
     check_sample,
 )
-from hapticmech_ros.device.safety_kernels import SAFETY, Reason, apply_envelope
+from hapticmech_ros.device.safety_kernels import Reason, Safety, apply_envelope
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.device import Device, most_servo_stiffness
@@ -52,7 +50,6 @@ SLOW_SLACK = 0.002, 0.02
 _STEPS, _ROUNDING = 2.0, 1e-6
 # How many times its radius a workspace is wide at most, from wherever the first sample was.
 _ACROSS = 3.0
-_MOTION_STARTED = MOTION.start("started")
 
 
 class MotionCheck:
@@ -63,7 +60,7 @@ class MotionCheck:
         period: s, of a sample; some may be closer together.
 
     Attributes:
-        numbers: (numbers,) limits and what is known, see ``motion_kernels.MOTION``.
+        numbers: limits and what is known.
         stamp_ns: of the last sample.
         fault: what is wrong, in words with numbers; empty if nothing is, and has not been lately.
         faults: samples so far that began a fault.
@@ -71,20 +68,18 @@ class MotionCheck:
 
     def __init__(self, device: Device, period: float) -> None:
         motion = device.motion
-        self.numbers = np.zeros(MOTION.size)
+        self.numbers = numbers = Motion()
         steps = (
             _STEPS * device.position_resolution + _ROUNDING,
             _STEPS * device.angle_resolution + _ROUNDING,
         )
-        self.numbers[MOTION.slice("window", "period")] = (
-            *WINDOWS_S,
-            *(motion.speed, motion.angular_speed),
-            *(motion.acceleration, motion.angular_acceleration),
-            *steps,
-            *(step + slack for step, slack in zip(steps, SLOW_SLACK, strict=True)),
-            _ACROSS * device.workspace.radius or math.inf,
-            period,
-        )
+        numbers.window[:] = WINDOWS_S
+        numbers.most_speed[:] = motion.speed, motion.angular_speed
+        numbers.most_acceleration[:] = motion.acceleration, motion.angular_acceleration
+        numbers.slack[:2] = steps
+        numbers.slack[2:] = np.add(steps, SLOW_SLACK)
+        numbers.reach = _ACROSS * device.workspace.radius or math.inf
+        numbers.period = period
         self._radius = device.workspace.radius
         self.fault = ""
         self.faults = 0
@@ -92,7 +87,7 @@ class MotionCheck:
 
     def restart(self) -> None:
         """Let the next sample be the first one."""
-        self.numbers[_MOTION_STARTED] = 0.0
+        self.numbers.started = 0.0
         self.fault = ""
 
     def look(self, sample: Array, stamp_ns: int) -> None:
@@ -104,7 +99,7 @@ class MotionCheck:
         """
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
         self.stamp_ns = stamp_ns
-        code = check_sample(self.numbers, sample, elapsed)
+        code = check_sample(self.numbers.values, sample, elapsed)
         if code == SOUND:
             if self.fault and stamp_ns - self._fault_ns > SOUND_AFTER_NS:
                 self.fault = ""
@@ -117,7 +112,7 @@ class MotionCheck:
     def _sentence(self, code: int, elapsed: float) -> str:
         """Return what is wrong, in words."""
         turns, kind = code >= ROTATION, code % ROTATION
-        found, most = self.numbers[FOUND], self.numbers[MOST]
+        found, most = self.numbers.found, self.numbers.most
         unit, key = ("rad", "angular_") if turns else ("m", "")
         units = "" if turns else "; are these millimetres?"
         if kind == SPEED:
@@ -139,13 +134,6 @@ class MotionCheck:
 
 
 __all__ = ["Reason", "SafetyEnvelope", "SafetyLimits", "safety_limits"]
-_LIMITS, _CENTRE, _LAST = (
-    SAFETY.slice("force", "radius"),
-    SAFETY.slice("centre"),
-    SAFETY.slice("last"),
-)
-_PERIOD, _STARTED = SAFETY.starts("period", "started")
-_COUNTS = SAFETY.slice("limited_by_workspace", "limited_by_not_finite")
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,22 +178,23 @@ class SafetyEnvelope:
         limits: to keep; :meth:`limit` sets others.
 
     Attributes:
-        numbers: all that it knows; a :data:`~hapticmech_ros.device.safety_kernels.SAFETY`.
+        numbers: all that it knows.
     """
 
     def __init__(self, period: float, limits: SafetyLimits) -> None:
-        self.numbers: Array = np.zeros(SAFETY.size)
-        self.numbers[_PERIOD] = period
+        self.numbers = Safety()
+        self.numbers.period = period
         self.limit(limits)
 
     @property
     def counts(self) -> dict[Reason, int]:
         """Samples in which each reason changed the command."""
-        return dict(zip(Reason, map(int, self.numbers[_COUNTS].tolist()), strict=True))
+        return {reason: int(getattr(self.numbers, reason.counted_as)) for reason in Reason}
 
     def limit(self, limits: SafetyLimits) -> None:
         """Keep these limits from now on."""
-        self.numbers[_LIMITS] = astuple(limits)
+        for name, value in asdict(limits).items():
+            setattr(self.numbers, name, value)
 
     def place(self, centre: Array) -> None:
         """Put the workspace's centre (3,), m.
@@ -213,12 +202,12 @@ class SafetyEnvelope:
         Args:
             centre: (3,) m, world axes.
         """
-        self.numbers[_CENTRE] = centre
+        self.numbers.centre[:] = centre
 
     def stop(self) -> None:
         """Say that nothing leaves now; the next command is a start."""
-        self.numbers[_LAST] = 0.0
-        self.numbers[_STARTED] = 0.0
+        self.numbers.last[:] = 0.0
+        self.numbers.started = 0.0
 
     def apply(self, command: Array, position: Array) -> Array:
         """Return what leaves (6,) for a command (6,), N and N m, world axes.
@@ -228,7 +217,7 @@ class SafetyEnvelope:
             position: (3,) of the point held, m, world axes.
         """
         found = np.array(command, dtype=float)
-        apply_envelope(self.numbers, found, position)
+        apply_envelope(self.numbers.values, found, position)
         return found
 
 

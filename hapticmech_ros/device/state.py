@@ -4,41 +4,32 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.device.kernels import DEVICE_STATE
+from hapticmech_ros.device.hand_kernels import Place
+from hapticmech_ros.device.kernels import PublishedState, SimulatedState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 
 NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False
-# Where in the array its parts are: poses, and what is numbers.
-_PLACES = {
-    part: DEVICE_STATE.start(name)
-    for part, name in (("pose", "body"), ("home", "home"), ("anchor", "anchor"), ("limb", "limb"))
-}
-_POSITION, _QUATERNION, _SEEN = (
-    DEVICE_STATE.slice(name) for name in ("position", "quaternion", "seen")
-)
-_PUBLISHED = DEVICE_STATE.slice("position", "applied")
+# Fields of a state by the names of its parts: poses, and what is numbers.
+_PLACES = {"pose": "body", "home": "home", "anchor": "anchor", "limb": "limb"}
 _NUMBERS = {
-    part: DEVICE_STATE.slice(name)
-    for part, name in (
-        ("twist", "body_twist"),
-        ("measured_twist", "twist"),
-        ("hand_wrench", "own"),
-        ("applied", "applied"),
-        ("reported", "hand_wrench"),
-        ("window", "window"),
-        ("limb_twist", "limb_twist"),
-        ("pull", "pull"),
-    )
+    "twist": "body.twist",
+    "measured_twist": "twist",
+    "hand_wrench": "own",
+    "applied": "applied",
+    "reported": "hand_wrench",
+    "window": "window",
+    "limb_twist": "limb.twist",
+    "pull": "pull",
 }
-_TWIST, _MEASURED_TWIST, _OWN, _APPLIED, _REPORTED, _WINDOW, _LIMB_TWIST, _PULL = _NUMBERS.values()
 
 
 class DeviceState:
@@ -47,14 +38,13 @@ class DeviceState:
     It is one array, which kernels work on; its parts are views of it, or made when asked for.
 
     Args:
-        flat: (107,) a :data:`~hapticmech_ros.device.kernels.DEVICE_STATE`, which it keeps.
+        flat: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, which it keeps.
     """
 
-    __slots__ = ("flat",)
-    flat: Array
+    __slots__ = ("_numbers",)
 
     def __init__(self, flat: Array) -> None:
-        self.flat = flat
+        self._numbers = SimulatedState(flat)
 
     def __repr__(self) -> str:
         x, y, z = self.pose.translation
@@ -63,7 +53,7 @@ class DeviceState:
     @classmethod
     def resting(cls, pose: pin.SE3) -> DeviceState:
         """Return a state at rest at a pose, ideal encoders, with nothing that acts and no hand."""
-        state = cls(np.zeros(DEVICE_STATE.size))
+        state = cls(SimulatedState().values)
         places = dict.fromkeys(("pose", "measured_pose", "home", "anchor", "limb"), pose)
         return state.replaced(**places, window=-1)
 
@@ -76,45 +66,53 @@ class DeviceState:
         Raises:
             InvalidInputError: a state has no such part.
         """
-        flat = self.flat.copy()
+        changed = type(self)(self.flat.copy())
+        numbers = changed._numbers
         for name, value in parts.items():
             if name in _PLACES:
-                start = _PLACES[name]
-                flat[start : start + 3] = value.translation
-                flat[start + 3 : start + 12] = value.rotation.ravel()
+                place = getattr(numbers, _PLACES[name])
+                place.position[:], place.rotation[:] = value.translation, value.rotation
             elif name == "measured_pose":
-                flat[_POSITION], flat[_SEEN] = value.translation, value.rotation.ravel()
-                flat[_QUATERNION] = quaternion_of(value.rotation)
+                numbers.position[:], numbers.seen[:] = value.translation, value.rotation
+                numbers.quaternion[:] = quaternion_of(value.rotation)
+            elif name == "window":
+                numbers.window = value
             elif name in _NUMBERS:
-                flat[_NUMBERS[name]] = value
+                attrgetter(_NUMBERS[name])(numbers)[:] = value
             else:
                 known = ", ".join((*_PLACES, "measured_pose", *_NUMBERS))
                 raise InvalidInputError("part of a state", name, f"must be one of {known}")
-        return type(self)(flat)
+        return changed
 
     def without_force(self) -> DeviceState:
         """Return the same state once the actuators are at zero."""
         return self.replaced(applied=NO_WRENCH)
 
     @property
+    def flat(self) -> Array:
+        """(107,) all its numbers, see :class:`~hapticmech_ros.device.kernels.SimulatedState`."""
+        return self._numbers.values
+
+    @property
     def pose(self) -> pin.SE3:
         """Pose of the point held, in the world."""
-        return self._pose_at("pose")
+        return _pose_of(self._numbers.body)
 
     @property
     def twist(self) -> Array:
         """(6,) twist of the point held, m/s and rad/s, world axes."""
-        return self.flat[_TWIST]
+        twist: Array = self._numbers.body.twist
+        return twist
 
     @property
     def measured_pose(self) -> pin.SE3:
         """Pose rounded to encoder steps."""
-        return pin.SE3(self.flat[_SEEN].reshape(3, 3), self.flat[_POSITION])
+        return pin.SE3(self._numbers.seen, self._numbers.position)
 
     @property
     def measured_twist(self) -> Array:
         """(6,) m/s and rad/s, estimated from the encoders; the true twist if they are ideal."""
-        return self.flat[_MEASURED_TWIST]
+        return self._numbers.twist
 
     @property
     def hand_wrench(self) -> Array:
@@ -122,57 +120,57 @@ class DeviceState:
 
         N and N m, world axes at the point held; zero if nobody holds.
         """
-        return self.flat[_OWN]
+        return self._numbers.own
 
     @property
     def applied(self) -> Array:
         """(6,) by the actuators at this time, N and N m, world axes at the point held."""
-        return self.flat[_APPLIED]
+        return self._numbers.applied
 
     @property
     def reported(self) -> Array:
         """(6,) F_h as reported: measured, estimated or zero; N and N m, world axes."""
-        return self.flat[_REPORTED]
+        return self._numbers.hand_wrench
 
     @property
     def home(self) -> pin.SE3:
         """Pose about which the workspace is."""
-        return self._pose_at("home")
+        return _pose_of(self._numbers.home)
 
     @property
     def anchor(self) -> pin.SE3:
         """Pose of the point held when the hand took hold."""
-        return self._pose_at("anchor")
+        return _pose_of(self._numbers.anchor)
 
     @property
     def window(self) -> int:
         """In which the hand holds; see :mod:`~hapticmech_ros.device.hand_kernels`."""
-        return int(self.flat[_WINDOW][0])
+        return int(self._numbers.window)
 
     @property
     def limb(self) -> pin.SE3:
         """Pose of the hand's mass behind a grip; where the hand took hold without one."""
-        return self._pose_at("limb")
+        return _pose_of(self._numbers.limb)
 
     @property
     def limb_twist(self) -> Array:
         """(6,) twist of that mass, m/s and rad/s, world axes."""
-        return self.flat[_LIMB_TWIST]
+        twist: Array = self._numbers.limb.twist
+        return twist
 
     @property
     def pull(self) -> Array:
         """(6,) by the arm on that mass, N and N m, world axes."""
-        return self.flat[_PULL]
+        return self._numbers.pull
 
     @property
     def published(self) -> Array:
         """What is published of it, (25,): measured sample and applied wrench, SI, world axes."""
-        return self.flat[_PUBLISHED]
+        return PublishedState(self.flat).values
 
-    def _pose_at(self, name: str) -> pin.SE3:
-        start = _PLACES[name]
-        rotation = self.flat[start + 3 : start + 12].reshape(3, 3)
-        return pin.SE3(rotation, self.flat[start : start + 3])
+
+def _pose_of(place: Place) -> pin.SE3:
+    return pin.SE3(place.rotation, place.position)
 
 
 class SimulatedDevice(Protocol):

@@ -20,6 +20,7 @@ import pinocchio as pin
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.reader import refuse_former_topics
 from hapticmech_ros.bag.recorded_states import states_from_bag
+from hapticmech_ros.control.measurements import device_of, point_of
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.experiment.record import (
     ExperimentRecord,
@@ -34,11 +35,12 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.wire.layouts import (
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import (
     ENERGY_NAMES,
-    unpack_device,
-    unpack_energy,
-    unpack_operational_model,
+    DeviceStateMessage,
+    MechanismEnergy,
+    OperationalModelMessage,
 )
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_PART,
@@ -119,16 +121,17 @@ def _joint_state(message: Any) -> tuple[int, Array]:
 
 def _operational_model(message: Any) -> tuple[int, Array]:
     """Return a row: count, position (3), quaternion (4), Π (36), s (t)."""
-    found = unpack_operational_model(message.data)
-    share = found.model.wrench_projector
-    pose = _pose_row(found.point.pose)
+    found = read(OperationalModelMessage, message.data)
+    share = found.operational_model.wrench_projector
+    pose = _pose_row(point_of(found.operational_model.values).pose)
     return found.stamp_ns, np.concatenate(([found.count], pose, share.ravel(), found.s))
 
 
 def _device(message: Any) -> tuple[int, Array]:
     """Return a row: position (3), quaternion (4), hand wrench (6)."""
-    stamp_ns, measured, *_ = unpack_device(message.data)
-    return stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
+    found = read(DeviceStateMessage, message.data)
+    measured = device_of(found.sample.values)
+    return found.stamp_ns, np.concatenate((_pose_row(measured.pose), measured.hand_wrench))
 
 
 def _pose_row(pose: pin.SE3) -> Array:
@@ -137,8 +140,8 @@ def _pose_row(pose: pin.SE3) -> Array:
 
 def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
     """Return a row: ``ENERGY_NAMES``."""
-    energy = unpack_energy(message.data)
-    return energy.stamp_ns, tuple(getattr(energy, name) for name in ENERGY_NAMES)
+    energy = read(MechanismEnergy, message.data)
+    return energy.stamp_ns, tuple(energy.values[2:].tolist())
 
 
 _READERS = {

@@ -33,7 +33,7 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.analysis import coupling
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.wire.layouts import ENERGY_NAMES
+from hapticmech_ros.wire.messages import ENERGY_NAMES
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
 # Time between two rows of what the users do to each other, s: that of topics at view rate.

@@ -208,7 +208,7 @@ class UserState:
     Attributes:
         point: operational point that is held.
         observation: of that point; see
-            :func:`~hapticmech_ros.operational.observation.observation_layout`.
+            :func:`~hapticmech_ros.operational.observe_kernels.observation_size`.
         count: joint constraints felt.
         device: (3, 4) rotation and position (m) of the device in the world.
         hand_wrench: (6,) on the device, by the hand and the mouse, N and N m, world axes.

@@ -36,15 +36,7 @@ from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.results import felt_masses
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
-from hapticmech_ros.view import (
-    Picture,
-    Placement,
-    Placer,
-    Shape,
-    Snapshot,
-    UserSnapshot,
-    palette,
-)
+from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, UserSnapshot, palette
 from hapticmech_ros.view.palette import Colour, hues, looks
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
 from hapticmech_ros.view.shapes import MASS, Key, joint_shape, mass_ellipsoid, rotation_to
@@ -499,7 +491,7 @@ class LivePicture:
     def _analysis(self, user: UserState) -> OperationalAnalysis:
         analyser = self._analysers[user.point]
         nv = self._mechanism.nv
-        return Observation(user.observation, analyser.layout, analyser.rows, nv).analysis
+        return Observation(user.observation, analyser.rows, nv).analysis
 
 
 def _enlarged(shape: Shape) -> Shape:

@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     solve_motion,
 )
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import TERMS_TAIL, Data, views_of
+from hapticmech_ros.mechanism.kernels.model import Data, tail_of, views_of
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
 
@@ -172,26 +172,22 @@ class Closing:
     @property
     def error(self) -> float:
         """Largest |φ|, m or rad; 0 without closures."""
-        return self._last("error")
+        return tail_of(self.packed).largest_residual
 
     @property
     def rank(self) -> int:
         """Number r of independent closure rows."""
-        return int(self._last("rank"))
+        return int(tail_of(self.packed).rank)
 
     @property
     def least(self) -> float:
         """Smallest σ that is more than rounding over the largest; 1 without closures."""
-        return self._last("least")
+        return tail_of(self.packed).least_sigma
 
     @property
     def resolved(self) -> int:
         """Number of rows that differ by more than rounding; above r next to a singular position."""
-        return int(self._last("resolved_rank"))
-
-    def _last(self, name: str) -> float:
-        """Return a number of the array's end."""
-        return float(self.packed.item(TERMS_TAIL.start(name) - TERMS_TAIL.size))
+        return int(tail_of(self.packed).resolved_rank)
 
 
 class ConstraintSpace:

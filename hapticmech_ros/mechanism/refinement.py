@@ -29,7 +29,7 @@ from hapticmech_ros.mechanism.constraint_space import failure
 from hapticmech_ros.mechanism.inertia import diverged, inaccurate
 from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
-from hapticmech_ros.mechanism.kernels.model import ERROR, PROJECTED, STEP, TERMS_TAIL, WENT
+from hapticmech_ros.mechanism.kernels.model import tail_of
 from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
 from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -145,16 +145,18 @@ def step_error(
 
     Args:
         mechanism: that was stepped.
-        parts: of the work; see ``step_kernels.Work``.
+        parts: of the work; see ``model.Work``.
         code: how the step failed; see ``run_kernels.advance``.
         packed: (size,) terms at its end.
         active: per closure, whether it is closed.
     """
-    worst, names = float(packed.item(ERROR - TERMS_TAIL.size)), mechanism.names_of(active)
+    worst, names = tail_of(packed).largest_residual, mechanism.names_of(active)
     if code == OPEN:
         return came_apart(worst, names)
     if code == JUMPED:
-        return jumped(float(parts.account[PROJECTED] / parts.account[WENT]), names)
+        return jumped(
+            float(np.divide(parts.account.projection_length, parts.account.step_length)), names
+        )
     if code == FLIPPED:
         wrong = [i for i, on in enumerate(active) if on and mechanism.on_wrong_branch(i, parts.q)]
         return flipped(worst, [mechanism.closures[i].name for i in wrong[:1]] or names)
@@ -172,8 +174,8 @@ def _diverged(mechanism: Mechanism, parts: SimpleNamespace) -> HapticMechError |
         mechanism.closing_terms(parts.q0, none)
     except HapticMechError:
         return None
-    step = float(parts.settings[STEP])
-    return diverged(mechanism.tree, mechanism.difference(parts.q0, parts.q), step)
+    moved = mechanism.difference(parts.q0, parts.q)
+    return diverged(mechanism.tree, moved, parts.settings.step)
 
 
 # Lengths of steps are set anew so many times.

@@ -21,46 +21,10 @@ from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import (
-    APART,
-    BAUMGARTE_RATE,
-    CONTACT_WORK,
-    DRIFT,
-    ENERGY_LOST,
-    HEEDED,
-    IMPLICIT,
-    LATE,
-    LOCAL_RATES,
-    LOSSY,
-    MOVED,
-    OWED,
-    RUN_PLAN,
-    SAMPLE_EVERY,
-    STAGES,
-    STEP,
-    STEP_SETTINGS,
-    STEPS,
-    STEPS_DONE,
-    SURPLUS,
-    TERMS_KNOWN,
-    TOLERANCE,
-    TOUCHING,
-    WORK_IN,
-)
-from hapticmech_ros.mechanism.kernels.run_kernels import (
-    EVERYTHING,
-    NEEDS_CARE,
-    UNCHECKED,
-    advance,
-)
+from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
+from hapticmech_ros.mechanism.kernels.run_kernels import EVERYTHING, NEEDS_CARE, UNCHECKED, advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import (
-    PARTS,
-    Work,
-    history_size,
-    springs_size,
-    work_size,
-)
+from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_size, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -94,7 +58,7 @@ class Stepper:
         plan: how.
 
     Attributes:
-        work: see ``step_kernels.Work``.
+        work: see ``model.Work``.
         parts: views of the work's parts.
         springs: of implicit rules, see ``implicit_kernels.Springs``; or all stages of a rule with
             ``history``; empty for others.
@@ -117,21 +81,21 @@ class Stepper:
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
         work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
-        self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in PARTS})
-        self._account = parts.account
+        self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in Work.parts})
         # What was set last, by ``prepare``.
         self._prepared: tuple[int, float, float] | None = None
-        self._run = np.zeros(RUN_PLAN.size, dtype=np.int64)
-        self._run[STAGES], self._run[IMPLICIT] = len(scheme.weights), scheme.implicit
+        self._run = RunPlan()
+        self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
         self._pulled = pulled = plan.baumgarte_rate > 0.0
         most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
-        fractions = (PROJECTION_TOLERANCE, ROUNDING_TOLERANCE, PROJECTION_FAILURE)
         settings = parts.settings
-        settings[LATE], settings[DRIFT] = scheme.late, scheme.drift
-        settings[STEP_SETTINGS.slice("closed", "far")] = np.array(fractions) * mechanism.length
-        settings[BAUMGARTE_RATE] = plan.baumgarte_rate
-        settings[APART] = most_open * mechanism.length
-        settings[LOCAL_RATES] = scheme.corrected and nq != nv
+        settings.semi_implicit, settings.drift_tolerance = scheme.late, scheme.drift
+        settings.projection_tolerance = PROJECTION_TOLERANCE * mechanism.length
+        settings.rounding_tolerance = ROUNDING_TOLERANCE * mechanism.length
+        settings.jump_residual = PROJECTION_FAILURE * mechanism.length
+        settings.baumgarte_rate = plan.baumgarte_rate
+        settings.residual_limit = most_open * mechanism.length
+        settings.local_rates = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
@@ -321,7 +285,7 @@ class Stepper:
         """
         run = self._run
         known = self.load(start, active_set, external, heeded)
-        run[STEPS], run[SAMPLE_EVERY], run[TERMS_KNOWN] = count, apart, known is not None
+        run.steps, run.sample_every, run.terms_known = count, apart, known is not None
         end = np.empty(active_set.size)
         first = active_set.first_terms(known, count)
         code = advance(
@@ -333,7 +297,7 @@ class Stepper:
             self.springs,
             self.on_links(external),
             samples,
-            run,
+            run.values,
         )
         return self.took(code, active_set, start.active, end)
 
@@ -357,10 +321,16 @@ class Stepper:
         parts.v0[:] = start.v
         parts.wrenches[:] = external.wrenches
         parts.held[:] = 0.0 if external.in_joints is None else external.in_joints
-        parts.settings[TOUCHING] = len(external.touching)
+        parts.settings.contact_wrenches = len(external.touching)
         self.prepare(heeded)
-        self._account.fill(0.0)
-        parts.account[OWED] = start.owed
+        account = parts.account
+        account.values[:] = 0.0
+        (
+            account.earlier_defect,
+            account.earlier_work,
+            account.earlier_loss,
+            account.largest_kinetic,
+        ) = start.owed
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
@@ -375,9 +345,9 @@ class Stepper:
         settings = self.parts.settings
         # States that are pulled are off the closures anyway: no step needs care.
         checked = heeded == EVERYTHING and not self._pulled
-        settings[STEP] = self.step
-        settings[HEEDED] = EVERYTHING if checked else UNCHECKED
-        settings[TOLERANCE] = self._tolerance if checked else 0.0
+        settings.step = self.step
+        settings.singularity_checks = EVERYTHING if checked else UNCHECKED
+        settings.energy_tolerance = self._tolerance if checked else 0.0
         self._prepared = wanted
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
@@ -394,11 +364,11 @@ class Stepper:
             HapticMechError: a step failed.
         """
         parts = self.parts
-        account = parts.account.tolist()
-        done, by_contacts = int(account[STEPS_DONE]), account[CONTACT_WORK]
+        account = parts.account
+        done, by_contacts = int(account.steps_done), account.contact_work
         failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
         # Smaller steps may go where this one cannot.
-        if failed and not parts.settings[TOLERANCE] > 0.0:
+        if failed and not parts.settings.energy_tolerance > 0.0:
             raise step_error(self._mechanism, parts, code, end, active)
         if not done:
             return Took(code, 0, None)
@@ -409,11 +379,11 @@ class Stepper:
             q, v = parts.q0.copy(), parts.v0.copy()
             closing = factored(self._mechanism.tree, active_set, q)
         stepped = Stepped(
-            *(q, v, closing.error, closing, account[WORK_IN] - by_contacts),
-            *(account[ENERGY_LOST], account[SURPLUS]),
+            *(q, v, closing.error, closing, account.work_in - by_contacts),
+            *(account.energy_lost, account.energy_defect),
             contact_work=by_contacts,
-            moved=account[MOVED],
-            inaccurate=int(account[LOSSY]),
+            moved=account.largest_kinetic,
+            inaccurate=int(account.lossy_steps),
         )
         return Took(code, done, stepped)
 

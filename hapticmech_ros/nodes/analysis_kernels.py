@@ -5,18 +5,18 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
-    OLDEST,
     OTHER,
-    OWN,
-    READS,
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
     TO_SEND,
-    UNTIL,
+    Link,
+    Reading,
+    Sending,
     look_is_due,
     note_read,
     peek,
@@ -29,48 +29,67 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
+    ConstraintTrigger,
     count_rigid,
     observe_point,
     rates_before,
     remember_state,
 )
 from hapticmech_ros.wire.kernels import (
-    COUNT,
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,
     UNSOUND,
     sound_stamp,
     write_operational_model,
 )
+from hapticmech_ros.wire.messages import OperationalModelMessage
 
-# Where in a state what begins: flags of closures, position, rates, the point's F_c, its place and
-# its flag; the number of the point. How long the last state may be ago, ns; its stamp, and since
-# when constraints are counted, ns.
-CLOSED, POSITION, VELOCITY, CONTACT, PLACE, FLAG, POINT, PAUSE, LAST, FIRST = range(OWN, OWN + 10)
-LINK_SIZE = OWN + 10
+
+class AnalyserLink(Link):
+    """How things stand, for the analyser.
+
+    Attributes:
+        closed, position, velocity, contact, grasp, commanded: where in a state begin the flags of
+            closures, position, rates, the point's F_c, its place and its flag.
+        point: number of the point.
+        pause: how long the last state may be ago, ns.
+        last: its stamp, ns.
+        first: since when constraints are counted, ns.
+    """
+
+    closed = Whole()
+    position = Whole()
+    velocity = Whole()
+    contact = Whole()
+    grasp = Whole()
+    commanded = Whole()
+    point = Whole()
+    pause = Whole()
+    last = Whole()
+    first = Whole()
 
 
 @inner
-def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: Array) -> int:
+def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, grasp: Array) -> int:
     """Return the stamp, ns, of a state that keeps the rules and is like the one before; or UNSOUND.
 
     Args:
-        link: see above.
+        link: how things stand.
         values: (n,) the state.
         most: (n,) largest magnitude of each number.
         active: (closures,) 1 for each that is closed.
         grasp: (7,) the point's place.
     """
     stamp = sound_stamp(values, most, -1, 0.0)
-    if stamp == UNSOUND or not 0 <= stamp - link[LAST] < link[PAUSE]:
+    if stamp == UNSOUND or not 0 <= stamp - link.last < link.pause:
         return UNSOUND
     for i in range(active.size):
-        if values[link[CLOSED] + i] != active[i]:
+        if values[link.closed + i] != active[i]:
             return UNSOUND
     for i in range(grasp.size):
-        if values[link[PLACE] + i] != grasp[i]:
+        if values[link.grasp + i] != grasp[i]:
             return UNSOUND
-    commanded = values[link[FLAG]]
+    commanded = values[link.commanded]
     return stamp if commanded == 0.0 or commanded == 1.0 else UNSOUND
 
 
@@ -84,7 +103,7 @@ def plain_stamp(link: Array, values: Array, most: Array, active: Array, grasp: A
     waits=True,
 )
 def answer_states(
-    link: Array,
+    shared: Array,
     inputs: Array,
     outputs: Array,
     words: Array,
@@ -121,9 +140,9 @@ def answer_states(
     """Answer states as they come.
 
     Args:
-        link: (18,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 8) likewise, of the states.
-        outputs: (1, 17) likewise, of the answers.
+        shared: (18,) how things stand, an :class:`AnalyserLink`; changed.
+        inputs: (1, 8) a ``lane_kernels.Reading``, of the states; changed.
+        outputs: (1, 17) a ``lane_kernels.Sending``, of the answers; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         frame: (words,) for the message that has come.
@@ -149,7 +168,7 @@ def answer_states(
         before: (1 + nv,) to fill.
         ahead: (size,) as of ``observe_point``.
         observation: (numbers,) to fill, likewise.
-        counter: (numbers,) of constraints; see ``observe_kernels``.
+        counter: (numbers,) an ``observe_kernels.ConstraintTrigger``.
         past: (5,) see ``observe_kernels``.
         stamps: (states,) likewise.
         rates: (states, nv) likewise.
@@ -158,21 +177,22 @@ def answer_states(
     Returns:
         Why it returns.
     """
+    link, read, sends = AnalyserLink(shared), Reading(inputs[0]), Sending(outputs[0])
     nv = v.size
-    while link[READS] < ages.size:
-        if time_of(MONOTONIC, words) >= link[UNTIL]:
+    while link.reads < ages.size:
+        if time_of(MONOTONIC, words) >= link.until:
             break
-        found = wait_until(link[UNTIL], link, words, polled, 1)
+        found = wait_until(link.until, link, words, polled, 1)
         if found == NOTHING:
             continue
-        if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
+        if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_stamp(link, values, most, active, grasp)
-        if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
+        if stamp == UNSOUND or abs(time - stamp) > link.oldest:
             return TO_READ
-        put(q, values[link[POSITION] : link[POSITION] + nv])
-        put(v, values[link[VELOCITY] : link[VELOCITY] + nv])
+        put(q, values[link.position : link.position + nv])
+        put(v, values[link.velocity : link.velocity + nv])
         rates_before(past, stamps, rates, stamp, before)
         code = observe_point(
             numbers,
@@ -181,7 +201,7 @@ def answer_states(
             0,
             q,
             v,
-            link[POINT],
+            link.point,
             metric,
             rows,
             length,
@@ -192,19 +212,20 @@ def answer_states(
         )
         if code != 0:
             return TO_READ
-        model, contact = observation[:MODEL_SIZE], values[link[CONTACT] : link[CONTACT] + 6]
-        write_operational_model(out, stamp, model, contact, values[link[FLAG]], grasp)
+        model, contact = observation[:MODEL_SIZE], values[link.contact : link.contact + 6]
+        message = OperationalModelMessage(out)
+        write_operational_model(message, stamp, model, contact, values[link.commanded], grasp)
         if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(inputs[0], words, polled[0], frame, copies)
+        take(read, words, polled[0], frame, copies)
         remember_state(past, stamps, rates, stamp, v)
-        since = (stamp - link[FIRST]) / 1e9
-        out[COUNT] = count_rigid(counter, observation[: rows.size], since)
-        send_to_all(outputs[0], words, out_frame, targets, real)
-        note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
-        link[LAST] = stamp
-        left = publish_outside(outputs[0], out_frame)
+        since = (stamp - link.first) / 1e9
+        message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
+        send_to_all(sends, words, out_frame, targets, real)
+        note_read(link, read, ages, time, time - stamp, counted, sent)
+        link.last = stamp
+        left = publish_outside(sends, out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

@@ -5,11 +5,8 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import Nested, Record, Whole
 from hapticmech_ros.control.account_kernels import (
-    PERIOD,
-    SAMPLE_SIZE,
-    TWIST,
-    WRENCHES,
     account_for_hand,
     account_for_motion,
     conclude,
@@ -18,21 +15,24 @@ from hapticmech_ros.control.account_kernels import (
     queue_wrench,
     remember_commanded,
 )
-from hapticmech_ros.control.loop_layout import FORCE_LOCAL
-from hapticmech_ros.device.motion_kernels import SOUND, follow_sample
+from hapticmech_ros.control.loop_layout import (
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    Locality,
+)
+from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
-    OLDEST,
     OTHER,
-    OWN,
-    READS,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
     TO_READ,
     TO_SEND,
-    UNTIL,
-    VIEW,
+    Link,
+    Reading,
+    Sending,
     note_read,
     pass_over,
     peek,
@@ -44,33 +44,16 @@ from hapticmech_ros.nodes.lane_kernels import (
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.wire.kernels import (
-    COMMANDED,
-    GRASP,
-    GRASP_SIZE,
-    MODEL,
     MODEL_QUATERNION,
-    OBEYS,
     QUATERNION_TOLERANCE,
-    ROUND_TRIP,
-    SAMPLE,
     SAMPLE_QUATERNION,
     UNSOUND,
     sound_stamp,
 )
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
 
-# How long inputs may be silent, and since when times count, ns; the period, ns; when the device was
-# heard last, ns; stamp of the operational model, and of the one that was answered last, ns; the
-# newest sample's stamp, and when it came; from which stamp on a sample's answer is to say how it
-# depends on the device, and of the last one that was held against what a hand can move, ns.
-TIMEOUT, EPOCH, PERIOD_NS, LAST, MODEL_NS, RENDERED, NEWEST, ARRIVED, GAIN_FROM, MOVED = range(
-    OWN, OWN + 10
-)
-# Of device and analyser the number of the last message, and its stamp, ns.
-OF_DEVICE, OF_ANALYSER = OWN + 10, OWN + 12
-# Stamp of the sample that was answered last, ns; and how many were.
-SAMPLE_NS, ANSWERS = OWN + 14, OWN + 15
-LINK_SIZE = OWN + 16
 # Which topics are read, and which are sent.
 STATES, MODELS = 0, 1
 TO_DEVICE, TO_POINT = 0, 1
@@ -79,67 +62,117 @@ TO_DEVICE, TO_POINT = 0, 1
 PREDICTION_LIMIT_S = 0.005
 
 
+class Sender(Record):
+    """Who sends a topic: the number of its last message, and the stamp, ns.
+
+    Attributes:
+        counted: how the sender counts the message.
+        stamp_ns: of the message.
+    """
+
+    dtype = int
+    counted = Whole()
+    stamp_ns = Whole()
+
+
+class ControllerLink(Link):
+    """How things stand, for the controller; times are ns, by the node's time.
+
+    Attributes:
+        timeout: how long inputs may be silent.
+        epoch: since when times count.
+        period: the period.
+        last: when the device was received last.
+        model_ns, rendered: stamp of the operational model, and of the one answered last.
+        newest, arrived: the newest sample's stamp, and when it came.
+        gain_from: from which stamp on an answer is to say how it depends on the device.
+        moved: of the last sample that was held against what a hand can move.
+        of_device, of_analyser: what their senders sent last.
+        sample_ns: stamp of the sample that was answered last.
+        answers: how many were.
+    """
+
+    timeout = Whole()
+    epoch = Whole()
+    period = Whole()
+    last = Whole()
+    model_ns = Whole()
+    rendered = Whole()
+    newest = Whole()
+    arrived = Whole()
+    gain_from = Whole()
+    moved = Whole()
+    of_device = Nested(Sender)
+    of_analyser = Nested(Sender)
+    sample_ns = Whole()
+    answers = Whole()
+
+
 @inner
-def has_paused(link: Array, sender: int, stamp: int, counted: int) -> bool:
+def has_paused(sender: Sender, stamp: int, counted: int, period: int) -> bool:
     """Return whether a sender's stamps went on faster than its count, see ``SenderPauses``.
 
     Args:
-        link: see above.
-        sender: OF_DEVICE or OF_ANALYSER.
-        stamp: of its message, ns.
-        counted: the message's number.
+        sender: of a message.
+        stamp: of the message, ns.
+        counted: its number.
+        period: ns.
     """
-    periods = counted - link[sender]
-    late = stamp - link[sender + 1] - periods * link[PERIOD_NS]
+    periods = counted - sender.counted
+    late = stamp - sender.stamp_ns - periods * period
     return bool(periods > 0 and late > SHORTEST_PAUSE_NS)
 
 
 @inner
-def note_sender(link: Array, sender: int, stamp: int, counted: int) -> None:
+def note_sender(sender: Sender, stamp: int, counted: int) -> None:
     """Note a sender's message; arguments as of :func:`has_paused`."""
-    link[sender], link[sender + 1] = counted, stamp
+    sender.counted, sender.stamp_ns = counted, stamp
 
 
 @inner
-def plain_model(link: Array, values: Array, most: Array, grasp: Array, time: int) -> int:
+def plain_model(
+    link: ControllerLink, model: OperationalModelMessage, most: Array, grasp: Array, time: int
+) -> int:
     """Return the stamp, ns, of an operational model that keeps the rules, as before; or UNSOUND.
 
     Args:
-        link: see above.
-        values: (151,) the model.
+        link: how things stand.
+        model: the message.
         most: (151,) largest magnitudes.
         grasp: (7,) where the operational point is.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, MODEL_QUATERNION, QUATERNION_TOLERANCE)
-    if stamp == UNSOUND or abs(time - stamp) > link[OLDEST] or values[COMMANDED] != 1.0:
+    stamp = sound_stamp(model.values, most, MODEL_QUATERNION, QUATERNION_TOLERANCE)
+    if stamp == UNSOUND or abs(time - stamp) > link.oldest or model.commanded != 1.0:
         return UNSOUND
-    for i in range(GRASP_SIZE):
-        if values[GRASP + i] != grasp[i]:
+    for i in range(grasp.size):
+        if model.grasp[i] != grasp[i]:
             return UNSOUND
-    return UNSOUND if time - link[LAST] > link[TIMEOUT] else stamp
+    return UNSOUND if time - link.last > link.timeout else stamp
 
 
 @inner
-def plain_sample(link: Array, values: Array, most: Array, round_trip: float, time: int) -> int:
+def plain_sample(
+    link: ControllerLink, state: DeviceStateMessage, most: Array, round_trip: float, time: int
+) -> int:
     """Return the stamp, ns, of a sample that is answered as those before it were; or UNSOUND.
 
     Args:
-        link: see above.
-        values: (29,) the sample.
+        link: how things stand.
+        state: the message.
         most: (29,) largest magnitudes.
         round_trip: s, as the device has reported it.
         time: now, ns of the node's time.
     """
-    stamp = sound_stamp(values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
-    if stamp == UNSOUND or abs(time - stamp) > link[OLDEST]:
+    stamp = sound_stamp(state.values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
+    if stamp == UNSOUND or abs(time - stamp) > link.oldest:
         return UNSOUND
-    if values[OBEYS] != 1.0 or values[ROUND_TRIP] != round_trip:
+    if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
-    if stamp < link[NEWEST] or stamp == time or stamp >= link[GAIN_FROM] or link[VIEW] == 1:
+    if stamp < link.newest or stamp == time or stamp >= link.gain_from or link.until_view == 1:
         return UNSOUND
-    silent = max(time - link[LAST], time - link[MODEL_NS])
-    return UNSOUND if silent > link[TIMEOUT] else stamp
+    silent = max(time - link.last, time - link.model_ns)
+    return UNSOUND if silent > link.timeout else stamp
 
 
 @inner
@@ -162,7 +195,7 @@ def keeps(wrench: Array, most: Array) -> bool:
     waits=True,
 )
 def answer_samples(
-    link: Array,
+    shared: Array,
     inputs: Array,
     passed: Array,
     outputs: Array,
@@ -204,10 +237,11 @@ def answer_samples(
     """Answer samples as they come.
 
     Args:
-        link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (2, 8) likewise, of the samples and the models.
+        shared: (24,) how things stand, a :class:`ControllerLink`; changed.
+        inputs: (2, 8) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
         passed: (n, 8) likewise, of the device's topics that are passed over.
-        outputs: (2, 17) likewise, of the commands to device and mechanism.
+        outputs: (2, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism;
+            changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
             process first.
@@ -230,15 +264,15 @@ def answer_samples(
         most: (6,) largest magnitudes of a wrench.
         known: (139,) the operational model as it was heard last; changed.
         grasp: (7,) where it has the point.
-        account: (account,) of the controller, changed; see ``loop_layout``.
-        before: (account,) to work with.
-        settings: (59,) of the controllers.
+        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        before: (numbers,) to work with.
+        settings: (59,) of the controllers, a ``ControllerSettings``.
         faded: (6,) zeros.
         queue: (d, 6) commands to the mechanism that do not act yet, changed.
         past: (n, 6) those until now, changed.
-        locality: (3,) what the device closes.
-        answer: (answer,) to fill; see ``loop_layout``.
-        motion: (numbers,) of the device's motion, changed; see ``motion_kernels``.
+        locality: (3,) what the device closes, a ``Locality``.
+        answer: (numbers,) an ``Answer`` to fill.
+        motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
         round_trip: s, as the device has reported it.
@@ -247,46 +281,51 @@ def answer_samples(
     Returns:
         Why it returns.
     """
-    while link[READS] < ages.size:
-        if time_of(MONOTONIC, words) >= link[UNTIL]:
+    link, states, models = ControllerLink(shared), Reading(inputs[STATES]), Reading(inputs[MODELS])
+    for_device, for_point = Sending(outputs[TO_DEVICE]), Sending(outputs[TO_POINT])
+    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
+    closed, seen = Locality(locality), OperationalModelSample(known)
+    while link.reads < ages.size:
+        if time_of(MONOTONIC, words) >= link.until:
             break
-        found = wait_until(link[UNTIL], link, words, polled, 2)
+        found = wait_until(link.until, link, words, polled, 2)
         if found == NOTHING:
             continue
         if found == OTHER:
             return TO_READ
         # What there is to answer with comes first.
         if found & 1 << MODELS:
-            if not peek(link, inputs[MODELS], words, polled[MODELS], model_frame, model_prefix):
+            if not peek(link, models, words, polled[MODELS], model_frame, model_prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
-            stamp = plain_model(link, model, model_most, grasp, time)
-            if stamp == UNSOUND or has_paused(link, OF_ANALYSER, stamp, counted):
+            stamp = plain_model(link, OperationalModelMessage(model), model_most, grasp, time)
+            if stamp == UNSOUND or has_paused(link.of_analyser, stamp, counted, link.period):
                 return TO_READ
-            take(inputs[MODELS], words, polled[MODELS], model_frame, model_copies)
-            put(known, model[MODEL : MODEL + known.size])
-            link[MODEL_NS] = stamp
-            note_sender(link, OF_ANALYSER, stamp, counted)
-            note_read(link, inputs[MODELS], ages, time, time - stamp, counted, sent)
+            take(models, words, polled[MODELS], model_frame, model_copies)
+            put(known, OperationalModelMessage(model).operational_model.values)
+            link.model_ns = stamp
+            note_sender(link.of_analyser, stamp, counted)
+            note_read(link, models, ages, time, time - stamp, counted, sent)
             continue
-        if not peek(link, inputs[STATES], words, polled[STATES], state_frame, state_prefix):
+        if not peek(link, states, words, polled[STATES], state_frame, state_prefix):
             if pass_over(link, passed, words, polled[STATES]):
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_sample(link, state, state_most, round_trip, time)
-        if stamp == UNSOUND or has_paused(link, OF_DEVICE, stamp, counted):
+        stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trip, time)
+        if stamp == UNSOUND or has_paused(link.of_device, stamp, counted, link.period):
             return TO_READ
-        sample = state[SAMPLE : SAMPLE + SAMPLE_SIZE]
+        sample = DeviceStateMessage(state).sample
         put(moved, motion)
-        if follow_sample(moved, sample, (stamp - link[MOVED]) / 1e9) != SOUND:
+        elapsed_s = (stamp - link.moved) / 1e9
+        if follow_sample(Motion(moved), sample, elapsed_s) != SOUND:
             return TO_READ
         put(before, account)
-        period, time_s = account[PERIOD], (time - link[EPOCH]) / 1e9
-        late = (stamp - link[MODEL_NS]) // link[PERIOD_NS] * period
+        period, time_s = side.period, (time - link.epoch) / 1e9
+        late = (stamp - link.model_ns) // link.period * period
         ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         flying = queue
-        if ahead != 0.0 and locality[FORCE_LOCAL] != 0.0:
+        if ahead != 0.0 and closed.force_channel != 0.0:
             # A state that is late by n periods lacks n commands more than others do.
             number = queue.shape[0] + round(ahead / period)
             if number > past.shape[0]:
@@ -294,36 +333,34 @@ def answer_samples(
             ahead = min(number, 0) * period
             flying = past[: max(number, 0)]
         elapsed = 0.0
-        if link[RENDERED] > 0:
-            elapsed = max(round((link[MODEL_NS] - link[RENDERED]) / 1e9 / period), 0) * period
-        account_for_motion(account, known[TWIST : TWIST + 6], elapsed)
-        account_for_hand(account, sample)
-        give_answer(
-            account, settings, faded, flying, sample, known, time_s, ahead, locality, answer
-        )
-        conclude(account, settings, sample, known, time_s, locality, answer)
-        passive_wrench(account, answer, wrenches[0])
-        put(to_device, answer[WRENCHES : WRENCHES + 6])
+        if link.rendered > 0:
+            elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
+        account_for_motion(side, seen.twist, elapsed)
+        account_for_hand(side, sample)
+        give_answer(side, gains, faded, flying, sample, seen, time_s, ahead, closed, given)
+        conclude(side, gains, sample, seen, time_s, closed, given)
+        passive_wrench(side, given, wrenches[0])
+        put(to_device, given.wrenches.on_hand)
         put(to_point, wrenches[0])
         if not (keeps(to_device, most) and keeps(to_point, most)):
             put(account, before)
             return TO_READ
         # From here on it is answered.
-        take(inputs[STATES], words, polled[STATES], state_frame, state_copies)
+        take(states, words, polled[STATES], state_frame, state_copies)
         write_stamp(device_frame, stamp)
-        send_to_all(outputs[TO_DEVICE], words, device_frame, device_targets, real)
+        send_to_all(for_device, words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
-        send_to_all(outputs[TO_POINT], words, point_frame, point_targets, real)
-        queue_wrench(account, queue, wrenches[0], wrenches[1])
+        send_to_all(for_point, words, point_frame, point_targets, real)
+        queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
         put(motion, moved)
-        note_sender(link, OF_DEVICE, stamp, counted)
-        note_read(link, inputs[STATES], ages, time, time - stamp, counted, sent)
-        link[LAST], link[NEWEST], link[ARRIVED] = time, stamp, time
-        link[MOVED], link[RENDERED], link[SAMPLE_NS] = stamp, link[MODEL_NS], stamp
-        link[ANSWERS] += 1
-        link[VIEW] -= int(link[VIEW] > 0)
-        left = publish_outside(outputs[TO_DEVICE], device_frame)
-        if publish_outside(outputs[TO_POINT], point_frame) or left:
+        note_sender(link.of_device, stamp, counted)
+        note_read(link, states, ages, time, time - stamp, counted, sent)
+        link.last, link.newest, link.arrived = time, stamp, time
+        link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
+        link.answers += 1
+        link.until_view -= int(link.until_view > 0)
+        left = publish_outside(for_device, device_frame)
+        if publish_outside(for_point, point_frame) or left:
             return TO_SEND
     return TIME_IS_UP

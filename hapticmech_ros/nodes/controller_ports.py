@@ -38,8 +38,8 @@ from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.wire.bounds import SixBounds
-from hapticmech_ros.wire.readings import DeviceReading
+from hapticmech_ros.wire.bounds import SixBounds, message_bounds
+from hapticmech_ros.wire.messages import ControllerEnergy, DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.topics import (
     DEVICE_BODY_FORCE,
     DEVICE_FORCE,
@@ -59,16 +59,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    CONTROLLER_ENERGY_FIELDS,
-    GAIN_FIELDS,
-    CouplingMatrices,
-    CouplingWire,
-    LocalFeedbackGain,
-    gain_bounds,
-    pack_controller_energy,
-    pack_gain,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.stamped import nearest_stamp
 from hapticmech_ros.wire.topics import (
     CHANNEL_PART,
@@ -174,8 +165,10 @@ class ControllerOutputs:
 
     def __init__(self, actor: Actor[Any], axes: Callable[[], Array | None]) -> None:
         self._actor, self._axes = actor, axes
-        self._gain = FlatArray(GAIN_FIELDS, gain_bounds(actor.limits))
-        self._energy = FlatArray(CONTROLLER_ENERGY_FIELDS)
+        self._gain = FlatArray(
+            LocalFeedbackGain.layout, message_bounds(LocalFeedbackGain, actor.limits)
+        )
+        self._energy = FlatArray(ControllerEnergy.layout)
         self.to_device = actor.output(DEVICE_COMMAND, WrenchStamped)
         self._publish_own: Outlet | None = None
         if actor.scene.device.servo_axes == "body":
@@ -222,10 +215,10 @@ class ControllerOutputs:
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
         self._gain_ns = stamp_ns
-        published = LocalFeedbackGain(
+        published = LocalFeedbackGain.answering(
             stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model
         )
-        self._publish_gain.publish(self._gain.encode(pack_gain(published)))
+        self._publish_gain.publish(self._gain.encode(published.values))
 
     def coupling(self, gains: Mapping[str, Array], stamp_ns: int) -> None:
         """Publish how an answer depends on the other hands.
@@ -270,8 +263,8 @@ class ControllerOutputs:
                 if outlet.wanted:
                     outlet.publish(encode_wrench(wrench, stamp_ns))
             if self._publish_energy.wanted:
-                values = pack_controller_energy(energies, stamp_ns)
-                self._publish_energy.publish(self._energy.encode(values))
+                message = ControllerEnergy.of(stamp_ns, **energies._asdict())
+                self._publish_energy.publish(self._energy.encode(message.values))
         self.answers += 1
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
@@ -518,7 +511,7 @@ class DevicePath(InOrder):
         self._sample: tuple[Array, int] | None = None
         self._turn_ns = NEVER
 
-    def received(self, reading: DeviceReading, now_ns: int, limit_ns: int) -> bool:
+    def received(self, reading: DeviceStateMessage, now_ns: int, limit_ns: int) -> bool:
         """Return whether a sample is no older than those before it, and take what it tells.
 
         Raises:

@@ -50,17 +50,14 @@ from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.wire.bounds import message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    DEVICE_ENERGY_FIELDS,
-    DEVICE_FIELDS,
-    DEVICE_MEASURED,
-    GAIN_FIELDS,
+from hapticmech_ros.wire.layouts import write_device_state
+from hapticmech_ros.wire.messages import (
+    UNLIMITED,
     DeviceEnergy,
-    DeviceWriter,
-    device_bounds,
-    gain_bounds,
-    pack_device_energy,
+    DeviceStateMessage,
+    LocalFeedbackGain,
 )
 from hapticmech_ros.wire.stamped import JointStateWriter, encode_pose, encode_twist, nearest_stamp
 from hapticmech_ros.wire.topics import (
@@ -221,7 +218,7 @@ class DeviceView:
         self._publish_twist = actor.view(DEVICE_TWIST, TwistStamped)
         self._publish_setpoint = actor.view(DEVICE_SETPOINT, WrenchStamped)
         self._publish_joints = actor.view(DEVICE_JOINTS, JointState)
-        self._energy = FlatArray(DEVICE_ENERGY_FIELDS)
+        self._energy = FlatArray(DeviceEnergy.layout)
         self._publish_energy = actor.view(DEVICE_ENERGY, Float64MultiArray)
         self._publish_pose = actor.view(DEVICE_POSE, PoseStamped)
 
@@ -235,15 +232,15 @@ class DeviceView:
         """
         if not self._publish_energy.wanted:
             return
-        energy = DeviceEnergy(
+        energy = DeviceEnergy.of(
             time_ns,
-            account.hand(sample),
-            account.actuators,
-            account.mechanism or 0.0,
-            account.available,
-            account.dissipated,
+            from_hand=account.hand(sample),
+            taken_by_actuators=account.actuators,
+            to_mechanism=account.mechanism or 0.0,
+            available=min(account.available, UNLIMITED),
+            dissipated=account.dissipated,
         )
-        self._publish_energy.publish(self._energy.encode(pack_device_energy(energy)))
+        self._publish_energy.publish(self._energy.encode(energy.values))
 
     def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
         """Publish a state with the wrench (6,) of all that push, at a time (ns).
@@ -390,8 +387,10 @@ class DeviceDriver(ClockedActor[D]):
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         self.latency = DurationHistogram()
         self._ticks = 0
-        self._wire = FlatArray(DEVICE_FIELDS, device_bounds(self.limits))
-        self._written = DeviceWriter()
+        self._wire = FlatArray(
+            DeviceStateMessage.layout, message_bounds(DeviceStateMessage, self.limits)
+        )
+        self._written = DeviceStateMessage()
         self._publish_wire = self.output(DEVICE_STATE, Float64MultiArray)
         self._view = DeviceView(self)
         self.buttons = ButtonOutput(self)
@@ -424,7 +423,7 @@ class DeviceDriver(ClockedActor[D]):
             self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
         if self._is_local:
-            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, GAIN_FIELDS, gains)
+            self.input_array(DEVICE_GAIN.name, qos, self._on_gain, LocalFeedbackGain.layout, gains)
         self._users.listen(lambda: self.loop)
 
     def new_device(self) -> SimulatedDevice:
@@ -449,7 +448,9 @@ class DeviceDriver(ClockedActor[D]):
     def _new_loop(self) -> LocalLoop:
         paired = self._is_local and self.scene.connection.networked
         others = self._users.begin()
-        return LocalLoop(self.period_s, gain_bounds(self.limits), paired, others)
+        return LocalLoop(
+            self.period_s, message_bounds(LocalFeedbackGain, self.limits), paired, others
+        )
 
     @property
     def _is_local(self) -> bool:
@@ -532,18 +533,18 @@ class DeviceDriver(ClockedActor[D]):
         self._push = self.pushed(deadline_ns)
         self._publish(deadline_ns)
         self._last_valid.keep(self._state)
-        self.loop.measured(self._written.values[DEVICE_MEASURED], deadline_ns)
+        self.loop.measured(self._written.sample.values, deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_unpublished:
             self._publish_view(deadline_ns)
         self._ticks += 1
 
-    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
         """Return E_m as it is told if the next steps need nothing but commands; None if they do.
 
         J; NaN while nobody tells it.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill; see ``device_kernels``.
+            link: how things stand, to fill.
             commands: (2, 6) to fill: what is commanded, and what was at the last sample, N and N m.
             state: (107,) to fill, of the device.
         """
@@ -562,62 +563,66 @@ class DeviceDriver(ClockedActor[D]):
         for row, (wrench, _) in zip(commands, (acting, before), strict=True):
             row[:] = wrench
         state[:] = self._state.flat
-        link[kernels.OWN :] = (
-            *(clock.next_ns, self.period_ns, self.timeout_ns, FRESH_NS),
-            *(self._command.stamp_ns, self._command.before_ns, acting[1], before[1]),
-            *(*self.answers.last, 0, -1 if held is None else self._ticks_held),
-            *(gain[1], self.loop.count, self.answers.until_renewed, 0),
-        )
+        link.next, link.period = clock.next_ns, self.period_ns
+        link.timeout, link.fresh = self.timeout_ns, FRESH_NS
+        link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
+        link.answered, link.answered_before = acting[1], before[1]
+        link.newest, link.arrived = self.answers.last
+        link.done, link.held = 0, -1 if held is None else self._ticks_held
+        link.gain_ns, link.remembers = gain[1], self.loop.count
+        link.most_trips, link.trips = self.answers.until_renewed, 0
         # The first one whose number is divided by it is seen.
-        link[kernels.VIEW] = 1 + -self._ticks % self.view_every
+        link.until_view = 1 + -self._ticks % self.view_every
         given = self.loop.to_mechanism
         return math.nan if given is None else given
 
-    def moved(self, link: Array, commands: Array, state: Array, trips: Array, code: int) -> None:
+    def moved(
+        self, link: own.DeviceLink, commands: Array, state: Array, trips: Array, code: int
+    ) -> None:
         """Go on from where the kernel has moved the device to.
 
         Args:
-            link: (24,) as of :meth:`plainly`.
+            link: as of :meth:`plainly`.
             commands: (2, 6) likewise.
             state: (107,) likewise.
             trips: (n,) s, of samples and their answers.
             code: why the kernel returned.
         """
-        numbers, wrenches, clock = link.tolist(), commands.copy(), self.clock
+        wrenches, clock = commands.copy(), self.clock
         if clock is None:
             return
-        self._command.put((wrenches[0], numbers[own.ANSWERED]), numbers[own.RECEIVED])
-        self.answers.went_on(numbers[own.NEWEST : own.ARRIVED + 1], trips.tolist())
-        steps = numbers[own.DONE]
+        self._command.put((wrenches[0], link.answered), link.received)
+        self.answers.went_on((link.newest, link.arrived), trips.tolist())
+        steps = link.done
         if steps == 0:
             return
-        before = wrenches[1], numbers[own.ANSWERED_BEFORE]
-        self._command.before, self._command.before_ns = before, numbers[own.RECEIVED_BEFORE]
+        before = wrenches[1], link.answered_before
+        self._command.before, self._command.before_ns = before, link.received_before
         self._state = DeviceState(state.copy())
-        self._ticks_held = max(numbers[own.HELD], self._ticks_held)
-        clock.next_ns = numbers[own.NEXT]
+        self._ticks_held = max(link.held, self._ticks_held)
+        clock.next_ns = link.next
         clock.periods += steps
         published = steps - (code == kernels.TO_SAY)
         self._ticks += published
         if published:
-            self.loop.went_on(numbers[own.REMEMBERS], clock.last_deadline_ns)
+            self.loop.went_on(link.remembers, clock.last_deadline_ns)
             self._last_valid.keep(self._state, published)
         if code == kernels.TO_SAY:
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
         elif code == kernels.TO_LOOK_AT:
-            self._written.encode(self._state, NO_WRENCH, clock.last_deadline_ns)
+            write_device_state(self._written, self._state, NO_WRENCH, clock.last_deadline_ns)
             self.failures.run("tick", self._publish_view, clock.last_deadline_ns)
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)
         reported = self.answers.round_trip, self.answers.obeys or self.lockstep
-        self._written.encode(self._state, sensed, stamp_ns, *reported)
+        write_device_state(self._written, self._state, sensed, stamp_ns, *reported)
         self._publish_wire.publish(self._wire.encode(self._written.values))
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
         self._operating.publish(self.node.active)
-        self._view.publish(self._state, self._written.hand_wrench, stamp_ns)
+        self._view.publish(self._state, self._written.sample.hand_wrench, stamp_ns)
         self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
         if self._poses is not None:
             self._poses.publish(stamp_ns)
@@ -647,7 +652,7 @@ class DeviceDriver(ClockedActor[D]):
                 **self._losses.figures(),
                 "fault": fault,
                 "changed_by_passivity": str(self.side.passivity.changed),
-                **{f"limited_by_{reason.value}": str(count) for reason, count in counts.items()},
+                **{reason.counted_as: str(count) for reason, count in counts.items()},
                 **self.answers.figures(),
                 **self._users.figures(self.loop, now),
                 **self.latency.summary("loop_latency"),

@@ -5,31 +5,34 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import SAMPLE_SIZE, remember
+from hapticmech_ros.compilation.records import Whole
+from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
     account_for_actuators,
     allow,
     correct,
     take_energy,
 )
+from hapticmech_ros.control.loop_layout import (
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
+)
 from hapticmech_ros.device.kernels import (
-    APPLIED,
-    BODY,
-    PUBLISHED_SIZE,
-    REPORTED,
-    SPEED,
+    DeviceModel,
+    PublishedState,
+    SimulatedState,
     command_device,
     compensate,
     move_device,
 )
 from hapticmech_ros.device.motion_kernels import is_too_fast
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
-    AHEAD,
     MONOTONIC,
     NOTHING,
     OTHER,
-    OWN,
-    READS,
     REALTIME,
     SECOND,
     TIME_IS_UP,
@@ -38,7 +41,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SAY,
     TO_SEND,
-    UNTIL,
+    Link,
+    Reading,
+    Sending,
     is_set,
     look_is_due,
     note_read,
@@ -51,26 +56,55 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
     QUATERNION_TOLERANCE,
-    SAMPLE,
     SAMPLE_QUATERNION,
     UNSOUND,
     sound_stamp,
 )
+from hapticmech_ros.wire.messages import DeviceStateMessage
 
-# The next deadline and the period, ns, by the node's time; how long a command stands, and how long
-# what says how it depends on the device, ns; since when a command stands, and the one before, and
-# which samples they answer, ns; the newest stamp, and when it came; how many steps were done; how
-# many periods the hand has held, or -1; since when it is known how commands depend on the device;
-# how many samples are remembered; and how many round trips may be noted, and were.
-NEXT, PERIOD, TIMEOUT, FRESH, RECEIVED, RECEIVED_BEFORE, ANSWERED, ANSWERED_BEFORE = range(
-    OWN, OWN + 8
-)
-NEWEST, ARRIVED, DONE, HELD, GAIN_NS, REMEMBERS, MOST_TRIPS, TRIPS = range(OWN + 8, OWN + 16)
-LINK_SIZE = OWN + 16
+# Where in a message what is published of a state begins.
+PUBLISHED = DeviceStateMessage.layout.start("position")
+SAMPLE_SIZE = DeviceSample.layout.size
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
+
+
+class DeviceLink(Link):
+    """How things stand, for the device; times are ns, by the node's time.
+
+    Attributes:
+        next, period: the next deadline, and the period.
+        timeout, fresh: how long a command stands, and how long what says how it depends on the
+            device.
+        received, received_before: since when a command stands, and the one before.
+        answered, answered_before: which samples they answer.
+        newest, arrived: the newest stamp, and when it came.
+        done: how many steps were done.
+        held: for how many periods the hand has held, or -1.
+        gain_ns: since when it is known how commands depend on the device.
+        remembers: how many samples are remembered.
+        most_trips, trips: how many round trips may be noted, and were.
+    """
+
+    next = Whole()
+    period = Whole()
+    timeout = Whole()
+    fresh = Whole()
+    received = Whole()
+    received_before = Whole()
+    answered = Whole()
+    answered_before = Whole()
+    newest = Whole()
+    arrived = Whole()
+    done = Whole()
+    held = Whole()
+    gain_ns = Whole()
+    remembers = Whole()
+    most_trips = Whole()
+    trips = Whole()
 
 
 @inner
@@ -98,23 +132,23 @@ def find_sample(stamps: Array, count: int, stamp: int) -> int:
 
 @inner
 def remember_sample(
-    link: Array, stamps: Array, samples: Array, hand: Array, stamp: int, sample: Array
+    link: DeviceLink, stamps: Array, samples: Array, hand: Array, stamp: int, sample: Array
 ) -> None:
     """Remember a sample (19,); see ``local_loop``.
 
     Args:
-        link: see above.
+        link: how things stand.
         stamps: (n,) as of :func:`find_sample`.
         samples: (n, 19) the samples.
         hand: (22,) the hand's last wrenches.
         stamp: ns.
         sample: (19,) of the device.
     """
-    row = link[REMEMBERS] % stamps.size
+    row = link.remembers % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(hand, link[PERIOD] / 1e9, sample[REPORTED:APPLIED])
-    link[REMEMBERS] += 1
+    remember(HandMemory(hand), link.period / 1e9, DeviceSample(sample).hand_wrench)
+    link.remembers += 1
 
 
 @kernel(
@@ -128,7 +162,7 @@ def remember_sample(
     waits=True,
 )
 def drive_at_deadlines(
-    link: Array,
+    shared: Array,
     inputs: Array,
     outputs: Array,
     words: Array,
@@ -163,9 +197,9 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        link: (24,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 8) likewise, of the commands.
-        outputs: (1, 17) likewise, of the samples.
+        shared: (24,) how things stand, a :class:`DeviceLink`; changed.
+        inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
+        outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
@@ -180,15 +214,16 @@ def drive_at_deadlines(
         out_most: (29,) largest magnitude of each number.
         fastest: (2,) m/s and rad/s, that the device can be moved.
         targets: (2 n,) to whom it is sent.
-        device: (numbers,) see ``device_layout``.
-        state: (107,) of the device, changed.
+        device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
+            its hand.
+        state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
         later: (107,) to work with.
-        account: (account,) of the device; see ``loop_layout``.
-        safety: (numbers,) its envelope; see ``safety_layout``.
+        account: (numbers,) of the device, a ``DeviceAccount``; changed.
+        safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.
-        model: (108,) how commands depend on the device: G, K and B.
+        model: (108,) how commands depend on the device, a ``LocalModel``.
         others: (19,) zeros.
         period: s.
         given: E_m as it was received, J; NaN while nobody sends it.
@@ -198,67 +233,81 @@ def drive_at_deadlines(
     Returns:
         Why it returns.
     """
-    while link[READS] < ages.size:
-        deadline = link[NEXT] - link[AHEAD]
+    link, read, sends = DeviceLink(shared), Reading(inputs[0]), Sending(outputs[0])
+    body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
+    measured, published = DeviceSample(state).values, PublishedState(state).values
+    side = DeviceAccount(account)
+    while link.reads < ages.size:
+        deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
         if now < deadline:
-            if now >= link[UNTIL]:
+            if now >= link.until:
                 break
-            found = wait_until(min(deadline, link[UNTIL]), link, words, polled, 1)
+            found = wait_until(min(deadline, link.until), link, words, polled, 1)
             if found == NOTHING:
                 continue
-            if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
+            if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
-            overtaken = stamp < link[NEWEST] or stamp == time
-            if stamp == UNSOUND or overtaken or link[TRIPS] == link[MOST_TRIPS]:
+            overtaken = stamp < link.newest or stamp == time
+            if stamp == UNSOUND or overtaken or link.trips == link.most_trips:
                 return TO_READ
-            take(inputs[0], words, polled[0], frame, copies)
+            take(read, words, polled[0], frame, copies)
             put(commands[0], values)
-            link[RECEIVED], link[ANSWERED], link[NEWEST], link[ARRIVED] = time, stamp, stamp, time
-            if row_of(stamps, link[REMEMBERS], stamp) >= 0:
-                trips[link[TRIPS]] = (time - stamp) / 1e9
-                link[TRIPS] += 1
-            note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
+            link.received, link.answered, link.newest, link.arrived = time, stamp, stamp, time
+            if row_of(stamps, link.remembers, stamp) >= 0:
+                trips[link.trips] = (time - stamp) / 1e9
+                link.trips += 1
+            note_read(link, read, ages, time, time - stamp, counted, sent)
             continue
-        now_real, time = time_of(REALTIME, words), now + link[AHEAD]
-        if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
+        now_real, time = time_of(REALTIME, words), now + link.ahead
+        if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
-        known = link[NEXT] - link[PERIOD] - 1
-        before = 1 if link[RECEIVED] > known else 0
-        received, answered = link[RECEIVED + before], link[ANSWERED + before]
-        silent = max(time - link[RECEIVED], time - link[RECEIVED_BEFORE], known - received)
-        if silent > link[TIMEOUT]:
+        known = link.next - link.period - 1
+        before, received, answered = 0, link.received, link.answered
+        if link.received > known:
+            before, received, answered = 1, link.received_before, link.answered_before
+        silent = max(time - link.received, time - link.received_before, known - received)
+        if silent > link.timeout:
             return TO_ACT
-        sample, asked, added = local(SAMPLE_SIZE), local(6), local(6)
-        put(sample, state[:SAMPLE_SIZE])
+        sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
+        put(sample.values, measured)
         put(asked, commands[before])
-        row = row_of(stamps, link[REMEMBERS], answered)
-        if row >= 0 and time - link[GAIN_NS] <= link[FRESH]:
-            newest = samples[(link[REMEMBERS] - 1) % stamps.size]
-            correct(commands[before], model, samples[row], newest, hand, period, others, asked)
-        compensate(device, state[SPEED:REPORTED], added)
-        account_for_actuators(account, sample, state[APPLIED:BODY])
-        take_energy(account, given)
-        allow(account, safety, asked, sample, added)
-        command_device(device, state, asked)
-        move_device(device, state, link[HELD], later)
+        row = row_of(stamps, link.remembers, answered)
+        if row >= 0 and time - link.gain_ns <= link.fresh:
+            newest = DeviceSample(samples[(link.remembers - 1) % stamps.size])
+            correct(
+                commands[before],
+                LocalModel(model),
+                DeviceSample(samples[row]),
+                newest,
+                HandMemory(hand),
+                period,
+                HandsCorrection(others),
+                asked,
+            )
+        compensate(body, now_there.twist, added)
+        account_for_actuators(side, sample, now_there.applied)
+        take_energy(side, given)
+        allow(side, Safety(safety), asked, sample, added)
+        command_device(body, now_there, asked)
+        move_device(device, now_there, link.held, next_there)
         put(state, later)
-        link[HELD] += int(link[HELD] >= 0)
+        link.held += int(link.held >= 0)
         put(commands[1], commands[0])
-        link[RECEIVED_BEFORE], link[ANSWERED_BEFORE] = link[RECEIVED], link[ANSWERED]
-        stamp = link[NEXT]
-        link[NEXT] += link[PERIOD]
-        link[DONE] += 1
+        link.received_before, link.answered_before = link.received, link.answered
+        stamp = link.next
+        link.next += link.period
+        link.done += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[SAMPLE : SAMPLE + PUBLISHED_SIZE], state[:PUBLISHED_SIZE])
+        put(out[PUBLISHED : PUBLISHED + published.size], published)
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
-        if not sound or is_too_fast(state[SPEED:REPORTED], fastest):
+        if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
-        send_to_all(outputs[0], words, out_frame, targets, now_real)
-        remember_sample(link, stamps, samples, hand, stamp, state[:SAMPLE_SIZE])
-        left = publish_outside(outputs[0], out_frame)
+        send_to_all(sends, words, out_frame, targets, now_real)
+        remember_sample(link, stamps, samples, hand, stamp, measured)
+        left = publish_outside(sends, out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

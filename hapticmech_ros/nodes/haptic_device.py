@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
-from hapticmech_ros.device.kernels import DEVICE_STATE
+from hapticmech_ros.device.kernels import SimulatedState
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.errors import HapticMechError, OutputError
 from hapticmech_ros.nodes import device_kernels as own
@@ -32,8 +32,9 @@ from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Pub
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.scene.hand import STILL_HAND
+from hapticmech_ros.wire.bounds import message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OBEYS, ROUND_TRIP, device_bounds
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_COMMAND, HAND_WRENCH, START_HAND
 
 
@@ -112,19 +113,21 @@ class DeviceTicks(PlainMessages):
     """
 
     def __init__(self, actor: HapticDevice, device: ImpedanceDevice, outlet: Outlet) -> None:
-        command, sample = PlainCommand(actor.wrenches), FlatArray(DEVICE_FIELDS)
-        frame, self._out = frame_of(sample.prefix, sample.size)
+        command, sample = PlainCommand(actor.wrenches), FlatArray(DeviceStateMessage.layout)
+        frame, values = frame_of(sample.prefix, sample.size)
+        self._out = DeviceStateMessage(values)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
         published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
         received = command.received(topic, actor.commanders)
-        super().__init__(actor, [received], [published], own.LINK_SIZE)
+        self.link = own.DeviceLink()
+        super().__init__(actor, [received], [published], self.link)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
-        self._most = device_bounds(actor.limits).most
+        self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
-        self._state, self._later = np.zeros(DEVICE_STATE.size), np.zeros(DEVICE_STATE.size)
+        self._state, self._later = SimulatedState().values, SimulatedState().values
         self._given, self._model = math.nan, NO_GAIN
-        self._out[OBEYS] = 1.0
+        self._out.obeys = True
 
     def ready(self) -> bool:
         """Tell the kernel how the driver is; return whether it may do anything for it."""
@@ -136,20 +139,20 @@ class DeviceTicks(PlainMessages):
         if actor.held is not None and actor.held is not device.held:
             device.take_hold(actor.held)
         self._given, self._model = given, gain[0]
-        self._out[ROUND_TRIP] = actor.answers.round_trip
+        self._out.round_trip = actor.answers.round_trip
         return True
 
     def run(self) -> int:
         """Call the kernel; return why it returned."""
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
         return own.drive_at_deadlines(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             *(self._command.most, self._commands),
-            *(self._frame, self._out, self._most, actor.fastest, self.targets[0]),
+            *(self._frame, self._out.values, self._most, actor.fastest, self.targets[0]),
             *(self._device.data, self._state, self._later),
-            *(side.passivity.account, side.envelope.numbers),
+            *(side.passivity.account.values, side.envelope.numbers.values),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
             actor.period_s,
             self._given,
@@ -158,10 +161,10 @@ class DeviceTicks(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the driver what the kernel did."""
-        actor, trips = self._driver, self._trips[: int(self.link[own.TRIPS])]
+        actor, trips = self._driver, self._trips[: self.link.trips]
         for age_ns in self.ages[:reads].tolist():
             actor.latency.add(age_ns)
-        if reads or self.link[own.DONE]:
+        if reads or self.link.done:
             actor.moved(self.link, self._commands, self._state, trips, code)
 
 
@@ -227,11 +230,11 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         self.wait_by(None)
         super().deactivate()
 
-    def plainly(self, link: Array, commands: Array, state: Array) -> float | None:
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
         """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill.
+            link: how things stand, to fill.
             commands: (2, 6) to fill, N and N m.
             state: (107,) to fill, of the device.
         """

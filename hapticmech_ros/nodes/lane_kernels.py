@@ -12,6 +12,7 @@ Kernel that waits for a loop to stand still. It needs neither Python nor its loc
 from __future__ import annotations
 
 from hapticmech_ros.compilation import c_function, function_at, inner, kernel
+from hapticmech_ros.compilation.records import Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
 
@@ -60,29 +61,84 @@ def abort_when_still(shared: Array, text: Array, polled: Array, looks: int) -> N
                 _abort()
 
 
-# Whole numbers by which Python and kernel tell each other how things stand. What Python tells:
-# until when to wait, ns of the monotonic clock; by how much the node's time is ahead of the
-# monotonic clock, how far the machine's may be from it, how old a stamp may be, and a message on
-# its way, ns; and after how many more messages somebody looks at what is sent, 0 for never. What
-# the kernel tells: when it had to wait last, ns of the monotonic clock; and how many messages it
-# has read.
-UNTIL, AHEAD, STEP, OLDEST, BEHIND, VIEW, IDLE, READS = range(8)
-# Those of each topic that is read. What Python tells: the first word of a plain message's header,
-# how often its publisher has used the middleware, its length, and where its data begin, bytes. What
-# the kernel tells, of the last one that it read: when that was, ns of the node's time, 0 for none;
-# how its publisher counts it, and when it was sent; and how many the middleware will bring too.
-HEAD, NUMBER, LENGTH, DATA, READ, COUNTED, SENT_NS, COPIED = range(8)
-INPUT_SIZE = 8
-# Those of each topic that is sent. What Python tells: the first word of the header, how often the
-# middleware was used, the message's length, how many were sent, and 1 if the middleware is to carry
-# them too; by which function of rcl, 0 for by Python, through which publisher. What the kernel
-# tells: to whom the last one could not be sent, a bit each; whether Python is to publish it; and
-# from the last number on what rcl takes for the message, its first three words being where its
-# bytes are, and twice how many.
-OUT_HEAD, OUT_NUMBER, OUT_LENGTH, SENT, BOTH, PUBLISHES, PUBLISHER, UNSENT, LEFT, BYTES = range(10)
-OUTPUT_SIZE = 17
-# From here on a node's kernel has numbers of its own.
-OWN = 8
+class Link(Record):
+    """How things stand, for a node's kernel and for Python; each kernel has fields of its own.
+
+    Attributes:
+        until: by Python: when to return, ns of the monotonic clock.
+        ahead: by how much the node's time is ahead of the monotonic clock, ns.
+        step: how far the machine's time may be from that, ns.
+        oldest: how old a stamp may be, ns.
+        behind: how long a message may have been on its way, ns.
+        until_view: after how many messages what is sent is looked at; 0 for never.
+        idle: by the kernel: when it had to wait last, ns of the monotonic clock.
+        reads: how many messages it has read.
+    """
+
+    dtype = int
+    until = Whole()
+    ahead = Whole()
+    step = Whole()
+    oldest = Whole()
+    behind = Whole()
+    until_view = Whole()
+    idle = Whole()
+    reads = Whole()
+
+
+class Reading(Record):
+    """A topic that is read.
+
+    Attributes:
+        head: by Python: the first word of a plain message's header.
+        number: how often its publisher has used the middleware.
+        length: of a message with its header, bytes.
+        data: where its numbers begin, bytes.
+        read: by the kernel, of the last message: when it was read, ns of the node's time; 0: none.
+        counted: how its publisher counts it.
+        sent_ns: when it was sent, ns.
+        copied: how many messages the middleware will bring too.
+    """
+
+    dtype = int
+    head = Whole()
+    number = Whole()
+    length = Whole()
+    data = Whole()
+    read = Whole()
+    counted = Whole()
+    sent_ns = Whole()
+    copied = Whole()
+
+
+class Sending(Record):
+    """A topic that is sent.
+
+    Attributes:
+        head: by Python: the first word of the header.
+        number: how often the middleware was used.
+        length: of a message with its header, bytes.
+        sent: how many were sent.
+        both: 1 if the middleware is to carry them too.
+        publishes, publisher: the function of rcl, 0 for by Python, and the publisher.
+        unsent: by the kernel: to whom the last one could not be sent, a bit each.
+        left: 1 if Python is to publish it.
+        message: what rcl takes for it: where its bytes are, and twice how many, come first.
+    """
+
+    dtype = int
+    head = Whole()
+    number = Whole()
+    length = Whole()
+    sent = Whole()
+    both = Whole()
+    publishes = Whole()
+    publisher = Whole()
+    unsent = Whole()
+    left = Whole()
+    message = Vector(8)
+
+
 # Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
 # was sent last is to be looked at, or to go to more than the kernel could reach; and Python has to
 # act at a deadline, or to say what the kernel did not dare to.
@@ -122,12 +178,12 @@ def time_of(clock: int, words: Array) -> int:
 
 
 @inner
-def wait_until(end: int, link: Array, words: Array, polled: Array, plain: int) -> int:
+def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) -> int:
     """Wait for connections until a time, ns of the monotonic clock.
 
     Args:
         end: when.
-        link: what Python and kernel tell each other; see above.
+        link: how things stand.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of plain messages first.
         plain: how many these are.
@@ -143,7 +199,7 @@ def wait_until(end: int, link: Array, words: Array, polled: Array, plain: int) -
     found = _ppoll(polled.ctypes.data, polled.size, words.ctypes.data, 0)
     then = time_of(MONOTONIC, words)
     if found == 0 or then - now > _WAITED_NS:
-        link[IDLE] = then
+        link.idle = then
     if found == 0:
         return NOTHING
     ready, bits = 0, 0
@@ -155,14 +211,14 @@ def wait_until(end: int, link: Array, words: Array, polled: Array, plain: int) -
 
 
 @inner
-def is_set(link: Array, monotonic: int, real: int) -> bool:
+def is_set(link: Link, monotonic: int, real: int) -> bool:
     """Return whether the machine's clock was set, by both clocks at one time, ns."""
-    return bool(abs(real - monotonic - link[AHEAD]) > link[STEP])
+    return bool(abs(real - monotonic - link.ahead) > link.step)
 
 
 @inner
 def peek(
-    link: Array, topic: Array, words: Array, connection: int, frame: Array, prefix: Array
+    link: Link, topic: Reading, words: Array, connection: int, frame: Array, prefix: Array
 ) -> bool:
     """Copy the message that has come, and leave it there; return whether it is a plain one.
 
@@ -171,8 +227,8 @@ def peek(
     machine's clock was set.
 
     Args:
-        link: what Python and kernel tell each other; see above.
-        topic: likewise, of the topic.
+        link: how things stand.
+        topic: that is read.
         words: (5,) to fill.
         connection: struct pollfd of what is read.
         frame: (words,) for the message, from :data:`BEGINS_AT` on.
@@ -180,18 +236,18 @@ def peek(
     """
     at, most = frame.ctypes.data + BEGINS_AT, 8 * frame.size - BEGINS_AT
     size = _recv(connection & 0xFFFFFFFF, at, most, _PEEK | _DONT_WAIT)
-    if size != topic[LENGTH]:
+    if size != topic.length:
         return False
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
     both = words[0] >> _BOTH_AT & 1
     words[4] = words[1]
-    if words[0] != topic[HEAD] | both << _BOTH_AT or words[1] != topic[NUMBER] + both:
+    if words[0] != topic.head | both << _BOTH_AT or words[1] != topic.number + both:
         return False
-    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic[DATA] - HEADER_BYTES) != 0:
+    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic.data - HEADER_BYTES) != 0:
         return False
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
-    words[0], words[1] = monotonic + link[AHEAD], real
-    return not is_set(link, monotonic, real) and bool(real - words[3] <= link[BEHIND])
+    words[0], words[1] = monotonic + link.ahead, real
+    return not is_set(link, monotonic, real) and bool(real - words[3] <= link.behind)
 
 
 @inner
@@ -204,33 +260,33 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 
 @inner
-def take(topic: Array, words: Array, connection: int, frame: Array, copies: Array) -> None:
+def take(topic: Reading, words: Array, connection: int, frame: Array, copies: Array) -> None:
     """Take a message away that was peeked at.
 
     Args:
-        topic: what Python and kernel tell each other of the topic.
+        topic: of the message.
         words: (5,) as :func:`peek` left them.
         connection: struct pollfd of what is read.
         frame: (words,) the message.
         copies: (n, words) of messages that the middleware will bring too, to fill.
     """
     _recv(connection & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
-    if words[4] != topic[NUMBER]:
-        _memcpy(copies[topic[COPIED]].ctypes.data, frame.ctypes.data, 8 * frame.size)
-        topic[NUMBER] = words[4]
-        topic[COPIED] += 1
+    if words[4] != topic.number:
+        _memcpy(copies[topic.copied].ctypes.data, frame.ctypes.data, 8 * frame.size)
+        topic.number = words[4]
+        topic.copied += 1
 
 
 @inner
-def pass_over(link: Array, passed: Array, words: Array, connection: int) -> bool:
+def pass_over(link: Link, passed: Array, words: Array, connection: int) -> bool:
     """Take away a message that nobody reads now; return whether there was one.
 
     One that the middleware carries too is left to Python, which knows it by its bytes.
 
     Args:
-        link: what Python and kernel tell each other.
-        passed: (n, 8) likewise, of each topic that is passed over; with a header's first word of 0
-            it is not.
+        link: how things stand.
+        passed: (n, 8) a :class:`Reading` of each topic that is passed over; with a head of 0 it is
+            not.
         words: (5,) to work with.
         connection: struct pollfd of what is read.
     """
@@ -238,9 +294,10 @@ def pass_over(link: Array, passed: Array, words: Array, connection: int) -> bool
     if _recv(connection & 0xFFFFFFFF, at, HEADER_BYTES, _PEEK | _DONT_WAIT) != HEADER_BYTES:
         return False
     for i in range(passed.shape[0]):
-        if words[0] == passed[i, HEAD] and words[1] == passed[i, NUMBER]:
-            passed[i, COUNTED], passed[i, SENT_NS] = words[2], words[3]
-            passed[i, READ] = time_of(MONOTONIC, words) + link[AHEAD]
+        topic = Reading(passed[i])
+        if words[0] == topic.head and words[1] == topic.number:
+            topic.counted, topic.sent_ns = words[2], words[3]
+            topic.read = time_of(MONOTONIC, words) + link.ahead
             _recv(connection & 0xFFFFFFFF, at, 0, _DONT_WAIT)
             return True
     return False
@@ -248,54 +305,54 @@ def pass_over(link: Array, passed: Array, words: Array, connection: int) -> bool
 
 @inner
 def note_read(
-    link: Array, topic: Array, ages: Array, time: int, age: int, counted: int, sent: int
+    link: Link, topic: Reading, ages: Array, time: int, age: int, counted: int, sent: int
 ) -> None:
     """Note a message that was read.
 
     Args:
-        link: what Python and kernel tell each other.
-        topic: likewise, of the topic.
+        link: how things stand.
+        topic: that is read.
         ages: (n,) of messages, ns; to fill.
         time: when, ns of the node's time.
         age: its age, ns.
         counted: how its publisher counts it.
         sent: when it was sent, ns.
     """
-    ages[link[READS]] = age
-    link[READS] += 1
-    topic[READ], topic[COUNTED], topic[SENT_NS] = time, counted, sent
+    ages[link.reads] = age
+    link.reads += 1
+    topic.read, topic.counted, topic.sent_ns = time, counted, sent
 
 
 @inner
-def send_to_all(topic: Array, words: Array, frame: Array, targets: Array, real: int) -> None:
+def send_to_all(topic: Sending, words: Array, frame: Array, targets: Array, real: int) -> None:
     """Send what a frame holds.
 
     Args:
-        topic: what Python and kernel tell each other of the topic.
+        topic: of the message.
         words: (5,) to work with.
         frame: (words,) the message, from :data:`BEGINS_AT` on.
         targets: (2 n,) connections, each with the topic's number there.
         real: the machine's time, ns.
     """
-    at, length = frame.ctypes.data + BEGINS_AT, topic[OUT_LENGTH]
-    topic[SENT] += 1
-    topic[OUT_NUMBER] += topic[BOTH]
-    words[1], words[2], words[3] = topic[OUT_NUMBER], topic[SENT], real
+    at, length = frame.ctypes.data + BEGINS_AT, topic.length
+    topic.sent += 1
+    topic.number += topic.both
+    words[1], words[2], words[3] = topic.number, topic.sent, real
     for i in range(targets.size // 2):
-        words[0] = topic[OUT_HEAD] | topic[BOTH] << _BOTH_AT | targets[2 * i + 1] << 16
+        words[0] = topic.head | topic.both << _BOTH_AT | targets[2 * i + 1] << 16
         _memcpy(at, words.ctypes.data, HEADER_BYTES)
         if _send(targets[2 * i], at, length, _DONT_WAIT | _NO_SIGNAL) != length:
-            topic[UNSENT] |= 1 << i
+            topic.unsent |= 1 << i
 
 
 @inner
 def read_command(
-    link: Array, frame: Array, plain: Array, values: Array, most: Array, time: int
+    link: Link, frame: Array, plain: Array, values: Array, most: Array, time: int
 ) -> int:
     """Return the stamp, ns, of a WrenchStamped that keeps the rules; or UNSOUND.
 
     Args:
-        link: what Python and kernel tell each other.
+        link: how things stand.
         frame: (words,) the message.
         plain: (2,) the bytes of a plain command between stamp and wrench.
         values: (6,) its wrench.
@@ -309,7 +366,7 @@ def read_command(
             return UNSOUND
     seconds, nanoseconds = frame[_STAMP_AT] & 0xFFFFFFFF, frame[_STAMP_AT] >> 32 & 0xFFFFFFFF
     stamp = int(seconds * SECOND + nanoseconds)
-    sound = seconds <= 0x7FFFFFFF and nanoseconds < SECOND and abs(time - stamp) <= link[OLDEST]
+    sound = seconds <= 0x7FFFFFFF and nanoseconds < SECOND and abs(time - stamp) <= link.oldest
     return stamp if sound else UNSOUND
 
 
@@ -320,26 +377,27 @@ def write_stamp(frame: Array, stamp: int) -> None:
 
 
 @inner
-def publish_outside(topic: Array, frame: Array) -> bool:
+def publish_outside(topic: Sending, frame: Array) -> bool:
     """Have the middleware carry what was sent last; return whether Python has to send it on.
 
     Args:
-        topic: what Python and kernel tell each other of the topic.
+        topic: of the message.
         frame: (words,) the message, from :data:`BEGINS_AT` on.
     """
-    topic[LEFT] = topic[BOTH]
-    if topic[BOTH] != 0 and topic[PUBLISHES] != 0:
-        topic[BYTES] = frame.ctypes.data + BEGINS_AT + HEADER_BYTES
-        topic[BYTES + 1] = topic[BYTES + 2] = topic[OUT_LENGTH] - HEADER_BYTES
-        message = topic[BYTES:].ctypes.data
-        topic[LEFT] = _publish(topic[PUBLISHES], topic[PUBLISHER], message, 0) != 0
-    return bool(topic[LEFT] != 0 or topic[UNSENT] != 0)
+    topic.left = topic.both
+    if topic.both != 0 and topic.publishes != 0:
+        message = topic.message
+        message[0] = frame.ctypes.data + BEGINS_AT + HEADER_BYTES
+        message[1] = message[2] = topic.length - HEADER_BYTES
+        failed = _publish(topic.publishes, topic.publisher, message.ctypes.data, 0)
+        topic.left = int(failed != 0)
+    return bool(topic.left != 0 or topic.unsent != 0)
 
 
 @inner
-def look_is_due(link: Array) -> bool:
+def look_is_due(link: Link) -> bool:
     """Return whether what was sent last is to be looked at."""
-    if link[VIEW] == 0:
+    if link.until_view == 0:
         return False
-    link[VIEW] -= 1
-    return bool(link[VIEW] == 0)
+    link.until_view -= 1
+    return bool(link.until_view == 0)

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.account_kernels import remember_wrench
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
+from hapticmech_ros.control.loop_layout import HandMemory, LocalModel
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.nodes.actor import FOR_EVER
@@ -25,13 +26,9 @@ from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.bounds import Bounds
-from hapticmech_ros.wire.layouts import (
-    CouplingMatrices,
-    LocalFeedbackGain,
-    gain_bounds,
-    unpack_gain,
-)
+from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
+from hapticmech_ros.wire.layouts import CouplingMatrices
+from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 _HAND = DEVICE_SAMPLE.slice("hand_wrench")
 # A gain older than this says nothing of where the mechanism is now.
@@ -41,7 +38,7 @@ REMEMBERED = 2048
 # Gains that wait for their commands; and how much newer a command without its own may be than the
 # one that is obeyed instead.
 WAITING, PAIRED = 64, ByRate(20, 0.02)
-NO_GAIN = np.zeros(108)
+NO_GAIN = LocalModel().values
 
 
 class Pair(NamedTuple):
@@ -65,7 +62,7 @@ class LocalLoop:
 
     Attributes:
         stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
-        hand: (22,) the hand's last wrenches, see ``hand_lead_kernels``.
+        hand: (22,) the hand's last wrenches, a ``HandMemory``.
         gains, couplings: by stamp, in lockstep.
         others: as given.
         corrected_for_others: commands that were corrected for other hands.
@@ -81,7 +78,7 @@ class LocalLoop:
         others: OtherHands | None = None,
     ) -> None:
         self._period = period
-        self.hand = np.zeros(MEMORY_SIZE)
+        self.hand = HandMemory().values
         self.stamps = np.full(REMEMBERED, -1, dtype=np.int64)
         self.samples = np.zeros((REMEMBERED, DEVICE_SAMPLE.size))
         self.count = 0
@@ -90,7 +87,7 @@ class LocalLoop:
         self._coupling: Latest[CouplingMatrices] = Latest()
         self.couplings: Stamped[CouplingMatrices] = Stamped()
         self._newest_ns = NEVER
-        self._bounds = bounds or gain_bounds()
+        self._bounds = bounds or message_bounds(LocalFeedbackGain)
         self._paired, self._paired_ns = paired, nanoseconds(PAIRED.at(period))
         self._pair: Pair | None = None
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
@@ -158,10 +155,10 @@ class LocalLoop:
             age_limit_ns: how far, ns, its stamps may be from now.
 
         Raises:
-            InvalidInputError: as :func:`~hapticmech_ros.wire.layouts.unpack_gain`, or a stamp
+            InvalidInputError: as :func:`~hapticmech_ros.wire.bounds.read`, or a stamp
                 that is too far from now.
         """
-        gain = unpack_gain(values, self._bounds)
+        gain = read(LocalFeedbackGain, values, self._bounds)
         for stamp_ns in (gain.stamp_ns, gain.answered_ns):
             check_age(stamp_ns, now_ns, age_limit_ns)
         if lockstep:

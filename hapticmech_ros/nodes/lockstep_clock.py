@@ -59,8 +59,9 @@ from hapticmech_ros.nodes.messages import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray, array_stamp, decode, header_stamp
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, unpack_device, whole_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import (
     ARRAY,
@@ -75,7 +76,7 @@ from hapticmech_ros.wire.topics import (
     check_feeds,
 )
 
-_DEVICE = FlatArray(DEVICE_FIELDS)
+_DEVICE = FlatArray(DeviceStateMessage.layout)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,19 +141,20 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
     """
     check_feeds(kinds)
     with BagReader(path) as bag:
-        rows = [whole_device(decode(data)) for data in _messages(bag, DEVICE_STATE.name)]
+        states = _messages(bag, DEVICE_STATE.name)
+        samples = [read(DeviceStateMessage, decode(data)) for data in states]
         commands = _messages(bag, DEVICE_COMMAND.name)
         states = _messages(bag, STATE.name) if "external" in kinds else []
-    if not rows or not commands:
+    if not samples or not commands:
         raise BagError(f"bag {path}: nothing on device/state or device/servo_cf to start from")
-    samples = [unpack_device(row) for row in rows]
     stamps = [sample.stamp_ns for sample in samples]
     tracks = []
     if "hand" in kinds:
-        wrenches = np.array([sample.measured.hand_wrench for sample in samples])
+        wrenches = np.array([sample.sample.hand_wrench for sample in samples])
         tracks.append(Track(HAND_WRENCH.name, stamps, wrenches, _wrench, WrenchStamped))
     if "device" in kinds:
-        tracks.append(Track(DEVICE_STATE.name, stamps, np.array(rows), _device, Float64MultiArray))
+        rows = np.array([sample.values for sample in samples])
+        tracks.append(Track(DEVICE_STATE.name, stamps, rows, _device, Float64MultiArray))
     if "external" in kinds:
         mechanism = Mechanism(scene)
         layout = StateLayout(mechanism)

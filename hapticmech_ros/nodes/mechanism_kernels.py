@@ -5,14 +5,12 @@
 from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, put
-from hapticmech_ros.control.loop_layout import ON_MECHANISM
+from hapticmech_ros.compilation.records import Whole
+from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.nodes.lane_kernels import (
-    AHEAD,
     MONOTONIC,
     NOTHING,
     OTHER,
-    OWN,
-    READS,
     REALTIME,
     SECOND,
     TIME_IS_UP,
@@ -21,7 +19,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     TO_SAY,
     TO_SEND,
-    UNTIL,
+    Link,
+    Reading,
+    Sending,
     is_set,
     look_is_due,
     note_read,
@@ -37,33 +37,52 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 
-# The next deadline and the period, ns, by the node's time; how long a command stands, ns, 0 for
-# ever, and how long it then takes to reach zero; from what stamp on commands count; since when the
-# command stands, and the one before, ns; the newest stamp, and when it came; how many steps were
-# done.
-NEXT, PERIOD, TIMEOUT, RAMP, SINCE, RECEIVED, RECEIVED_BEFORE, NEWEST, ARRIVED, DONE = range(
-    OWN, OWN + 10
-)
-# Where in a state what begins that changes.
-POSITION, VELOCITY, FLAG = range(OWN + 10, OWN + 13)
-LINK_SIZE = OWN + 13
+
+class MechanismLink(Link):
+    """How things stand, for the mechanism; times are ns, by the node's time.
+
+    Attributes:
+        next, period: the next deadline, and the period.
+        timeout, ramp: how long a command stands, 0 for ever, and how long it then takes to reach
+            zero.
+        since: from what stamp on commands count.
+        received, received_before: since when the command stands, and the one before.
+        newest, arrived: the newest stamp, and when it came.
+        done: how many steps were done.
+        position, velocity, commanded: where in a state begins what changes.
+    """
+
+    next = Whole()
+    period = Whole()
+    timeout = Whole()
+    ramp = Whole()
+    since = Whole()
+    received = Whole()
+    received_before = Whole()
+    newest = Whole()
+    arrived = Whole()
+    done = Whole()
+    position = Whole()
+    velocity = Whole()
+    commanded = Whole()
 
 
 @inner
-def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
+def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) -> None:
     """Fill the wrench (6,) that stands as of a time; see ``inputs.ExpiringWrench``.
 
     Args:
-        link: see above.
+        link: how things stand.
         commands: (2, 6) the command that stands, and the one before.
         known: as of when, ns.
         wrench: (6,) to fill.
     """
-    row = 1 if link[RECEIVED] > known else 0
-    put(wrench, commands[row])
-    over = known - link[RECEIVED + row] - link[TIMEOUT]
-    if link[TIMEOUT] > 0 and over > 0:
-        left = 0.0 if over >= link[RAMP] else 1.0 - over / link[RAMP]
+    before = link.received > known
+    put(wrench, commands[1 if before else 0])
+    received = link.received_before if before else link.received
+    over = known - received - link.timeout
+    if link.timeout > 0 and over > 0:
+        left = 0.0 if over >= link.ramp else 1.0 - over / link.ramp
         for i in range(6):
             wrench[i] *= left
 
@@ -77,7 +96,7 @@ def standing(link: Array, commands: Array, known: int, wrench: Array) -> None:
     waits=True,
 )
 def move_at_deadlines(
-    link: Array,
+    shared: Array,
     inputs: Array,
     outputs: Array,
     words: Array,
@@ -109,9 +128,9 @@ def move_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        link: (21,) what Python and kernel tell each other; see above and ``lane_kernels``.
-        inputs: (1, 8) likewise, of the commands.
-        outputs: (1, 17) likewise, of the states.
+        shared: (21,) how things stand, a :class:`MechanismLink`; changed.
+        inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
+        outputs: (1, 17) a ``lane_kernels.Sending``, of the states; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
         frame: (words,) for the message that has come.
@@ -141,33 +160,35 @@ def move_at_deadlines(
     Returns:
         Why it returns.
     """
+    link, read, sends = MechanismLink(shared), Reading(inputs[0]), Sending(outputs[0])
     data = SessionData(whole, real)
     nv = data.v.size
-    while link[READS] < ages.size:
-        deadline = link[NEXT] - link[AHEAD]
+    while link.reads < ages.size:
+        deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
         if now < deadline:
-            if now >= link[UNTIL]:
+            if now >= link.until:
                 break
-            found = wait_until(min(deadline, link[UNTIL]), link, words, polled, 1)
+            found = wait_until(min(deadline, link.until), link, words, polled, 1)
             if found == NOTHING:
                 continue
-            if found == OTHER or not peek(link, inputs[0], words, polled[0], frame, prefix):
+            if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
-            newer = stamp >= link[NEWEST] and stamp > link[SINCE] and stamp != time
+            newer = stamp >= link.newest and stamp > link.since and stamp != time
             if stamp == UNSOUND or not newer:
                 return TO_READ
-            take(inputs[0], words, polled[0], frame, copies)
+            take(read, words, polled[0], frame, copies)
             put(commands[0], values)
-            link[RECEIVED], link[NEWEST], link[ARRIVED] = time, stamp, time
-            note_read(link, inputs[0], ages, time, time - stamp, counted, sent)
+            link.received, link.newest, link.arrived = time, stamp, time
+            note_read(link, read, ages, time, time - stamp, counted, sent)
             continue
         now_real = time_of(REALTIME, words)
-        if now >= deadline + link[PERIOD] or is_set(link, time_of(MONOTONIC, words), now_real):
+        if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
-        standing(link, commands, link[NEXT] - link[PERIOD] - 1, data.wrenches[ON_MECHANISM])
+        acting = ActingWrenches(data.wrenches)
+        standing(link, commands, link.next - link.period - 1, acting.on_mechanism)
         moved = move_mechanism(
             numbers,
             constants,
@@ -183,18 +204,18 @@ def move_at_deadlines(
         if not moved:
             return TO_ACT
         put(commands[1], commands[0])
-        link[RECEIVED_BEFORE] = link[RECEIVED]
-        stamp = link[NEXT]
-        link[NEXT] += link[PERIOD]
-        link[DONE] += 1
+        link.received_before = link.received
+        stamp = link.next
+        link.next += link.period
+        link.done += 1
         out[0], out[1] = stamp // SECOND, stamp % SECOND
-        put(out[link[POSITION] : link[POSITION] + nv], data.q)
-        put(out[link[VELOCITY] : link[VELOCITY] + nv], data.v)
-        out[link[FLAG]] = 1.0 if stamp - link[RECEIVED] <= link[TIMEOUT] else 0.0
+        put(out[link.position : link.position + nv], data.q)
+        put(out[link.velocity : link.velocity + nv], data.v)
+        out[link.commanded] = 1.0 if stamp - link.received <= link.timeout else 0.0
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
-        send_to_all(outputs[0], words, out_frame, targets, now_real)
-        left = publish_outside(outputs[0], out_frame)
+        send_to_all(sends, words, out_frame, targets, now_real)
+        left = publish_outside(sends, out_frame)
         if look_is_due(link):
             return TO_LOOK_AT
         if left:

@@ -12,7 +12,8 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 
-from hapticmech_ros.control.loop_layout import COMMANDED
+from hapticmech_ros.compilation import arrays_of
+from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.closures import grasp_written
@@ -41,20 +42,20 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.session.sample import LeftState, totals_of
+from hapticmech_ros.session.sample import LeftState, begin_totals
 from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
     KNOWN,
-    PARTS,
-    TIMES,
-    TOTALS,
-    session_data,
+    SessionData,
+    SessionTimes,
+    SessionTotals,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS, energy_of, pack_energy
+from hapticmech_ros.wire.layouts import energy_of
+from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
 from hapticmech_ros.wire.topics import (
@@ -87,33 +88,36 @@ class MechanismTicks(PlainMessages):
         frame, self._out = frame_of(state.prefix, state.size)
         topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
         published = Publication(outlet, frame, len(state.prefix) + 8 * state.size)
-        super().__init__(
-            actor, [command.received(topic, port.controllers)], [published], own.LINK_SIZE
-        )
+        self.link = link = own.MechanismLink()
+        super().__init__(actor, [command.received(topic, port.controllers)], [published], link)
         self._frame, self._command = frame, command
         self._simulator, self._out_most = actor, layout.bounds.most
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
-        sizes = {"index": 0, "steps": simulation.substeps, "stages": stepper.stages}
-        parts = {name: np.zeros(0) for name in PARTS} | {
-            "times": np.zeros(TIMES.size),
-            "wrenches": np.zeros((COMMANDED + 1, 6)),
+        sizes = {
+            "steps": simulation.substeps,
+            "stages": stepper.stages,
+            "implicit": stepper.implicit,
+        }
+        parts = {name: np.zeros(0) for name in SessionData.parts} | {
+            "times": SessionTimes().values,
+            "wrenches": ActingWrenches().values,
             "external": np.zeros(6),
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(TOTALS.size),
+            "totals": SessionTotals().values,
         }
-        self._data = session_data(sizes | {"implicit": stepper.implicit}, parts)
-        self._data.times[TIMES.start("period")] = actor.period_s
+        self._data = SessionData(*arrays_of(SessionData, sizes, parts))
+        self._data.times.period = actor.period_s
         self._packed = np.zeros((4, 0))
         self._clock = np.zeros(CLOCK_SIZE, dtype=np.int64)
         self._known: MechanismState | None = None
         self._scene = actor.simulator.scene
         self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
         changing = ("position", "velocity", "commanded")
-        self.link[own.POSITION : own.FLAG + 1] = [layout.at[part].start for part in changing]
-        self.link[own.PERIOD] = nanoseconds(actor.period_s)
+        link.fill(**{part: layout.at[part].start for part in changing})
+        link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
         """Tell the kernel how the mechanism is; return whether it may do anything for it."""
@@ -121,14 +125,12 @@ class MechanismTicks(PlainMessages):
         if not actor.steps_plainly or actor.clock is None:
             return False
         port = actor.port
-        link[own.NEXT], link[own.DONE] = actor.clock.next_ns, 0
-        link[own.TIMEOUT], link[own.RAMP] = port.command.timeout_ns, port.command.ramp_ns
-        link[own.SINCE] = port.since_ns
-        link[own.RECEIVED : own.ARRIVED + 1] = (
-            *port.command.put_into(self._commands),
-            *port.order.last,
-        )
-        link[kernels.VIEW] = actor.until_view
+        link.next, link.done = actor.clock.next_ns, 0
+        link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
+        link.since = port.since_ns
+        link.received, link.received_before = port.command.put_into(self._commands)
+        link.newest, link.arrived = port.order.last
+        link.until_view = actor.until_view
         state, scene = actor.state, actor.simulator.scene
         # Terms are of the operational point's place, which is another scene's once it has moved.
         if state is not self._known or scene is not self._scene:
@@ -143,7 +145,8 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(state.active)
         if self._packed.shape[1] != active_set.size:
             self._packed = np.zeros((4, active_set.size))
-        data.q[:], data.v[:], data.totals[:] = state.q, state.v, totals_of(state)
+        data.q[:], data.v[:] = state.q, state.v
+        begin_totals(data.totals, state)
         closing = simulator.closing(state)
         self._clock[AT], self._clock[KNOWN] = 0, closing.active_set is active_set
         if self._clock[KNOWN]:
@@ -157,7 +160,7 @@ class MechanismTicks(PlainMessages):
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
         return own.move_at_deadlines(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
             self._command.most,
@@ -180,19 +183,16 @@ class MechanismTicks(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the simulator what the kernel did."""
-        actor, link, port = self._simulator, self.link.tolist(), self._simulator.port
-        if reads or link[own.DONE]:
-            received = link[own.RECEIVED : own.ARRIVED + 1]
-            port.command.take_from(self._commands, *received[:2])
-            port.order.last = received[2], received[3]
-        if link[own.DONE]:
+        actor, link, port = self._simulator, self.link, self._simulator.port
+        if reads or link.done:
+            port.command.take_from(self._commands, link.received, link.received_before)
+            port.order.last = link.newest, link.arrived
+        if link.done:
             known, data = self._known or actor.state, self._data
-            state = LeftState(known, data.totals.copy(), data.q.copy(), data.v.copy()).state()
+            state = LeftState(known, data.totals, data.q.copy(), data.v.copy()).state()
             self._known = state
             published = code != kernels.TO_SAY
-            actor.moved(
-                state, link[own.DONE], link[own.NEXT], published, code == kernels.TO_LOOK_AT
-            )
+            actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -238,7 +238,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._joints = JointStateWriter(coordinate_names(self._mechanism))
         self._layout = StateLayout(self._mechanism)
         self._wire = FlatArray(self._layout.fields, self._layout.bounds)
-        self._energy = FlatArray(ENERGY_FIELDS)
+        self._energy = FlatArray(MechanismEnergy.layout)
         self._publish_wire = self.output(STATE, Float64MultiArray)
         self._publish_joints = self.view(JOINT_STATES, JointState)
         self._publish_energy = self.view(ENERGY, Float64MultiArray)
@@ -584,7 +584,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._contact_port.publish(self.state.touching, time_ns)
         if self._publish_energy.wanted:
             energies = energy_of(self._mechanism, self.state, time_ns)
-            self._publish_energy.publish(self._energy.encode(pack_energy(energies)))
+            self._publish_energy.publish(self._energy.encode(energies.values))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
         """Return the point that the parameter ``grasp`` moves, where it moves it."""

@@ -25,16 +25,10 @@ from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.analysis import coupling, transmission
 from hapticmech_ros.operational.observation import ConstraintCounter, Observation, PastRates
 from hapticmech_ros.operational.results import rank_of
-from hapticmech_ros.wire.bounds import Bounds
+from hapticmech_ros.wire.bounds import Bounds, message_bounds
 from hapticmech_ros.wire.cdr import FlatArray, encode_byte, encode_matrix
-from hapticmech_ros.wire.layouts import (
-    COMMANDED,
-    OPERATIONAL_MODEL_FIELDS,
-    CouplingMatrices,
-    CouplingWire,
-    operational_model_bounds,
-)
-from hapticmech_ros.wire.readings import OperationalModelWriter
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire, OperationalModelWriter
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import (
     CONSTRAINT_WRENCHES,
@@ -49,7 +43,7 @@ from hapticmech_ros.wire.topics import (
 
 # A pause in states longer than this starts the count anew: the mechanism may be elsewhere.
 RESTART_PAUSE_NS = NANOSECONDS // 4
-MODEL_COUNT = OPERATIONAL_MODEL_FIELDS.start("count")
+MODEL_COUNT = OperationalModelMessage.layout.start("count")
 
 
 class StateAnswers(PlainMessages):
@@ -76,7 +70,8 @@ class StateAnswers(PlainMessages):
         topic = actor.lane_topic(STATE.name, Float64MultiArray)
         received = Received(topic, sources, state.prefix, state.size, len(state.prefix))
         published = Publication(outlet, frame, len(model.prefix) + 8 * model.size)
-        super().__init__(actor, [received], [published], own.LINK_SIZE)
+        self.link = link = own.AnalyserLink()
+        super().__init__(actor, [received], [published], link)
         self._frame = frame
         self._analyser = actor
         self._most, self._out_most = layout.bounds.most, out_bounds.most
@@ -84,15 +79,14 @@ class StateAnswers(PlainMessages):
         self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
         # There is one point only: see ``answers_plainly``.
-        starts = [layout.at[part].start for part in layout.at]
-        self.link[own.CLOSED : own.POINT + 1] = *starts, actor.analyser.index
-        self.link[own.PAUSE] = RESTART_PAUSE_NS
+        link.fill(**{part: layout.at[part].start for part in layout.at})
+        link.point, link.pause = actor.analyser.index, RESTART_PAUSE_NS
 
     def ready(self) -> bool:
         """Tell the kernel how the analyser is; return whether it may do anything for it."""
         actor, link = self._analyser, self.link
-        link[own.FIRST], link[own.LAST] = actor.first_ns, actor.last_ns
-        link[kernels.VIEW] = actor.until_view
+        link.first, link.last = actor.first_ns, actor.last_ns
+        link.until_view = actor.until_view
         return actor.answers_plainly
 
     def run(self) -> int:
@@ -101,9 +95,9 @@ class StateAnswers(PlainMessages):
         active_set = actor.mechanism.active_set(actor.closed)
         if self._ahead.size != active_set.size:
             self._ahead = np.empty(active_set.size)
-        self._observation = np.empty(analyser.layout.size)
+        self._observation = np.empty(analyser.observation_size)
         return own.answer_states(
-            *(self.link, self.inputs, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             self._most,
             np.array(actor.closed, dtype=float),
@@ -123,7 +117,7 @@ class StateAnswers(PlainMessages):
             self._before,
             self._ahead,
             self._observation,
-            actor.counter.numbers,
+            actor.counter.numbers.values,
             *actor.past.arrays,
             self.ages,
         )
@@ -132,11 +126,11 @@ class StateAnswers(PlainMessages):
         """Tell the analyser what the kernel did."""
         actor, count = self._analyser, int(self._out[MODEL_COUNT])
         if reads:
-            actor.answered(reads, int(self.link[own.LAST]), count)
+            actor.answered(reads, self.link.last, count)
         if code == kernels.TO_LOOK_AT:
             analyser = actor.analyser
-            found = self._observation, analyser.layout, analyser.rows, actor.mechanism.nv
-            seen = Observation(*found).analysis
+            found = Observation(self._observation, analyser.rows, actor.mechanism.nv)
+            seen = found.analysis
             actor.failures.run("view", actor.publish_view, seen, count)
 
 
@@ -171,8 +165,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.analyses = 0
         periods, period_ns = periods_before(self.scene), nanoseconds(self.scene.simulation.period)
         self.past = PastRates(periods, period_ns, self.mechanism.nv)
-        bounds = operational_model_bounds(self.limits)
-        self._encoder = FlatArray(OPERATIONAL_MODEL_FIELDS, bounds)
+        bounds = message_bounds(OperationalModelMessage, self.limits)
+        self._encoder = FlatArray(OperationalModelMessage.layout, bounds)
         frame, self._values = frame_of(self._encoder.prefix, self._encoder.size)
         self._model = OperationalModelWriter(self.analyser, self.past, self._values)
         self.grasp = flat_grasp(self.scene, self.analyser.point)
@@ -257,7 +251,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             "analyses": str(self.analyses),
             "achieved_rate_hz": f"{rate:.1f}",
             "count": count,
-            "inverse_inertia_rank": str(rank_of(self._model.s)),
+            "inverse_inertia_rank": str(rank_of(self._model.message.s)),
         }
         return fresh, sentence, figures
 
@@ -279,12 +273,12 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         except (HapticMechError, ArithmeticError, ValueError) as error:
             rule = f"must be a state that can be analysed: {error}"
             raise InvalidInputError("joint positions", state.q.tolist(), rule) from None
-        count = self._counted(model.s, state.stamp_ns)
-        model.count(count)
+        count = self._counted(model.message.s, state.stamp_ns)
+        model.message.count = count
         if self.lockstep or self.analyses % self.view_every == 0:
             # Before the model, which is answered when it comes.
             self._transmit(state, found.analysis)
-        self._publish_model.publish(self._encoder.encode(model.values))
+        self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
             self.publish_view(found.analysis, count)
         self.analyses += 1
@@ -323,10 +317,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._silenced = True
         self._count = None
         self.node.get_logger().warning(f"{fault}: no operational model is published")
-        if not self._model.values[0]:
+        message = self._model.message
+        if not message.stamp_ns:
             return  # nobody was told anything
-        self._model.values[COMMANDED] = 0.0
-        self._publish_model.publish(self._encoder.encode(self._model.values))
+        message.commanded = False
+        self._publish_model.publish(self._encoder.encode(message.values))
 
     def _follow(self, grasp: Array) -> None:
         """Analyse the point where the mechanism says that it is from now on."""

@@ -20,9 +20,9 @@ from hapticmech_ros.nodes.local_loop import FRESH_NS, LocalLoop
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire, device_bounds
-from hapticmech_ros.wire.readings import read_device
+from hapticmech_ros.wire.bounds import message_bounds, read
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_COUPLING, DEVICE_STATE, TRANSMISSION
 
 
@@ -130,9 +130,6 @@ class Transmissions:
             self._latest.put(found, found.stamp_ns)
 
 
-_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
-
-
 class OtherUsers:
     """Listens to devices in the namespaces of other points, and to ``device/coupling_gain``.
 
@@ -179,7 +176,9 @@ class OtherUsers:
         qos, gains = actor.control_input, DEVICE_COUPLING.name
         actor.input_array(gains, qos, on_coupling, self._wire.fields, watch(gains))
         for topic, name in self._names.items():
-            actor.input_array(topic, qos, self._receives(name, loop), DEVICE_FIELDS, watch(topic))
+            actor.input_array(
+                topic, qos, self._receives(name, loop), DeviceStateMessage.layout, watch(topic)
+            )
 
     def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> None:
         """Forget what must not be used now (ns), since two say it."""
@@ -204,13 +203,14 @@ class OtherUsers:
         }
 
     def _receives(self, name: str, loop: Callable[[], LocalLoop]) -> Callable[[Array, int], None]:
-        bounds = device_bounds(self._actor.shared_scene.held_at(name).limits)
+        limits = self._actor.shared_scene.held_at(name).limits
+        bounds = message_bounds(DeviceStateMessage, limits)
 
         def on_state(values: Array, now_ns: int) -> None:
-            found, others = read_device(values, bounds), loop().others
+            found, others = read(DeviceStateMessage, values, bounds), loop().others
             check_age(found.stamp_ns, now_ns, self._actor.age_limit_ns)
             if others is not None:
-                others.measured(name, found.measured[_FORCE], found.stamp_ns)
+                others.measured(name, found.sample.hand_wrench, found.stamp_ns)
                 if self._actor.lockstep:
                     self._actor.act(now_ns)
 

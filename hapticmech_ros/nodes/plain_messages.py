@@ -89,10 +89,9 @@ def _head(origin: Origin, code: int) -> int:
     return MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
 
 
-def _continued(origin: Origin, row: Array) -> Origin:
-    """Return the origin of a topic's last message, as the kernel left it in a row (8,)."""
-    number, counted = int(row[kernels.NUMBER]), int(row[kernels.COUNTED])
-    return origin._replace(number=number, sent=counted, sent_ns=int(row[kernels.SENT_NS]))
+def _continued(origin: Origin, row: kernels.Reading) -> Origin:
+    """Return the origin of a topic's last message, as the kernel left it."""
+    return origin._replace(number=row.number, sent=row.counted, sent_ns=row.sent_ns)
 
 
 class PlainCommand:
@@ -126,14 +125,15 @@ class PlainMessages:
         actor: whose.
         received: topics that are read.
         published: topics that are sent.
-        size: of ``link``.
+        link: how things stand, for the actor's kernel.
         passed_over: topics of the first one's publisher that the actor does not read while it
             reads that one, by their names on the lane.
 
     Attributes:
-        link: (size,) what Python and kernel tell each other; see :mod:`.lane_kernels`.
-        inputs, outputs: (n, 8) and (m, 17) likewise, of each topic.
+        inputs, outputs: (n, 8) and (m, 17) a :class:`~.lane_kernels.Reading` or
+            :class:`~.lane_kernels.Sending` of each topic.
         passed: (k, 8) likewise, of each topic that is passed over.
+        reading: of each topic that is read, views.
         frames, values, prefixes, copies: of each topic that is read words for a message, a view of
             its data, what all messages begin with, and words for those that the middleware brings.
         targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
@@ -145,7 +145,7 @@ class PlainMessages:
         actor: Any,
         received: Sequence[Received],
         published: Sequence[Publication],
-        size: int,
+        link: kernels.Link,
         passed_over: Sequence[tuple[str, Sources]] = (),
     ) -> None:
         self._actor, self._received, self._published = actor, received, published
@@ -153,10 +153,15 @@ class PlainMessages:
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
         self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
-        self.link = np.zeros(size, dtype=np.int64)
-        self.inputs = np.zeros((len(received), kernels.INPUT_SIZE), dtype=np.int64)
-        self.passed = np.zeros((len(passed_over), kernels.INPUT_SIZE), dtype=np.int64)
-        self.outputs = np.zeros((len(published), kernels.OUTPUT_SIZE), dtype=np.int64)
+        link.step, link.behind = STEP_NS, BEHIND_NS
+        self._shared = link
+        reads, sends = kernels.Reading.layout.size, kernels.Sending.layout.size
+        self.inputs = np.zeros((len(received), reads), dtype=np.int64)
+        self.passed = np.zeros((len(passed_over), reads), dtype=np.int64)
+        self.outputs = np.zeros((len(published), sends), dtype=np.int64)
+        self.reading = [kernels.Reading(row) for row in self.inputs]
+        self._passing = [kernels.Reading(row) for row in self.passed]
+        self._sending = [kernels.Sending(row) for row in self.outputs]
         self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
         self.words = np.zeros(5, dtype=np.int64)
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
@@ -164,13 +169,12 @@ class PlainMessages:
         self.targets: list[Array] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
         self._origins: list[Origin] = []
-        for one, row in zip(received, self.inputs, strict=True):
-            row[kernels.DATA] = kernels.HEADER_BYTES + one.alike
-            row[kernels.LENGTH] = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
-        for publication, row in zip(published, self.outputs, strict=True):
-            row[kernels.OUT_HEAD] = MESSAGE | publication.outlet.number << 32
-            row[kernels.OUT_LENGTH] = kernels.HEADER_BYTES + publication.size
-        self.link[kernels.STEP], self.link[kernels.BEHIND] = STEP_NS, BEHIND_NS
+        for one, row in zip(received, self.reading, strict=True):
+            row.data = kernels.HEADER_BYTES + one.alike
+            row.length = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
+        for publication, sending in zip(published, self._sending, strict=True):
+            sending.head = MESSAGE | publication.outlet.number << 32
+            sending.length = kernels.HEADER_BYTES + publication.size
 
     def ready(self) -> bool:
         """Tell the kernel how the actor is; return whether it may do anything for it now."""
@@ -195,7 +199,7 @@ class PlainMessages:
         Args:
             at: which topic.
         """
-        return _continued(self._origins[at], self.inputs[at])
+        return _continued(self._origins[at], self.reading[at])
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
@@ -205,44 +209,44 @@ class PlainMessages:
             waited: its connections.
             until_ns: until when to wait, ns of the monotonic clock.
         """
-        link = self.link
+        link = self._shared
         before, now, after = time.monotonic_ns(), self._actor.now_ns(), time.monotonic_ns()
         if after - before > _CLOSE_NS or not self._actor.node.active:
             # Interrupted: how far one is ahead of the other would be wrong by as much.
             return False
-        link[kernels.AHEAD] = now - (before + after) // 2
+        link.ahead = now - (before + after) // 2
         if not (self._prepare_to_send(lane) and self._prepare_to_read(lane, waited)):
             return False
-        link[kernels.UNTIL] = until_ns
-        link[kernels.OLDEST] = self._actor.age_limit_ns
-        link[kernels.IDLE] = link[kernels.READS] = 0
+        link.until = until_ns
+        link.oldest = self._actor.age_limit_ns
+        link.idle = link.reads = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
         """Find who hears; return whether somebody does on the lane."""
         self._hearers = []
         self.targets = []
-        for one, row in zip(self._published, self.outputs, strict=True):
+        for one, row in zip(self._published, self._sending, strict=True):
             outlet = one.outlet
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
             if way is None or not hearers:
                 return False
-            row[kernels.BOTH] = way
+            row.both = way
             if way:
-                row[kernels.PUBLISHES : kernels.UNSENT] = outlet.rcl
+                row.publishes, row.publisher = outlet.rcl
             numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
             self._hearers.append(hearers)
             self.targets.append(np.array(numbers, dtype=np.int64))
-            row[kernels.OUT_NUMBER] = outlet.published
-            row[kernels.SENT] = lane.sent(outlet.number)
-            row[kernels.UNSENT] = row[kernels.LEFT] = 0
+            row.number = outlet.published
+            row.sent = lane.sent(outlet.number)
+            row.unsent = row.left = 0
         return True
 
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
         """Find who speaks; return whether that is one process for each topic."""
         self._origins, first = [], []
-        for one, row in zip(self._received, self.inputs, strict=True):
+        for one, row in zip(self._received, self.reading, strict=True):
             origin = one.sources.only
             speaker = origin and lane.speaker(one.topic, origin.via)
             if origin is None or speaker is None:
@@ -250,15 +254,14 @@ class PlainMessages:
             connection, code = speaker
             first.append(connection)
             self._origins.append(origin)
-            row[kernels.HEAD] = _head(origin, code)
-            row[kernels.NUMBER] = origin.number
-            row[kernels.READ] = row[kernels.COPIED] = 0
-        for (topic, sources), row in zip(self._passed_over, self.passed, strict=True):
+            row.head, row.number = _head(origin, code), origin.number
+            row.read = row.copied = 0
+        for (topic, sources), row in zip(self._passed_over, self._passing, strict=True):
             origin = sources.only
             speaker = origin and lane.speaker(topic, origin.via)
-            row[kernels.HEAD] = row[kernels.READ] = 0
+            row.head = row.read = 0
             if origin is not None and speaker is not None and speaker[0] == first[0]:
-                row[kernels.HEAD], row[kernels.NUMBER] = _head(origin, speaker[1]), origin.number
+                row.head, row.number = _head(origin, speaker[1]), origin.number
         others = [number for number in waited if number not in first]
         self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
@@ -273,27 +276,31 @@ class PlainMessages:
         Returns:
             Those that have something to read, and when it had to wait, ns of the monotonic clock.
         """
-        code, link = self.run(), self.link
+        code, link = self.run(), self._shared
         for at, one in enumerate(self._published):
-            self._send_on(lane, one, self.outputs[at].tolist(), self._hearers[at])
-        for at, (received, row) in enumerate(zip(self._received, self.inputs, strict=True)):
-            if row[kernels.READ]:
-                received.sources.received(self.origin(at), int(row[kernels.READ]))
-            for copy in self.copies[at][: row[kernels.COPIED]]:
-                lane.copied.append((received.topic, self._bytes(copy, int(row[kernels.LENGTH]))))
-        for (_, sources), row in zip(self._passed_over, self.passed, strict=True):
-            if row[kernels.READ]:
-                sources.received(_continued(sources.latest, row), int(row[kernels.READ]))
-        reads = int(link[kernels.READS])
+            self._send_on(lane, one, self._sending[at], self._hearers[at])
+        for at, (received, row) in enumerate(zip(self._received, self.reading, strict=True)):
+            if row.read:
+                received.sources.received(self.origin(at), row.read)
+            for copy in self.copies[at][: row.copied]:
+                lane.copied.append((received.topic, self._bytes(copy, row.length)))
+        for (_, sources), row in zip(self._passed_over, self._passing, strict=True):
+            if row.read:
+                sources.received(_continued(sources.latest, row), row.read)
+        reads = link.reads
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)
         self.did(code, reads)
         ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
         # Who has read what came before is not behind: one after the other is soon enough.
-        return ready, time.monotonic_ns() if reads else int(link[kernels.IDLE])
+        return ready, time.monotonic_ns() if reads else link.idle
 
     def _send_on(
-        self, lane: Lane, one: Publication, row: Sequence[int], hearers: list[tuple[Outgoing, int]]
+        self,
+        lane: Lane,
+        one: Publication,
+        row: kernels.Sending,
+        hearers: list[tuple[Outgoing, int]],
     ) -> None:
         """Send a topic's last message to all whom the kernel could not reach.
 
@@ -303,16 +310,16 @@ class PlainMessages:
             row: what the kernel tells of it.
             hearers: who hears it on the lane.
         """
-        number, sent, left = one.outlet.number, row[kernels.SENT], bool(row[kernels.LEFT])
+        number, sent, left = one.outlet.number, row.sent, bool(row.left)
         lane.note_sent(number, sent)
-        one.outlet.note_published(row[kernels.OUT_NUMBER] - left)
-        if not (left or row[kernels.UNSENT]):
+        one.outlet.note_published(row.number - left)
+        if not (left or row.unsent):
             return
-        message = self._bytes(one.frame, row[kernels.OUT_LENGTH])
-        to = [who for i, who in enumerate(hearers) if row[kernels.UNSENT] >> i & 1]
+        message = self._bytes(one.frame, row.length)
+        to = [who for i, who in enumerate(hearers) if row.unsent >> i & 1]
         if to:
-            both = bool(row[kernels.BOTH])
-            lane.send_to(to, number, row[kernels.OUT_NUMBER], sent, message, both)
+            both = bool(row.both)
+            lane.send_to(to, number, row.number, sent, message, both)
         if left:
             self._actor.failures.run("publish", one.outlet.publish_outside, message)
 

@@ -32,7 +32,7 @@ from hapticmech_ros.nodes.loop import Inbox, StopRequest, write_progress
 from hapticmech_ros.nodes.messages import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic, users_of
 
 # Nodes publish diagnostics once a second: recording goes on this long so that the last are in. The
@@ -42,7 +42,7 @@ PROGRESS_PERIOD_S = 0.1
 # It may be behind by so long at the end.
 MOST_BEHIND_S = 10.0
 WAITING_PERIOD_S = 0.5
-_HAND_WRENCH = DEVICE_FIELDS.slice("hand_wrench")
+_HAND_WRENCH = DeviceStateMessage.layout.slice("hand_wrench")
 
 
 class RecorderNode(BagRecorderNode):
@@ -73,7 +73,7 @@ class RecorderNode(BagRecorderNode):
                 name, topic.type, self._look_at_device if name in watched else None
             )
             received.expect(request, offered_qos(topic.qos))
-        self._decode = FlatArray(DEVICE_FIELDS).decode
+        self._decode = FlatArray(DeviceStateMessage.layout).decode
         self._start_hands = [
             self.create_client(Trigger, f"{space}/{START_HAND}" if space else START_HAND)
             for space, _ in users

@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import ANSWER, CONTROLLER_ACCOUNT
+from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -19,11 +19,10 @@ from hapticmech_ros.control.rendering_controller import (
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.device.motion_kernels import MOTION
+from hapticmech_ros.device.motion_kernels import Motion
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
-from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_ports import (
@@ -53,20 +52,11 @@ from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS
-from hapticmech_ros.wire.readings import (
-    OperationalModelReading,
-    read_device,
-    read_operational_model,
-    reading_bounds,
-)
-from hapticmech_ros.wire.topics import (
-    DEVICE_POSE,
-    DEVICE_STATE,
-    POINT_COMMAND,
-    POINT_MODEL,
-)
+from hapticmech_ros.wire.layouts import reading_bounds
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
+from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
 # After the last answers' stamps, which may be later than their samples' by up to a microsecond.
@@ -94,8 +84,8 @@ class SampleAnswers(PlainMessages):
     ) -> None:
         received = []
         for name, fields, sources in (
-            (DEVICE_STATE.name, DEVICE_FIELDS, device),
-            (POINT_MODEL.of(actor.point), OPERATIONAL_MODEL_FIELDS, analyser),
+            (DEVICE_STATE.name, DeviceStateMessage.layout, device),
+            (POINT_MODEL.of(actor.point), OperationalModelMessage.layout, analyser),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
             received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
@@ -105,14 +95,15 @@ class SampleAnswers(PlainMessages):
             Publication(outlet, frame, command.size)
             for outlet, (frame, _) in zip(outputs, frames, strict=True)
         ]
-        super().__init__(actor, received, published, own.LINK_SIZE, crtk)
+        self.link = own.ControllerLink()
+        super().__init__(actor, received, published, self.link, crtk)
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
-        self._before, self._moved = np.zeros(CONTROLLER_ACCOUNT.size), np.zeros(MOTION.size)
-        self._wrenches, self._answer = np.zeros((2, 6)), np.zeros(0)
+        self._before, self._moved = ControllerAccount().values, Motion().values
+        self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
-        self.link[own.PERIOD_NS] = nanoseconds(actor.period_s)
+        self.link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
         """Tell the kernel how the controller is; return whether it may do anything for it."""
@@ -120,34 +111,35 @@ class SampleAnswers(PlainMessages):
         if found is None:
             return False
         self._settings, self._locality = found
-        self.link[own.SAMPLE_NS] = 0
+        self.link.sample_ns = 0
         return True
 
     def run(self) -> int:
         """Call the kernel; return why it returned."""
         actor, side = self._controller, self._controller.side
         device, point = self._commands
-        self._answer = np.zeros(ANSWER.size)
+        self._answer = Answer()
         return own.answer_samples(
-            *(self.link, self.inputs, self.passed, self.outputs, self.words, self.polled),
+            *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             actor.bounds.device.most,
             *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
             actor.bounds.model.most,
             *(*device, self.targets[0], *point, self.targets[1]),
             *(self._most, self._known, self._grasp),
-            *(side.account, self._before, self._settings, NO_WRENCH, side.queue, side.past),
-            *(self._locality, self._answer, actor.motion.numbers, self._moved, self._wrenches),
+            *(side.account.values, self._before, self._settings, NO_WRENCH),
+            *(side.queue, side.past, self._locality, self._answer.values),
+            *(actor.motion.numbers.values, self._moved, self._wrenches),
             *(actor.path.round_trip, self.ages),
         )
 
     def did(self, code: int, reads: int) -> None:
         """Tell the controller what the kernel did."""
-        of_device, of_analyser = self.inputs[:, kernels.READ].tolist()
-        if of_analyser:
+        states, models = self.reading
+        if models.read:
             origin = self.origin(own.MODELS)
-            self._controller.received_model(self.link, self._known, origin, of_analyser)
-        if of_device:
+            self._controller.received_model(self.link, self._known, origin, models.read)
+        if states.read:
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
 
@@ -188,10 +180,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._state_ns = NEVER
         # Stamps of what device and mechanism were told last, by their clocks.
         self._command_stamps = 0, 0
-        self._model: Latest[OperationalModelReading] = Latest()
+        self._model: Latest[OperationalModelMessage] = Latest()
         self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
         self._devices: Stamped[Array] = Stamped()
-        self._models: Stamped[OperationalModelReading] = Stamped()
+        self._models: Stamped[OperationalModelMessage] = Stamped()
         self.loop_warning = loop_warning(self.scene, self.point, self._tuned)
         if self.loop_warning:
             node.get_logger().warning(self.loop_warning)
@@ -215,7 +207,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             DEVICE_STATE.name,
             self.control_input,
             self._on_device_state,
-            DEVICE_FIELDS,
+            DeviceStateMessage.layout,
             device := self.watch(DEVICE_STATE.name),
         )
         model = POINT_MODEL.of(self.point)
@@ -223,7 +215,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             model,
             self.control_input,
             self._on_operational_model,
-            OPERATIONAL_MODEL_FIELDS,
+            OperationalModelMessage.layout,
             analyser := self.watch(model),
         )
         self._of_device, self._of_analyser = device, analyser
@@ -365,8 +357,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         return self._crtk.lacking(now_ns) or [names]
 
     def _on_device_state(self, values: Array, now_ns: int) -> None:
-        inputs = read_device(values, self.bounds.device)
-        stamp, device = inputs.stamp_ns, inputs.measured
+        inputs = read(DeviceStateMessage, values, self.bounds.device)
+        stamp, device = inputs.stamp_ns, inputs.sample.values
         received = self.lockstep or self.path.received(inputs, now_ns, self.age_limit_ns)
         self._state_ns, self._local = now_ns, True
         self._device_pauses.received(stamp, self._of_device.latest, now_ns)
@@ -433,7 +425,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             return
         self._answer_to(device, model, stamp, now_ns)
 
-    def _answer_paced(self, model: OperationalModelReading, now_ns: int) -> None:
+    def _answer_paced(self, model: OperationalModelMessage, now_ns: int) -> None:
         """Answer the newest sample that a network has brought, now that the analysis is there."""
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
@@ -453,12 +445,12 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._answer_to(found[0], model, found[1], now_ns)
 
     def _answer_to(
-        self, device: Array, model: OperationalModelReading, stamp: int, now_ns: int
+        self, device: Array, model: OperationalModelMessage, stamp: int, now_ns: int
     ) -> None:
         paced = self.path.paced and not self.lockstep
         # Over a network there is no common time; what is compared is what is known now.
         ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
-        operational_model, clutch = model.operational_model, self._clutch
+        operational_model, clutch = model.operational_model.values, self._clutch
         time_s = self._time_s(now_ns)
         if clutch is None:
             clutch = self._control.engage(time_s, device, operational_model, ahead)
@@ -470,12 +462,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         elif not (self.path.obeyed or self.lockstep):
             # The device does nothing yet, or no more: the wrench comes in once it obeys.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
-        elif model.grasp != self._grasp:
+        elif model.grasp.tobytes() != self._grasp:
             # Held elsewhere from now on: what the hand feels is carried over.
             clutch = self._control.engage(time_s, device, operational_model, ahead, self._carried)
             self.side.held_elsewhere()
             self.grasps += 1
-        self._grasp = model.grasp
+        self._grasp = model.grasp.tobytes()
         self._clutch = self._control.with_slip(time_s, clutch, device, operational_model)
         inputs = ControllerInput(
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
@@ -502,13 +494,15 @@ class TeleoperationController(Actor[ControllerParameters]):
             if name in found
         }
 
-    def plainly(self, link: Array, known: Array, grasp: Array) -> tuple[Array, Array] | None:
+    def plainly(
+        self, link: own.ControllerLink, known: Array, grasp: Array
+    ) -> tuple[Array, Array] | None:
         """Return settings (59,) and locality (3,) if samples may be answered by the kernel now.
 
         That is while it renders, and nothing but the inputs changes from one sample to the next.
 
         Args:
-            link: (24,) what Python and kernel tell each other, to fill.
+            link: how things stand, to fill.
             known: (139,) to fill: the operational model as it was heard last.
             grasp: (7,) to fill: where it has the point.
         """
@@ -517,58 +511,62 @@ class TeleoperationController(Actor[ControllerParameters]):
             return None
         ours = self._local and self.path.obeyed and self.path.is_settled and not self.path.paced
         simple = self.side.is_ideal and not (control.answers_in_python or control.is_ramping)
-        if not (ours and simple and self._outputs.are_plain and model.grasp == self._grasp):
+        if not (
+            ours and simple and self._outputs.are_plain and model.grasp.tobytes() == self._grasp
+        ):
             return None
         pressed = self._buttons.is_pressed(self.parameters.clutch_button)
         if self.lockstep or pressed or self._fault(self.now_ns()):
             return None
-        numbers = (
-            *(self.timeout_ns, self._epoch_ns, nanoseconds(self.period_s), self._last_ns),
-            *(self._model.stamp_ns, self._rendered_ns, *self.path.last),
-            *(self._outputs.gain_from_ns, self.motion.stamp_ns),
-            *(*self._device_pauses.last[1:], *self._model_pauses.last[1:], 0, 0),
-        )
-        link[kernels.OWN :] = numbers
-        link[kernels.VIEW] = self._outputs.until_view
-        known[:] = model.operational_model
-        grasp[:] = np.frombuffer(model.grasp)
+        link.timeout, link.epoch, link.last = self.timeout_ns, self._epoch_ns, self._last_ns
+        link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
+        link.newest, link.arrived = self.path.last
+        link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
+        link.of_device.values[:] = self._device_pauses.last[1:]
+        link.of_analyser.values[:] = self._model_pauses.last[1:]
+        link.sample_ns = link.answers = 0
+        link.until_view = self._outputs.until_view
+        known[:] = model.operational_model.values
+        grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
-        return settings, self.side.locality(True, False)
+        return settings, self.side.locality(True, False).values
 
-    def received_model(self, link: Array, known: Array, origin: Origin, now_ns: int) -> None:
+    def received_model(
+        self, link: own.ControllerLink, known: Array, origin: Origin, now_ns: int
+    ) -> None:
         """Take the last operational model that the kernel has heard.
 
         Args:
-            link: (24,) what Python and kernel tell each other.
+            link: how things stand.
             known: (139,) the model.
             origin: whom it comes from.
             now_ns: when it came, ns.
         """
-        stamp_ns = int(link[own.MODEL_NS])
+        stamp_ns = link.model_ns
         before = self._model.value
         if before is not None:
-            found = before._replace(stamp_ns=stamp_ns, operational_model=known.copy())
+            found = OperationalModelMessage(before.values.copy())
+            found.stamp_ns, found.operational_model.values[:] = stamp_ns, known
             self._model.put(found, stamp_ns)
         self._model_pauses.went_on(stamp_ns, origin, now_ns)
 
-    def answered(self, link: Array, answer: Array, origin: Origin) -> None:
+    def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
         """Note what the kernel has answered.
 
         Args:
-            link: (24,) what Python and kernel tell each other.
-            answer: (answer,) the last one; see ``loop_layout``.
+            link: how things stand.
+            answer: the last one.
             origin: of the sample.
         """
-        numbers = link.tolist()
-        stamp_ns, now_ns = numbers[own.SAMPLE_NS], numbers[own.LAST]
+        stamp_ns, now_ns = link.sample_ns, link.last
         self._last_ns = self._state_ns = now_ns
-        self._rendered_ns = numbers[own.RENDERED]
-        self.path.last = numbers[own.NEWEST], numbers[own.ARRIVED]
-        self.motion.stamp_ns = numbers[own.MOVED]
+        self._rendered_ns = link.rendered
+        self.path.last = link.newest, link.arrived
+        self.motion.stamp_ns = link.moved
         self._device_pauses.went_on(stamp_ns, origin, now_ns)
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
-        self._outputs.answers += numbers[own.ANSWERS]
+        self._outputs.answers += link.answers
 
     def _opened(self) -> bool:
         """Disengage while the clutch's button is pressed; return whether it is."""
@@ -657,7 +655,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
-        found = read_operational_model(values, self.bounds.model)
+        found = read(OperationalModelMessage, values, self.bounds.model)
         check_age(found.stamp_ns, now_ns, self.age_limit_ns)
         self._model.put(found, found.stamp_ns)
         self._model_pauses.received(found.stamp_ns, self._of_analyser.latest, now_ns)

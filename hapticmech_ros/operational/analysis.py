@@ -36,8 +36,13 @@ from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.operational.observation import Observation, observation_layout
-from hapticmech_ros.operational.observe_kernels import NO_SPECTRUM, consistent_wrench, observe_point
+from hapticmech_ros.operational.observation import Observation
+from hapticmech_ros.operational.observe_kernels import (
+    NO_SPECTRUM,
+    consistent_wrench,
+    observation_size,
+    observe_point,
+)
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import OperationalPoint
@@ -194,7 +199,7 @@ class Analyser:
         metric: of the task space there.
         constants: of the analysis, see
             :func:`~hapticmech_ros.operational.observe_kernels.metric_of`.
-        layout: of observations.
+        observation_size: numbers of an observation.
 
     Raises:
         InvalidInputError: unknown point.
@@ -213,7 +218,7 @@ class Analyser:
         limits = metric.mass, float(scene.perception.s_on), float(scene.perception.s_off)
         parts = (metric.point_to_link, metric.factor, metric.dual_factor)
         self.constants = np.concatenate([limits, *(part.ravel() for part in parts)])
-        self.layout = observation_layout(self.rows.size, mechanism.nv)
+        self.observation_size = observation_size(self.rows.size, mechanism.nv)
         self._ahead = np.empty(0)
         self._position, self._rates = np.empty(mechanism.nq), np.empty(mechanism.nv)
         self._unknown = np.zeros(1 + mechanism.nv)
@@ -297,7 +302,7 @@ class Analyser:
         compensated_delay: float,
         before: Array | None,
     ) -> Observation:
-        mechanism, found = self.mechanism, np.empty(self.layout.size)
+        mechanism, found = self.mechanism, np.empty(self.observation_size)
         self._position[:] = q
         self._rates[:] = v
         if self._ahead.size != active_set.size:
@@ -324,7 +329,7 @@ class Analyser:
             raise HapticMechError("SVD of S did not converge")
         if code:
             raise failure(code, mechanism.tree)
-        return Observation(found, self.layout, self.rows, mechanism.nv)
+        return Observation(found, self.rows, mechanism.nv)
 
 
 def analyse(

@@ -16,58 +16,28 @@ import pinocchio as pin
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
 from hapticmech_ros.operational.observe_kernels import (
-    BEGUN,
     COUNT,
-    COUNTER,
+    MODEL_SIZE,
     PAST_SIZE,
     WANTED,
+    ConstraintTrigger,
+    Details,
+    Observed,
     count_constraints,
+    details_in,
     rates_before,
     remember_state,
 )
 from hapticmech_ros.operational.results import CompensatedResponse, OperationalAnalysis, Spectrum
 from hapticmech_ros.scene.controller import Perception
 
-_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
-_X, _P_C, _SHARE = (
-    OPERATIONAL_MODEL.slice(name)
-    for name in ("inverse_inertia", "constraint_projector", "wrench_projector")
-)
-_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
-
-
-def observation_layout(rows: int, nv: int) -> Layout:
-    """Return how an observation is laid out.
-
-    The operational model, with X_τ and a_τ in place of X and a_0 (equal at τ = 0); X and a_0;
-    weights w(s_i), and columns n_i and I_ℓ⁻¹ n_i; J_h, J_h v and J̇_h v. Matrices go row by row.
-
-    Args:
-        rows: t, of the task space.
-        nv: number of rates.
-    """
-    return Layout(
-        {
-            **OPERATIONAL_MODEL.fields,
-            "inverse_inertia_now": Field(36),
-            "free_acceleration_now": Field(6),
-            "weights": Field(rows),
-            "directions": Field(rows * rows),
-            "duals": Field(rows * rows),
-            "jacobian": Field(6 * nv),
-            "motion": Field(12),
-        }
-    )
-
 
 class Observation:
     """An operational point at a state; what is asked for are views of one array.
 
     Args:
-        numbers: all of it; see :func:`observation_layout`.
-        layout: of it.
+        numbers: all of it; see :func:`~hapticmech_ros.operational.observe_kernels.observe_point`.
         rows: (t,) rows of a six-vector that the task space has.
         nv: number of rates.
 
@@ -76,13 +46,14 @@ class Observation:
         model: (139,) operational model; F_c in it is zero, for others to fill.
     """
 
-    def __init__(self, numbers: Array, layout: Layout, rows: Array, nv: int) -> None:
+    def __init__(self, numbers: Array, rows: Array, nv: int) -> None:
         self.numbers = numbers
-        self.model: Array = numbers[: OPERATIONAL_MODEL.size]
-        self._layout, self._rows, self._nv = layout, rows, nv
+        self.model: Array = numbers[:MODEL_SIZE]
+        self._head, self._rows, self._nv = Observed(numbers), rows, nv
 
-    def _part(self, name: str) -> Array:
-        return self.numbers[self._layout.slice(name)]
+    @cached_property
+    def _details(self) -> Details:
+        return details_in(self.numbers, self._rows.size, self._nv)
 
     @property
     def s(self) -> Array:
@@ -92,32 +63,28 @@ class Observation:
     @cached_property
     def analysis(self) -> OperationalAnalysis:
         """Λ_h⁻¹ at the state, and what follows from it."""
-        t = self._rows.size
-        found = Spectrum(
-            self.s, self._part("directions").reshape(t, t), self._part("duals").reshape(t, t)
-        )
+        head, details = self._head, self._details
         return OperationalAnalysis(
-            inverse_inertia=self._part("inverse_inertia_now").reshape(6, 6),
-            spectrum=found,
-            weights=self._part("weights"),
-            constraint_projector=self.numbers[_P_C].reshape(6, 6),
-            wrench_projector=self.numbers[_SHARE].reshape(6, 6),
-            free_acceleration=self._part("free_acceleration_now"),
+            inverse_inertia=head.now.inverse_inertia,
+            spectrum=Spectrum(self.s, *details.directions),
+            weights=details.weights,
+            constraint_projector=head.constraint_projector,
+            wrench_projector=head.wrench_projector,
+            free_acceleration=head.now.free_acceleration,
             rows=self._rows,
         )
 
     @property
     def compensated(self) -> CompensatedResponse:
         """X_τ and a_τ; X and a_0 without delay compensation."""
-        return CompensatedResponse(self.numbers[_X].reshape(6, 6), self.numbers[_FREE])
+        return CompensatedResponse(self._head.inverse_inertia, self._head.free_acceleration)
 
     @cached_property
     def point(self) -> PointKinematics:
         """The operational point's kinematics."""
-        motion = self._part("motion")
-        jacobian = self._part("jacobian").reshape(6, self._nv)
-        pose = pin.XYZQUATToSE3(self.numbers[_PLACE])
-        return PointKinematics(pose, jacobian, motion[:6], motion[6:])
+        head, details = self._head, self._details
+        pose = pin.XYZQUATToSE3(np.concatenate((head.position, head.quaternion)))
+        return PointKinematics(pose, details.jacobian, details.motion[:6], details.motion[6:])
 
 
 class ConstraintCounter:
@@ -131,17 +98,17 @@ class ConstraintCounter:
         perception: thresholds and dwell time.
 
     Attributes:
-        numbers: a :data:`~hapticmech_ros.operational.observe_kernels.COUNTER`.
+        numbers: all that it knows.
     """
 
     def __init__(self, perception: Perception) -> None:
-        self.numbers: Array = np.zeros(COUNTER.size)
-        constants = perception.s_on, perception.s_off, perception.dwell
-        self.numbers[COUNTER.slice("s_on", "dwell")] = constants
+        self.numbers = numbers = ConstraintTrigger()
+        numbers.s_on, numbers.s_off = perception.s_on, perception.s_off
+        numbers.dwell = perception.dwell
 
     def begin(self) -> None:
         """Start anew with the next s."""
-        self.numbers[BEGUN] = 0.0
+        self.numbers.begun = 0.0
 
     def update(self, s: Array, time: float) -> int:
         """Return the count after s was observed at ``time``.
@@ -150,7 +117,7 @@ class ConstraintCounter:
             s: (t,) singular values, descending.
             time: s.
         """
-        return count_constraints(self.numbers, np.ascontiguousarray(s, dtype=float), time)
+        return count_constraints(self.numbers.values, np.ascontiguousarray(s, dtype=float), time)
 
 
 def rigid_count(s: Array, perception: Perception) -> int:

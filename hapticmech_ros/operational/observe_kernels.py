@@ -52,6 +52,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
+from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, matrix
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces, element_resistance
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -63,11 +64,11 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.kernels.model import ERROR, LEAST, RANK, SPARSE, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 from hapticmech_ros.numerics.small_matrices import (
     cholesky,
@@ -78,6 +79,72 @@ from hapticmech_ros.numerics.small_matrices import (
     solve_lower,
 )
 
+
+class PointResponse(Record):
+    """How an operational point answers forces: X F + a_0; axes of the world, at the point.
+
+    Attributes:
+        inverse_inertia: X, 1/kg, 1/(kg m) and 1/(kg m²).
+        free_acceleration: a_0, m/s² and rad/s².
+    """
+
+    inverse_inertia = matrix(6, 6)
+    free_acceleration = Vector(6)
+
+
+class Observed(OperationalModelSample):
+    """What an observation of a point begins with: the model for a loop with delay.
+
+    Attributes:
+        now: X and a_0 without delay compensation.
+    """
+
+    now = Nested(PointResponse)
+
+
+MODEL_SIZE, _OBSERVED = OperationalModelSample.layout.size, Observed.layout.size
+
+
+class Details(NamedTuple):
+    """What follows in an observation; t rows of the task space.
+
+    Attributes:
+        weights: (t,) w(s_i).
+        directions: (2, t, t) columns n_i and I_ℓ⁻¹ n_i.
+        jacobian: (6, nv) J_h.
+        motion: (12,) J_h v and J̇_h v, m/s and m/s², rad/s and rad/s².
+    """
+
+    weights: Array
+    directions: Array
+    jacobian: Array
+    motion: Array
+
+
+def observation_size(t: int, nv: int) -> int:
+    """Return the length of an observation with t rows of the task space."""
+    return _OBSERVED + t * (1 + 2 * t) + 6 * nv + 12
+
+
+def details_in(observation: Array, t: int, nv: int) -> Details:
+    """Return the parts of an observation behind :class:`Observed`, as views.
+
+    Args:
+        observation: (n,) see :func:`observation_size`.
+        t: rows of the task space.
+        nv: number of rates.
+    """
+    rest = observation[_OBSERVED:]
+    at = t * (1 + 2 * t)
+    return Details(
+        rest[:t],
+        shaped(rest[t:], (2, t, t)),
+        shaped(rest[at:], (6, nv)),
+        rest[at + 6 * nv : at + 6 * nv + 12],
+    )
+
+
+_details_of = inner(details_in)
 # Off the closures by φ, at a relative singular value σ, free rates turn by φ/σ²: by no more than
 # this share of the length, or the prediction is not used.
 TRUSTED = 0.01
@@ -86,20 +153,20 @@ TRUSTED = 0.01
 @inner
 def _least(model: Model, data: Data) -> float:
     """Return σ_r / σ_1; an estimate from above, where the factorisation is sparse."""
-    rank = int(data.tail[RANK])
+    rank = int(data.tail.rank)
     if rank == 0:
         return 1.0
     if model.path == SPARSE:
-        return float(data.tail[LEAST])
+        return float(data.tail.least_sigma)
     return float(data.sigma[rank - 1] / data.sigma[0])
 
 
 @inner
 def _trusted(model: Model, data: Data, before: Data, length: float) -> bool:
     """Return whether closures at a predicted configuration are as well resolved as before."""
-    if data.tail[RANK] != before.tail[RANK]:
+    if data.tail.rank != before.tail.rank:
         return False
-    return bool(data.tail[ERROR] <= TRUSTED * _least(model, data) ** 2 * length)
+    return bool(data.tail.largest_residual <= TRUSTED * _least(model, data) ** 2 * length)
 
 
 @inner
@@ -199,18 +266,16 @@ def compensate(
     bias_force: Array,
     passive: Array,
     bias: Array,
-    jacobian: Array,
     index: int,
     rows: Array,
-    s: Array,
-    details: Array,
+    details: Details,
     length: float,
     compensated_delay: float,
     before: Array,
     ahead: Array,
-    compensated: Array,
+    found: Observed,
 ) -> None:
-    """Fill X_τ, and turn a_0 into a_τ, of an operational point that is analysed.
+    """Turn X into X_τ, and a_0 into a_τ, of an operational point that is analysed.
 
     Args:
         model: the mechanism's.
@@ -220,21 +285,19 @@ def compensate(
         bias_force: (nv,) h.
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
-        jacobian: (6, nv) J_h.
         index: number of the operational point.
         rows: (t,) rows of a six-vector that the task space has.
-        s: (t,) of the analysis.
-        details: (t + 2 t²,) as ``analyse_motion`` filled them.
+        details: as ``analyse_motion`` filled them.
         length: of the mechanism, m.
         compensated_delay: τ, s.
         before: (1 + nv,) rates that were, and before them how long ago, s; 0 if unknown.
         ahead: as long as the terms, to work in.
-        compensated: (42,) X_τ (6, 6) to fill, and a_0 (6,), which becomes a_τ.
+        found: the analysis; X and a_0 in it become X_τ and a_τ.
     """
-    t, nv = rows.size, model.nv
-    directions = shaped(details[t:], (2, t, t))
+    t, nv, s = rows.size, model.nv, found.s
+    directions, free = details.directions, found.free_acceleration
     rates = shaped(local(t * nv), (t, nv))
-    _unit_rates(model, data, jacobian, rows, s, directions[0], rates)
+    _unit_rates(model, data, details.jacobian, rows, s, directions[0], rates)
     # Of v̇ by then: in the rates, in the configuration; and of how much the rates have changed.
     in_rates, in_place, carried = compensated_delay, compensated_delay * compensated_delay, 0.0
     if before[0] > 0.0:
@@ -254,7 +317,7 @@ def compensate(
     own[:] = 0.0
     accelerate(model, data, bias_force, passive, bias, own)
     # From here on the model's workspace is of another configuration.
-    predict(model, data, q, v, bias, index, length, compensated_delay, ahead, own, compensated[36:])
+    predict(model, data, q, v, bias, index, length, compensated_delay, ahead, own, free)
     element_resistance(model, data, q, v, own[:nv], in_place, in_rates, force)
     for i in range(t):
         met[i] = dot(rates[i], force)
@@ -268,20 +331,14 @@ def compensate(
     for j in range(t):
         solve_lower(resisted, shown[j])
     solve_lower(resisted, met)
-    compensated[:36] = 0.0
-    inverse_inertia = shaped(compensated[:36], (6, 6))
+    inverse_inertia = found.inverse_inertia
+    inverse_inertia[:] = 0.0
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(shown, i, j)
             inverse_inertia[rows[i], rows[j]] = product
             inverse_inertia[rows[j], rows[i]] = product
-        compensated[36 + rows[i]] -= dot(shown[i], met)
-
-
-# Where the analysis of an operational model has X, P_c and Π, and a_0; and its length.
-SQUARES, FREE, ANALYSIS_SIZE = OPERATIONAL_MODEL.starts(
-    "inverse_inertia", "free_acceleration", "position"
-)
+        free[rows[i]] -= dot(shown[i], met)
 
 
 class Metric(NamedTuple):
@@ -381,13 +438,11 @@ def analyse_motion(
     bias_force: Array,
     passive: Array,
     bias: Array,
-    jacobian: Array,
-    drift: Array,
     rotation: Array,
     metric: Metric,
     rows: Array,
-    analysis: Array,
-    details: Array,
+    found: Observed,
+    details: Details,
 ) -> bool:
     """Analyse an operational point.
 
@@ -397,26 +452,28 @@ def analyse_motion(
         bias_force: (nv,) h.
         passive: (nv,) forces of springs, dampers, friction and stops, and efforts.
         bias: (m,) Ẇv.
-        jacobian: (6, nv) J_h.
-        drift: (6,) J̇_h v.
         rotation: (3, 3) of the point.
         metric: constants.
         rows: (t,) rows of a six-vector that the task space has.
-        analysis: (120,) to fill: an operational model up to a_0; zero in rows that the task space
-            does not have.
-        details: (t + 2 t²,) to fill with the weights and the columns n_i and I_ℓ⁻¹ n_i.
+        found: s, X, P_c, Π and a_0 to fill; zero in rows that the task space does not have.
+        details: with the point's motion; weights and columns n_i and I_ℓ⁻¹ n_i to fill.
 
     Returns:
         Whether the SVD of S converged.
     """
     nv, m, t = model.nv, model.m, rows.size
-    analysis[:] = 0.0
-    squares = shaped(analysis[SQUARES:], (3, 6, 6))
+    jacobian, drift = details.jacobian, details.motion[6:]
+    spectrum, inverse_inertia = found.s, found.inverse_inertia
+    projector, balance = found.constraint_projector, found.wrench_projector
+    spectrum[:] = 0.0
+    inverse_inertia[:] = 0.0
+    projector[:] = 0.0
+    balance[:] = 0.0
     free = local(nv + m)
     free[:] = 0.0
     accelerate(model, data, bias_force, passive, bias, free)
     for i in range(6):
-        analysis[FREE + i] = dot_with_row(jacobian, i, free) + drift[i]
+        found.free_acceleration[i] = dot_with_row(jacobian, i, free) + drift[i]
     # Rows are the columns of S.
     root = shaped(local(t * nv), (t, nv))
     for i in range(t):
@@ -426,8 +483,8 @@ def analyse_motion(
     for i in range(t):
         for j in range(i + 1):
             product = dot_rows(root, i, j)
-            squares[0, rows[i], rows[j]] = product
-            squares[0, rows[j], rows[i]] = product
+            inverse_inertia[rows[i], rows[j]] = product
+            inverse_inertia[rows[j], rows[i]] = product
     factors = shaped(local(72), (2, t, t))
     _in_world(metric, rotation, rows, factors)
     measured, turn = shaped(local(t * nv), (t, nv)), shaped(local(36), (t, t))
@@ -439,11 +496,11 @@ def analyse_motion(
     lengths = local(6)
     if not _spectrum(measured, turn, lengths):
         return False
-    weights, directions = details[:t], shaped(details[t:], (2, t, t))
+    weights, directions = details.weights, details.directions
     for i in range(t):
         s = lengths[i] if i < nv else 0.0
         x = min(max((metric.s_off - s) / (metric.s_off - metric.s_on), 0.0), 1.0)
-        analysis[i] = s
+        spectrum[i] = s
         weights[i] = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
         for which in range(2):
             for j in range(t):
@@ -455,16 +512,13 @@ def analyse_motion(
                 weighted = directions[0, i, k] * weights[k]
                 projected += weighted * directions[0, j, k]
                 balanced += weighted * directions[1, j, k]
-            squares[1, rows[i], rows[j]] = projected / metric.mass
-            squares[2, rows[i], rows[j]] = balanced
+            projector[rows[i], rows[j]] = projected / metric.mass
+            balance[rows[i], rows[j]] = balanced
     return True
 
 
 # Of the analysis alone; a negative code of the closures is one of ``factor_closures``.
 NO_SPECTRUM = 1
-CONTACT, MODEL_SIZE = OPERATIONAL_MODEL.start("contact"), OPERATIONAL_MODEL.size
-# In an observation: X and a_0 as they are now, and then weights and directions.
-DETAILS = MODEL_SIZE + 42
 
 
 @kernel(
@@ -504,7 +558,7 @@ def observe_point(
         delay: τ of the loop, s; 0 for none.
         before: (1 + nv,) rates that were, and before them how long ago, s; 0 if unknown.
         ahead: (size,) as long as ``packed``, to work in.
-        observation: (numbers,) to fill; see ``observation_layout``. F_c is zero.
+        observation: (numbers,) to fill: an :class:`Observed`, and :class:`Details`. F_c is zero.
 
     Returns:
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
@@ -524,12 +578,8 @@ def observe_point(
     element_forces(model, data, q, v, passive, dissipative)
     for c in range(nv):
         passive[c] += model.effort[c]
-    operational_model, now = observation[:MODEL_SIZE], observation[MODEL_SIZE:DETAILS]
-    details = observation[DETAILS : DETAILS + t * (1 + 2 * t)]
-    at = DETAILS + t * (1 + 2 * t)
-    jacobian = shaped(observation[at:], (6, nv))
-    motion = observation[at + 6 * nv : at + 6 * nv + 12]
-    move_point(model, data, motions, index, jacobian, motion)
+    found, details = Observed(observation), _details_of(observation, t, nv)
+    move_point(model, data, motions, index, details.jacobian, details.motion)
     pose = data.poses[model.points[index]]
     rotation = shaped(pose[:9], (3, 3)).T
     converged = analyse_motion(
@@ -538,26 +588,21 @@ def observe_point(
         bias_force,
         passive,
         bias,
-        jacobian,
-        motion[6:],
         rotation,
         metric,
         rows,
-        operational_model[:ANALYSIS_SIZE],
+        found,
         details,
     )
     if not converged:
         return NO_SPECTRUM
-    put(now[:36], operational_model[SQUARES : SQUARES + 36])
-    put(now[36:], operational_model[FREE:ANALYSIS_SIZE])
-    place = operational_model[ANALYSIS_SIZE:CONTACT]
-    put(place[:3], pose[9:])
-    quaternion_of(rotation, place[3:7])
-    put(place[7:13], motion[:6])
-    operational_model[CONTACT:] = 0.0
+    put(found.now.inverse_inertia, found.inverse_inertia)
+    put(found.now.free_acceleration, found.free_acceleration)
+    put(found.position, pose[9:])
+    quaternion_of(rotation, found.quaternion)
+    put(found.twist, details.motion[:6])
+    found.contact[:] = 0.0
     if delay > 0.0:
-        compensated = local(42)
-        put(compensated[36:], now[36:])
         compensate(
             model,
             data,
@@ -566,53 +611,62 @@ def observe_point(
             bias_force,
             passive,
             bias,
-            jacobian,
             index,
             rows,
-            operational_model[:t],
             details,
             length,
             delay,
             before,
             ahead,
-            compensated,
+            found,
         )
-        put(operational_model[SQUARES : SQUARES + 36], compensated[:36])
-        put(operational_model[FREE:ANALYSIS_SIZE], compensated[36:])
     return 0
 
 
-ONE, SIX = Field(1), Field(6)
-# Thresholds; dwell, s; 1 once s has been seen; per direction, s descending, 1 if it is reported as
-# rigid, and since when s disagrees, s, NaN if it does not.
-COUNTER = Layout(
-    {**dict.fromkeys(("s_on", "s_off", "dwell", "begun"), ONE), "rigid": SIX, "since": SIX}
-)
-S_ON, S_OFF, DWELL, BEGUN, RIGID, SINCE = COUNTER.starts(*COUNTER)
+class ConstraintTrigger(Record):
+    """A Schmitt trigger with dwell for each direction, s descending.
+
+    Attributes:
+        s_on: a direction turns rigid once s has stayed at or below it.
+        s_off: it turns free once s has stayed at or above it.
+        dwell: for so long, s.
+        begun: 1 once s has been seen.
+        rigid: 1 for each direction that is reported as rigid.
+        since: time since when s says otherwise, s; NaN if it does not.
+    """
+
+    s_on = Number()
+    s_off = Number()
+    dwell = Number()
+    begun = Number()
+    rigid = Vector(6)
+    since = Vector(6)
+
+
 # Absorbs the rounding of times that are sums of periods, s.
 ROUNDING = 5e-10
 
 
 @inner
-def count_rigid(counter: Array, s: Array, time: float) -> int:
+def count_rigid(trigger: ConstraintTrigger, s: Array, time: float) -> int:
     """Return how many directions are reported as rigid; see :func:`count_constraints`."""
-    count = 0
+    count, rigid, since = 0, trigger.rigid, trigger.since
     for i in range(s.size):
-        was_rigid = counter[RIGID + i] != 0.0
-        if counter[BEGUN] == 0.0:
-            was_rigid = bool(s[i] <= counter[S_ON])
-            counter[SINCE + i] = np.nan
-        disagrees = s[i] >= counter[S_OFF] if was_rigid else s[i] <= counter[S_ON]
+        was_rigid = rigid[i] != 0.0
+        if trigger.begun == 0.0:
+            was_rigid = bool(s[i] <= trigger.s_on)
+            since[i] = np.nan
+        disagrees = s[i] >= trigger.s_off if was_rigid else s[i] <= trigger.s_on
         if not disagrees:
-            counter[SINCE + i] = np.nan
-        elif np.isnan(counter[SINCE + i]):
-            counter[SINCE + i] = time
-        if disagrees and time - counter[SINCE + i] >= counter[DWELL] - ROUNDING:
+            since[i] = np.nan
+        elif np.isnan(since[i]):
+            since[i] = time
+        if disagrees and time - since[i] >= trigger.dwell - ROUNDING:
             was_rigid = not was_rigid
-            counter[SINCE + i] = np.nan
-        counter[RIGID + i] = 1.0 if was_rigid else 0.0
+            since[i] = np.nan
+        rigid[i] = 1.0 if was_rigid else 0.0
         count += int(was_rigid)
-    counter[BEGUN] = 1.0
+    trigger.begun = 1.0
     return count
 
 
@@ -621,11 +675,11 @@ def count_constraints(counter: Array, s: Array, time: float) -> int:
     """Return how many directions are reported as rigid, once s was seen at ``time``.
 
     Args:
-        counter: (numbers,) a :data:`COUNTER`, changed.
+        counter: (numbers,) a :class:`ConstraintTrigger`, changed.
         s: (t,) singular values, descending.
         time: s.
     """
-    return count_rigid(counter, s, time)
+    return count_rigid(ConstraintTrigger(counter), s, time)
 
 
 # Of the numbers that go with the states: how many states there are, the row of the newest one, how
@@ -698,7 +752,7 @@ def consistent_wrench(
         numbers: (integers,) constants of the mechanism, whole ones.
         values: (numbers,) the others; see ``model.pack``.
         packed: (size,) packed terms at the configuration.
-        observation: (numbers,) of the point there; see ``observation_layout``.
+        observation: (numbers,) of the point there; see :func:`observe_point`.
         rows: (t,) rows of a six-vector that the task space has.
         joint_force: (nv,) Σ J_cᵀ λ, N m or N.
         wrench: (6,) F_c to fill, N and N m, world axes at the point.
@@ -710,16 +764,15 @@ def consistent_wrench(
     to_metric(model, data, rates)
     free_part(model, data, rates)
     from_metric(model, data, rates)
-    weights, at = observation[DETAILS : DETAILS + t], DETAILS + t * (1 + 2 * t)
-    directions = shaped(observation[DETAILS + t :], (t, t))
-    jacobian = shaped(observation[at:], (6, nv))
+    details, s = _details_of(observation, t, nv), Observed(observation).s
+    weights, directions = details.weights, details.directions[0]
     for r in range(6):
-        acceleration[r], wrench[r] = dot(jacobian[r], rates), 0.0
+        acceleration[r], wrench[r] = dot(details.jacobian[r], rates), 0.0
     for i in range(t):
         if weights[i] < 1.0:
             along = 0.0
             for r in range(t):
                 along += directions[r, i] * acceleration[rows[r]]
-            share = (1.0 - weights[i]) * along / (observation[i] * observation[i])
+            share = (1.0 - weights[i]) * along / (s[i] * s[i])
             for r in range(t):
                 wrench[rows[r]] += directions[r, i] * share

@@ -7,12 +7,13 @@ What a session went through in many ticks, as arrays.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hapticmech_ros.control import ControlOutput, OperationalModel
-from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.loop_layout import ActingWrenches, Answer
 from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
@@ -20,7 +21,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
-from hapticmech_ros.session.tick_kernels import TOTALS, SessionData
+from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
 from hapticmech_ros.simulation.simulator import EnergyAccount, MechanismState
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from hapticmech_ros.numerics.layout import TWIST, WRENCH, Field, Layout
+from hapticmech_ros.compilation.records import Field, Layout
+from hapticmech_ros.numerics.layout import TWIST, WRENCH
 
 ENERGIES = ("to_mechanism", "stored", "injected", "dissipated", "actuators")
 SCALARS = frozenset(("time", *ENERGIES, "count"))
@@ -173,23 +175,19 @@ def data_frame(columns: Mapping[str, Array]) -> Any:
     return pandas.DataFrame(dict(columns))
 
 
-_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
-_CONSTRAINTS = TOTALS.start("constraints")
+_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 
 
-def totals_of(state: MechanismState, constraints: float = 0.0) -> tuple[float, ...]:
-    """Return what kernels add up; see :data:`~hapticmech_ros.session.tick_kernels.TOTALS`.
+def begin_totals(totals: SessionTotals, state: MechanismState) -> None:
+    """Let what kernels add up begin with a state; the number of joint constraints stays.
 
     Args:
-        state: of the mechanism, to begin with.
-        constraints: joint constraints reported.
+        totals: to change.
+        state: of the mechanism.
     """
-    a = state.account
-    return (
-        *(state.time, a.work_in, a.damping_loss, state.closure_error, constraints),
-        *(a.contact_loss, a.contact_energy, a.surplus),
-        *(a.refined, a.inaccurate, a.latch_loss, a.moved, a.contact_most),
-    )
+    totals.time, totals.closure_error = state.time, state.closure_error
+    for field in fields(EnergyAccount):
+        setattr(totals, field.name, getattr(state.account, field.name))
 
 
 class LeftState(NamedTuple):
@@ -197,21 +195,22 @@ class LeftState(NamedTuple):
 
     Attributes:
         known: the last state before that was known as such.
-        totals: (13,) see :data:`~hapticmech_ros.session.tick_kernels.TOTALS`.
+        totals: what kernels added up.
         q, v: configuration (nq,) and rates (nv,).
         touching: points of contact; None in a scene without.
     """
 
     known: MechanismState
-    totals: Array
+    totals: SessionTotals
     q: Array
     v: Array
     touching: Touching | None = None
 
     def state(self) -> MechanismState:
         """Return the state; q and v can be written no more."""
-        before = self.known
-        totals = dict(zip(TOTALS, self.totals.tolist(), strict=True))
+        # Read at once: one by one they would take some microseconds.
+        before, numbers = self.known, self.totals.values.tolist()
+        totals = dict(zip(SessionTotals.fields, numbers, strict=True))
         self.q.flags.writeable = self.v.flags.writeable = False
         return MechanismState(
             totals["time"],
@@ -324,7 +323,7 @@ class Sample:
         """The operational point there: its motion, Λ_h⁻¹ and what follows."""
         if self._seen is None:
             data, analyser = self._data, self._analyser
-            self._seen = Observation(data.observation, analyser.layout, analyser.rows, data.v.size)
+            self._seen = Observation(data.observation, analyser.rows, data.v.size)
         return self._seen
 
     @property
@@ -345,14 +344,14 @@ class Sample:
     @property
     def count(self) -> int:
         """Joint constraints reported."""
-        return int(self._data.totals[_CONSTRAINTS])
+        return int(self._data.totals.constraints)
 
     @property
     def wrenches(self) -> Array:
         """(6, 6) of the last answer that arrived; rows and units of :class:`ControlOutput`."""
         data = self._data
-        given = data.given if data.connected else data.answers[-1]
-        return given[_WRENCHES].reshape(6, 6)
+        given = Answer(data.given if data.connected else data.answers[-1])
+        return given.wrenches.values.reshape(6, 6)
 
     @property
     def acting(self) -> Array:
@@ -360,7 +359,8 @@ class Sample:
 
         On the hand by the device, and on the mechanism by the hand.
         """
-        return self._data.wrenches[:2]
+        acting = ActingWrenches(self._data.wrenches)
+        return np.array((acting.on_hand, acting.on_mechanism))
 
     @property
     def point(self) -> PointKinematics:

@@ -17,31 +17,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.contact.step_kernels import MORE_WORKSPACE
 from hapticmech_ros.control import Clutch
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.control.loop_layout import (
-    ANSWER,
-    COMMANDED,
-    FORCE_LOCAL,
-    LOCALITY,
-    ON_HAND,
-    ON_MECHANISM,
-    SETTINGS,
+    ActingWrenches,
+    Answer,
+    ControllerAccount,
+    ControllerSettings,
+    DeviceAccount,
+    HandMemory,
+    Locality,
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
-from hapticmech_ros.device import (
-    DeviceState,
-    ImpedanceDevice,
-    SimulatedDevice,
-    device_for,
-)
-from hapticmech_ros.device.kernels import DEVICE_MODEL
+from hapticmech_ros.device import DeviceState, ImpedanceDevice, SimulatedDevice, device_for
+from hapticmech_ros.device.kernels import DeviceModel
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
+from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
@@ -57,7 +53,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.sample import LeftState, Run, Sample, run_layout, totals_of
+from hapticmech_ros.session.sample import LeftState, Run, Sample, begin_totals, run_layout
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -72,7 +68,6 @@ from hapticmech_ros.session.tick_kernels import (
     MECHANISM,
     OBSERVATION_FAILED,
     OBSERVE,
-    PARTS,
     PHASES,
     RECEIVE,
     RECORDED,
@@ -81,12 +76,11 @@ from hapticmech_ros.session.tick_kernels import (
     SENSE,
     TICK,
     TICKS,
-    TOTALS,
     WHY,
     WORK,
     SessionData,
+    SessionTotals,
     run_ticks,
-    session_data,
 )
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -94,10 +88,9 @@ if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_FORCE, _WRENCHES = DEVICE_SAMPLE.slice("hand_wrench"), ANSWER.slice("wrenches")
+_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
 _RATES = DEVICE_SAMPLE.slice("twist", "hand_wrench")
 _NOBODY = np.zeros((0, 10))
-_CONSTRAINTS = TOTALS.start("constraints")
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
 Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -170,7 +163,9 @@ class Session:
         self._data = self._allocated()
         self._sampled = self._data.sampled()
         # Found once: each look at the data makes a view.
-        self._parts = SimpleNamespace(**{name: getattr(self._data, name) for name in PARTS})
+        self._parts = SimpleNamespace(
+            **{name: getattr(self._data, name) for name in SessionData.parts}
+        )
         mechanism = self.simulator.mechanism
         self.layout = run_layout(mechanism.nq, mechanism.nv)
         self._chosen: ActiveSet | None = None
@@ -385,7 +380,7 @@ class Session:
         self._analyser = Analyser(self.simulator.mechanism, point.name, self._compensated_delay)
         self._parts.metric[:] = self._analyser.constants
         self._side.held_elsewhere()
-        self._carried = self._given[_WRENCHES][:6].copy()
+        self._carried = self._given.wrenches.on_hand.copy()
         self._counter.begin()
         self._begin(state)
 
@@ -396,8 +391,7 @@ class Session:
     @property
     def answered(self) -> Array:
         """(6,) by the hand on the mechanism, of the last answer, which may not act yet."""
-        wrenches: Array = self._given[_WRENCHES].reshape(6, 6)[ON_MECHANISM]
-        return wrenches
+        return self._given.wrenches.on_mechanism
 
     def sense(self, inputs: Array) -> Array:
         """Begin a tick: sample the device; return (6,) F_h, N and N m, world axes.
@@ -428,8 +422,7 @@ class Session:
         clock[EVERY], clock[RECORDED] = len(rows), 0
         self._parts.others[:] = correction
         self._answer_sample(inputs, rows, OBSERVE)
-        wrench: Array = self._parts.wrenches[ON_MECHANISM].copy()
-        return wrench
+        return ActingWrenches(self._parts.wrenches).on_mechanism.copy()
 
     def coupling_gain(self, transmitted: Array, share: float) -> Array:
         """Return H_j (6, 6) of this tick's answer; see :mod:`~hapticmech_ros.control.other_hands`.
@@ -451,13 +444,12 @@ class Session:
         """Analysis of the operational point at this tick, once it is answered."""
         found = self._parts.observation.copy()
         mechanism, analyser = self.simulator.mechanism, self._analyser
-        return Observation(found, analyser.layout, analyser.rows, mechanism.nv).analysis
+        return Observation(found, analyser.rows, mechanism.nv).analysis
 
     @property
-    def _given(self) -> Array:
+    def _given(self) -> Answer:
         """The last answer that was given, whether it has arrived or not."""
-        answers: Array = self._parts.answers[-1] if self._side.is_ideal else self._parts.given
-        return answers
+        return Answer(self._parts.answers[-1] if self._side.is_ideal else self._parts.given)
 
     def _allocated(self) -> SessionData:
         """Return the data of all parts in one array, of which these parts are views from now on."""
@@ -465,7 +457,7 @@ class Session:
         analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity
         nothing, nowhere = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-        body = np.zeros(DEVICE_MODEL.size)
+        body = DeviceModel().values
         if isinstance(self._device, ImpedanceDevice):
             self._device.take_hold(self._held)
             body = self._device.data
@@ -486,41 +478,41 @@ class Session:
             "back_state": nothing if channels is None else channels[1].state,
             "times": np.array((self.period, mechanism.length, self._compensated_delay, *law)),
             "metric": analysis.constants,
-            "observation": np.zeros(analysis.layout.size),
-            "controller": side.account,
-            "settings": np.zeros(SETTINGS.size),
+            "observation": np.zeros(analysis.observation_size),
+            "controller": side.account.values,
+            "settings": ControllerSettings().values,
             "faded": np.zeros(6),
             "commanded": side.queue,
-            "account": passivity.account,
-            "safety": envelope.numbers,
+            "account": passivity.account.values,
+            "safety": envelope.numbers.values,
             # Those on the way, the row after them, and the one that has arrived last.
-            "answers": np.zeros((len(side.queue) + 2, ANSWER.size)),
+            "answers": np.zeros((len(side.queue) + 2, Answer.layout.size)),
             "sample": np.zeros(DEVICE_SAMPLE.size),
             "device": body,
             "state": state,
             "later": state,
-            "counter": self._counter.numbers,
-            "wrenches": np.zeros((COMMANDED + 1, 6)),
+            "counter": self._counter.numbers.values,
+            "wrenches": ActingWrenches().values,
             **dict.fromkeys(("external", "push", "contact", "added"), np.zeros(6)),
             "others": NO_OTHERS.copy(),
-            "locality": np.zeros(LOCALITY.size),
+            "locality": Locality().values,
             "forth": nowhere if channels is None else channels[0].rows,
             "back": nowhere if channels is None else channels[1].rows,
-            "given": np.zeros(ANSWER.size),
+            "given": Answer().values,
             "q": np.zeros(mechanism.nq),
             "v": np.zeros(mechanism.nv),
-            "totals": np.zeros(TOTALS.size),
+            "totals": SessionTotals().values,
             "began_state": state,
             "began_q": np.zeros(mechanism.nq),
             "began_v": np.zeros(mechanism.nv),
-            "began_totals": np.zeros(TOTALS.size),
-            "hand": np.zeros(MEMORY_SIZE),
+            "began_totals": SessionTotals().values,
+            "hand": HandMemory().values,
             "past": np.zeros((self._periods_before + 1, 1 + mechanism.nv)),
             "before": np.zeros(1 + mechanism.nv),
         }
-        data = session_data(sizes, parts)
-        side.account, side.queue = data.controller, data.commanded
-        passivity.account, envelope.numbers = data.account, data.safety
+        data = SessionData(*arrays_of(SessionData, sizes, parts))
+        side.account, side.queue = ControllerAccount(data.controller), data.commanded
+        passivity.account, envelope.numbers = DeviceAccount(data.account), Safety(data.safety)
         self._counter.numbers = data.counter
         if channels is not None:
             forth, back = channels
@@ -530,7 +522,8 @@ class Session:
 
     def _left(self) -> LeftState:
         """Return how the kernel left the mechanism."""
-        totals, q, v = (one.copy() for one in (self._parts.totals, self._parts.q, self._parts.v))
+        totals = SessionTotals(self._parts.totals.values.copy())
+        q, v = self._parts.q.copy(), self._parts.v.copy()
         touching = None if self._contacts is None else self._contacts.touching()
         return LeftState(self._known, totals, q, v, touching)
 
@@ -548,7 +541,7 @@ class Session:
         self._may_latch = self.simulator.may_latch(state)
         data.q[:] = state.q
         data.v[:] = state.v
-        data.totals[:] = totals_of(state, data.totals[_CONSTRAINTS])
+        begin_totals(data.totals, state)
         if self._contacts is not None:
             self._contacts.begin_with(state.touching)
         closing = self.simulator.closing(state)
@@ -633,7 +626,7 @@ class Session:
         self._set(clutch)
         faulty = self._motion is not None and bool(self._motion.fault)
         if faulty:
-            self._given[:] = 0.0
+            self._given.values[:] = 0.0
         elif control.answers_in_python and self._data.received:
             self._answer_in_python(self.time, clutch)
         self._clock[ANSWERED] = control.answers_in_python or faulty
@@ -653,7 +646,7 @@ class Session:
         self._settled, data, time = None, self._parts, self.time
         data.settings[:] = control.settings_at(time, clutch)
         data.faded[:] = control.carried_at(time, clutch)
-        data.locality[:] = self._side.locality(corrects=True, with_model=True)
+        data.locality[:] = self._side.locality(corrects=True, with_model=True).values
         if not (clutch.is_closing or control.is_ramping):
             self._settled = clutch, control.gains, control.delay
 
@@ -698,17 +691,17 @@ class Session:
         data, side = self._parts, self._side
         received = data.sample if side.is_ideal else data.forth[-1]
         operational_model, flying = data.observation[:_MODEL_SIZE], None
-        if data.locality[FORCE_LOCAL] != 0.0:
-            flying = side.in_flight(data.settings, received, operational_model, time)
+        if Locality(data.locality).force_channel != 0.0:
+            flying = side.in_flight(side.queue, data.settings, received, operational_model, time)
         found = self._control.answer(
             time, clutch, received.copy(), operational_model.copy(), 0.0, flying
         )
-        self._given[_WRENCHES] = found.ravel()
+        self._given.wrenches.values[:] = found.ravel()
 
     def _move_device_in_python(self) -> None:
         """Move a device that is written in Python on by a period."""
-        command, push = self._parts.wrenches[ON_HAND].copy(), self._parts.push.copy()
-        tick = self._clock[TICK]
+        command = ActingWrenches(self._parts.wrenches).on_hand.copy()
+        push, tick = self._parts.push.copy(), self._clock[TICK]
         self._device_state = self._device.step(self.device, command, self._held, tick, push)
 
     def _latch(self) -> None:
@@ -732,7 +725,8 @@ class Session:
         """Move the mechanism on, with wrenches (6,) on links at their frames' origins."""
         data, state = self._parts, self.mechanism
         wrenches = np.zeros((len(self.simulator.mechanism.point_names), 6))
-        wrenches[self._analyser.index] = data.wrenches[ON_MECHANISM] + data.external
+        acting = ActingWrenches(data.wrenches)
+        wrenches[self._analyser.index] = acting.on_mechanism + data.external
         self.go_on(self.simulator.step(state, wrenches, on_links))
 
     def _engaged_clutch(self, time: float) -> Clutch:

@@ -7,112 +7,111 @@ All that a session's ticks read and write besides the mechanism: one array, allo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from hapticmech_ros.compilation import (
     Part,
+    RecordPart,
     Size,
     Structure,
     gathering_kernel,
     inner,
-    local_whole,
     put,
-    structure,
 )
-from hapticmech_ros.compilation.structures import SIZES
-from hapticmech_ros.contact.layout import HELD, NOW, UNSOLVED, Contacts
+from hapticmech_ros.compilation.records import Number, Record
+from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
 from hapticmech_ros.control.account_kernels import (
-    CONTACT,
-    GIVEN,
-    LOST,
-    MODELLED,
-    PERIOD,
-    PUSH,
-    TWIST,
-    WRENCHES,
     account_for_hand,
     account_for_motion,
     conclude,
     give_answer,
 )
-from hapticmech_ros.control.device_side_kernels import ACTUATORS, act
-from hapticmech_ros.control.kernels import TAG, receive, send
-from hapticmech_ros.control.loop_layout import ON_HAND, ON_MECHANISM
+from hapticmech_ros.control.device_side_kernels import act
+from hapticmech_ros.control.kernels import receive, send
+from hapticmech_ros.control.loop_layout import (
+    ActingWrenches,
+    Answer,
+    ChannelState,
+    ControllerAccount,
+    ControllerSettings,
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    Locality,
+)
 from hapticmech_ros.device.kernels import (
-    APPLIED,
-    BODY,
     MEASURED,
-    REPORTED,
-    SEEN,
-    SENSES_ITSELF,
-    SPEED,
+    DeviceModel,
+    SimulatedState,
     command_device,
     compensate,
     move_device,
 )
-from hapticmech_ros.device.kernels import PUSH as PUSHED
-from hapticmech_ros.mechanism.kernels.model import (
-    BEGINS_WITH,
-    CONTACT_WORK,
-    ENERGY_LOST,
-    ERROR,
-    IMPLICIT,
-    LOSSY,
-    MOVED,
-    OWED_LOSS,
-    OWED_SURPLUS,
-    OWED_WORK,
-    PUSHES,
-    RUN_PLAN,
-    SAMPLE_EVERY,
-    STAGES,
-    STEPS,
-    SURPLUS,
-    TERMS_KNOWN,
-    WORK_IN,
-    Model,
-    unpack,
-)
+from hapticmech_ros.device.safety_kernels import Safety
+from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL, Field, Layout
-from hapticmech_ros.operational.observe_kernels import consistent_wrench, count_rigid, observe_point
-
-_ONE = Field(1)
-# Period, s; length of the mechanism, m; τ of the loop, s; and delay, s, jitter and loss of the
-# connection.
-TIMES = Layout(dict.fromkeys(("period", "length", "loop_delay", "delay", "jitter", "loss"), _ONE))
-# Of the mechanism: time, s; work done on it, and energy lost, J; closure error, m or rad; number of
-# joint constraints reported; energy lost in contacts, and held by them, J; and of its account
-# ``surplus``, ``refined``, ``inaccurate``, ``latch_loss``, ``moved`` and ``contact_most``.
-TOTALS = Layout(
-    dict.fromkeys(
-        (
-            "time",
-            "work_in",
-            "damping_loss",
-            "closure_error",
-            "constraints",
-            "contact_loss",
-            "contact_energy",
-            "surplus",
-            "refined",
-            "inaccurate",
-            "latch_loss",
-            "moved",
-            "contact_most",
-        ),
-        _ONE,
-    )
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
+from hapticmech_ros.operational.observe_kernels import (
+    MODEL_SIZE,
+    ConstraintTrigger,
+    Observed,
+    consistent_wrench,
+    count_rigid,
+    observe_point,
 )
 
 
-@structure
+class SessionTimes(Record):
+    """Constants of a session that are times, and what goes with them.
+
+    Attributes:
+        period: of a tick, s.
+        length: of the mechanism, m.
+        loop_delay: τ of the loop, s.
+        delay: of the connection, s.
+        jitter: of the connection, s.
+        loss: share of the connection's messages that are lost.
+    """
+
+    period = Number()
+    length = Number()
+    loop_delay = Number()
+    delay = Number()
+    jitter = Number()
+    loss = Number()
+
+
+class SessionTotals(Record):
+    """What kernels know of the mechanism's state besides q and v.
+
+    Attributes:
+        time: s.
+        work_in: work done on the mechanism, J.
+        damping_loss: energy lost in damping, friction and stops, J.
+        closure_error: largest residual of the closures, m or rad.
+        constraints: number of joint constraints reported.
+        contact_loss: energy lost in contacts, J.
+        contact_energy: energy held by contacts, J.
+        surplus, refined, inaccurate, latch_loss, moved, contact_most: as of the mechanism's
+            ``EnergyAccount``.
+    """
+
+    time = Number()
+    work_in = Number()
+    damping_loss = Number()
+    closure_error = Number()
+    constraints = Number()
+    contact_loss = Number()
+    contact_energy = Number()
+    surplus = Number()
+    refined = Number()
+    inaccurate = Number()
+    latch_loss = Number()
+    moved = Number()
+    contact_most = Number()
+
+
 class SessionData(Structure):
     """Data of a session; t rows of the task space, d periods of delay.
 
@@ -125,36 +124,36 @@ class SessionData(Structure):
         period_ns: of a tick.
         received: 1 if a sample has reached the controller in this tick.
         rows: (t,) rows of a six-vector that the task space has.
-        forth_state, back_state: channels of the connection, see ``channel_kernels``.
-        times: (6,) see ``TIMES``.
+        forth_state, back_state: channels of the connection, see ``control.kernels``.
+        times: constants.
         metric: constants of the analysis, see ``metric_of``.
-        observation: of the operational point, see ``observation_layout``.
-        controller: its account, settings and so on: see ``loop_layout``.
-        settings: of the controllers.
+        observation: of the operational point, see ``observe_point``.
+        controller: its account, a ``ControllerAccount``.
+        settings: of the controllers, ``ControllerSettings``.
         faded: (6,) what is carried on from another grasp, N and N m, world axes.
         commanded: (d, 6) the wrenches commanded on the mechanism that do not act yet.
-        account: the device's.
+        account: the device's, a ``DeviceAccount``.
         safety: its envelope.
         answers: (d + 2, ...) answers that do not act yet, the row after them, and the last one.
         sample: (19,) of the device.
-        device: the device, see ``device_layout``.
-        state: (107,) of the device.
+        device: a ``device.kernels.DeviceModel``, and the plan of its hand.
+        state: (107,) of the device, a ``SimulatedState``.
         later: (107,) its next one.
         counter: of joint constraints.
-        wrenches: (3, 6) rows ``ON_HAND``, ``ON_MECHANISM``, ``COMMANDED`` of ``loop_layout``.
+        wrenches: (18,) that act, ``ActingWrenches``.
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
         push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
-        locality: (3,) see ``loop_layout.LOCALITY``.
+        locality: (3,) what the device closes, a ``Locality``.
         added: (6,) by the device's driver.
-        others: (19,) what a command is corrected by for other hands, see ``control.other_hands``.
+        others: (19,) what a command is corrected by for other hands, a ``HandsCorrection``.
         given: the last answer that was given, over a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
-        totals: (13,) see ``TOTALS``.
+        totals: of the mechanism.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
-        hand: (22,) its last wrenches, see ``hand_lead_kernels``.
+        hand: (22,) its last wrenches, a ``HandMemory``.
         forth, back: messages on the way to the controller, and back.
         past: (n + 1, 1 + nv) rates of the last ticks, one row each by turns, or none: the tick's
             number + 1, and its rates.
@@ -164,56 +163,25 @@ class SessionData(Structure):
 
     __slots__ = ()
 
-    index, steps, stages, implicit = Size(0), Size(1), Size(2), Size(3)
-    connected, period_ns, received = Size(4), Size(5), Size(6)
-    rows = Part(0, 1, whole=True)
-    forth_state, back_state = Part(1, 1, whole=True), Part(2, 1, whole=True)
-    times, metric, observation = Part(3, 1), Part(4, 1), Part(5, 1)
-    controller, settings, faded, commanded = Part(6, 1), Part(7, 1), Part(8, 1), Part(9, 2)
-    account, safety, answers, sample = Part(10, 1), Part(11, 1), Part(12, 2), Part(13, 1)
-    device, state, later, counter = Part(14, 1), Part(15, 1), Part(16, 1), Part(17, 1)
-    wrenches, external, push, contact = Part(18, 2), Part(19, 1), Part(20, 1), Part(21, 1)
-    locality, added, others, given = Part(22, 1), Part(23, 1), Part(24, 1), Part(25, 1)
-    q, v, totals = Part(26, 1), Part(27, 1), Part(28, 1)
-    began_state, began_q, began_v, began_totals = Part(29, 1), Part(30, 1), Part(31, 1), Part(32, 1)
-    hand = Part(33, 1)
-    forth, back, past, before = Part(34, 2), Part(35, 2), Part(36, 2), Part(37, 1)
+    index, steps, stages, implicit = Size(), Size(), Size(), Size()
+    connected, period_ns, received = Size(), Size(), Size()
+    rows = Part(1, whole=True)
+    forth_state, back_state = Part(1, whole=True), Part(1, whole=True)
+    times, metric, observation = RecordPart(SessionTimes), Part(1), Part(1)
+    controller, settings, faded, commanded = Part(1), Part(1), Part(1), Part(2)
+    account, safety, answers, sample = Part(1), Part(1), Part(2), Part(1)
+    device, state, later, counter = Part(1), Part(1), Part(1), RecordPart(ConstraintTrigger)
+    wrenches, external, push, contact = Part(1), Part(1), Part(1), Part(1)
+    locality, added, others, given = Part(1), Part(1), Part(1), Part(1)
+    q, v, totals = Part(1), Part(1), RecordPart(SessionTotals)
+    began_state, began_q, began_v = Part(1), Part(1), Part(1)
+    began_totals = RecordPart(SessionTotals)
+    hand = Part(1)
+    forth, back, past, before = Part(2), Part(2), Part(2), Part(1)
 
     def sampled(self) -> Array:
         """Return (n,) the part of the data that a sample has: all but messages and past rates."""
-        return self.data[: int(self.numbers[vars(SessionData)["forth"].at])]
-
-
-# Names of its parts.
-PARTS = tuple(name for name, part in vars(SessionData).items() if isinstance(part, Part))
-
-
-def session_data(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> SessionData:
-    """Return session data with these sizes, and parts that begin with these numbers.
-
-    Args:
-        sizes: by name; all of them.
-        parts: name -> (n,) or (n, m) array; all of them. They are copied.
-    """
-    kinds = vars(SessionData)
-    numbers = np.zeros(SIZES, dtype=np.int64)
-    for name, size in sizes.items():
-        numbers[kinds[name].index] = size
-    ordered = sorted(parts, key=lambda name: int(kinds[name].at))
-    whole = [name for name in ordered if kinds[name].whole]
-    real = [name for name in ordered if not kinds[name].whole]
-    places = np.zeros(3 * len(parts), dtype=np.int64)
-    for names, first in ((whole, SIZES + places.size), (real, 0)):
-        start = first
-        for name in names:
-            shape = parts[name].shape
-            columns = shape[1] if len(shape) == 2 else 1
-            at = kinds[name].at - SIZES
-            places[at : at + 3] = start, shape[0], columns
-            start += parts[name].size
-    integers = [np.asarray(parts[name], dtype=np.int64).ravel() for name in whole]
-    floats = [np.asarray(parts[name], dtype=float).ravel() for name in real]
-    return SessionData(np.concatenate((numbers, places, *integers)), np.concatenate(floats))
+        return self.data[: int(self.numbers[SessionData.parts["forth"].at])]
 
 
 # What a tick consists of, in this order; a call does all of it or some.
@@ -229,30 +197,19 @@ OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
 KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
-MODEL_SIZE = OPERATIONAL_MODEL.size
-RUN_PLAN_SIZE = RUN_PLAN.size
 # Among the whole numbers of a session.
-RECEIVED = vars(SessionData)["received"].index
-PERIOD_S, LENGTH, LOOP_DELAY, DELAY, JITTER, LOSS = TIMES.starts(*TIMES)
-TIME, TOTAL_WORK, TOTAL_LOSS, CLOSURE_ERROR, CONSTRAINTS = TOTALS.starts(
-    "time", "work_in", "damping_loss", "closure_error", "constraints"
-)
-CONTACT_LOSS, CONTACT_ENERGY, CONTACT_MOST = TOTALS.starts(
-    "contact_loss", "contact_energy", "contact_most"
-)
-TOTAL_SURPLUS, INACCURATE_STEPS = TOTALS.starts("surplus", "inaccurate")
-LATCH_LOSS, MOST_MOVED = TOTALS.starts("latch_loss", "moved")
+RECEIVED = SessionData.sizes["received"].index
 
 
 @inner
 def sense(data: SessionData) -> None:
     """Fill the device's sample, and what its driver adds to the next command."""
-    device, state, sample = data.device, data.state, data.sample
-    put(sample, state[:APPLIED])
-    if device[SENSES_ITSELF] == MEASURED:
+    device, measured, sample = DeviceModel(data.device), DeviceSample(data.state), data.sample
+    put(sample, measured.values)
+    if device.senses_itself == MEASURED:
         for i in range(6):
-            sample[PUSH + i] += data.push[i]
-    compensate(device, state[SPEED:REPORTED], data.added)
+            DeviceSample(sample).hand_wrench[i] += data.push[i]
+    compensate(device, measured.twist, data.added)
 
 
 @inner
@@ -284,9 +241,9 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
     put(data.began_state, data.state)
     put(data.began_q, data.q)
     put(data.began_v, data.v)
-    put(data.began_totals, data.totals)
+    put(data.began_totals.values, data.totals.values)
     at, tick, past, before = clock[AT], clock[TICK], data.past, data.before
-    recall(past, tick, times[PERIOD_S], before)
+    recall(past, tick, times.period, before)
     code = observe_point(
         numbers,
         values,
@@ -297,8 +254,8 @@ def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock:
         data.index,
         data.metric,
         rows,
-        times[LENGTH],
-        times[LOOP_DELAY],
+        times.length,
+        times.loop_delay,
         before,
         packed[2],
         observation,
@@ -325,14 +282,14 @@ def feel_contacts(
 @inner
 def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
     """Count joint constraints, add up F_c, and send the sample over the connection."""
-    observation, counted = data.observation, data.rows.size
-    data.totals[CONSTRAINTS] = count_rigid(data.counter, observation[:counted], time)
+    found = Observed(data.observation)
+    data.totals.constraints = count_rigid(data.counter, found.s[: data.rows.size], time)
     for i in range(6):
-        observation[CONTACT + i] = data.external[i] + data.contact[i]
+        found.contact[i] = data.external[i] + data.contact[i]
     received = 1
     if data.connected != 0:
         times, state, rows = data.times, data.forth_state, data.forth
-        send(state, rows, times[DELAY], times[JITTER], times[LOSS], stamp_ns, stamp_ns, data.sample)
+        send(state, rows, times.delay, times.jitter, times.loss, stamp_ns, stamp_ns, data.sample)
         received = int(receive(state, rows, stamp_ns))
     data.numbers[RECEIVED] = received
 
@@ -340,13 +297,14 @@ def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
 @inner
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
     """Answer what was heard, and fill what acts on device and mechanism."""
-    controller, answers, connected = data.controller, data.answers, data.connected != 0
-    operational_model, last = data.observation[:MODEL_SIZE], answers[answers.shape[0] - 1]
-    account_for_motion(controller, operational_model[TWIST:CONTACT], controller[PERIOD])
-    received = data.forth[data.forth.shape[0] - 1] if connected else data.sample
-    given = data.given if connected else last
+    controller, connected = ControllerAccount(data.controller), data.connected != 0
+    model, answers = OperationalModelSample(data.observation), data.answers
+    last = answers[answers.shape[0] - 1]
+    account_for_motion(controller, model.twist, controller.period)
+    received = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
+    given = Answer(data.given if connected else last)
     if data.received != 0:
-        settings, locality = data.settings, data.locality
+        settings, locality = ControllerSettings(data.settings), Locality(data.locality)
         account_for_hand(controller, received)
         if not answered:
             commanded, faded = data.commanded, data.faded
@@ -356,41 +314,42 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
                 faded,
                 commanded,
                 received,
-                operational_model,
+                model,
                 time,
                 0.0,
                 locality,
                 given,
             )
-        conclude(controller, settings, received, operational_model, time, locality, given)
+        conclude(controller, settings, received, model, time, locality, given)
         if connected:
-            times, tag = data.times, data.forth_state[TAG]
-            law = times[DELAY], times[JITTER], times[LOSS]
-            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given)
+            times, tag = data.times, ChannelState(data.forth_state).tag
+            law = times.delay, times.jitter, times.loss
+            send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given.values)
     if connected and receive(data.back_state, data.back, stamp_ns):
         put(last, data.back[data.back.shape[0] - 1])
     act(
         controller,
         given,
         data.commanded,
-        data.account,
-        data.safety,
+        DeviceAccount(data.account),
+        Safety(data.safety),
         answers,
-        data.sample,
-        data.hand,
-        data.state[APPLIED:BODY],
+        DeviceSample(data.sample),
+        HandMemory(data.hand),
+        SimulatedState(data.state).applied,
         data.added,
-        data.others,
-        data.wrenches,
+        HandsCorrection(data.others),
+        ActingWrenches(data.wrenches),
     )
 
 
 @inner
 def move_hand(data: SessionData, tick: int) -> None:
     """Move the device, and the hand that holds it, on by a period."""
-    put(data.device[PUSHED : PUSHED + 6], data.push)
-    command_device(data.device, data.state, data.wrenches[ON_HAND])
-    move_device(data.device, data.state, tick, data.later)
+    device, state = DeviceModel(data.device), SimulatedState(data.state)
+    put(device.push, data.push)
+    command_device(device, state, ActingWrenches(data.wrenches).on_hand)
+    move_device(data.device, state, tick, SimulatedState(data.later))
     put(data.state, data.later)
 
 
@@ -411,26 +370,26 @@ def move_mechanism(
 
     ``nobody`` is a matrix (0, 10): of wrenches on links, and of samples of the steps.
     """
-    parts, index, wrenches = Work(numbers, work), data.index, data.wrenches
+    parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
     pushed, account, totals = parts.wrenches, parts.account, data.totals
     put(parts.q0, data.q)
     put(parts.v0, data.v)
     pushed[:] = 0.0
     for i in range(6):
-        pushed[index, i] = wrenches[ON_MECHANISM, i] + data.external[i]
+        pushed[index, i] = acting.on_mechanism[i] + data.external[i]
     parts.held[:] = 0.0
-    account[:] = 0.0
-    account[OWED_SURPLUS], account[OWED_WORK] = totals[TOTAL_SURPLUS], totals[TOTAL_WORK]
-    account[MOVED] = totals[MOST_MOVED]
-    account[OWED_LOSS] = totals[TOTAL_LOSS] + totals[LATCH_LOSS] + abs(totals[CONTACT_LOSS])
-    at, plan = clock[AT], local_whole(RUN_PLAN_SIZE)
+    account.values[:] = 0.0
+    account.earlier_defect, account.earlier_work = totals.surplus, totals.work_in
+    account.largest_kinetic = totals.moved
+    account.earlier_loss = totals.damping_loss + totals.latch_loss + abs(totals.contact_loss)
+    at, plan = clock[AT], RunPlan()
     first, last, stages, touches = packed[at], packed[1 - at], packed[3], contact_numbers.size > 0
     contacts = Contacts(contact_numbers, contact_values)
-    plan[STEPS], plan[STAGES], plan[IMPLICIT] = data.steps, data.stages, data.implicit
-    plan[TERMS_KNOWN], plan[SAMPLE_EVERY], plan[PUSHES] = clock[KNOWN], 0, 0
+    plan.steps, plan.stages, plan.implicit = data.steps, data.stages, data.implicit
+    plan.terms_known = clock[KNOWN]
     if touches:
         keep(contacts)
-        plan[BEGINS_WITH] = WHOLE
+        plan.begins_with = WHOLE
         code = advance_period(
             numbers,
             values,
@@ -441,10 +400,12 @@ def move_mechanism(
             springs,
             contact_numbers,
             contact_values,
-            plan,
+            plan.values,
         )
     else:
-        code = advance(numbers, values, first, last, stages, work, springs, nobody, nobody, plan)
+        code = advance(
+            numbers, values, first, last, stages, work, springs, nobody, nobody, plan.values
+        )
     clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
@@ -454,19 +415,19 @@ def move_mechanism(
     clock[AT], clock[KNOWN] = 1 - at, 1
     put(data.q, parts.q)
     put(data.v, parts.v)
-    totals[TIME] += data.times[PERIOD_S]
-    totals[TOTAL_WORK] += account[WORK_IN] - account[CONTACT_WORK]
-    totals[TOTAL_LOSS] += account[ENERGY_LOST]
-    totals[TOTAL_SURPLUS] += account[SURPLUS]
-    totals[INACCURATE_STEPS] += account[LOSSY]
-    totals[MOST_MOVED] = account[MOVED]
-    totals[CLOSURE_ERROR] = unpack(packed[1 - at], Model(numbers, values)).tail[ERROR]
+    totals.time += data.times.period
+    totals.work_in += account.work_in - account.contact_work
+    totals.damping_loss += account.energy_lost
+    totals.surplus += account.energy_defect
+    totals.inaccurate += account.lossy_steps
+    totals.moved = account.largest_kinetic
+    totals.closure_error = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
     if touches:
-        held = contacts.report[HELD] if contacts.counts[NOW] > 0 else 0.0
-        totals[CONTACT_LOSS] += totals[CONTACT_ENERGY] - held - account[CONTACT_WORK]
-        totals[CONTACT_ENERGY] = held
-        totals[CONTACT_MOST] = max(totals[CONTACT_MOST], totals[CONTACT_LOSS])
-        totals[INACCURATE_STEPS] += contacts.counts[UNSOLVED]
+        held = contacts.report.energy if contacts.counts.points > 0 else 0.0
+        totals.contact_loss += totals.contact_energy - held - account.contact_work
+        totals.contact_energy = held
+        totals.contact_most = max(totals.contact_most, totals.contact_loss)
+        totals.inaccurate += contacts.counts.unsolved
     return True
 
 
@@ -480,21 +441,23 @@ def append(row: Array, at: int, part: Array) -> int:
 @inner
 def write_record(data: SessionData, time: float, row: Array) -> None:
     """Fill a row of a run; see :func:`~hapticmech_ros.session.sample.run_layout`."""
-    given = data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1]
+    given = Answer(data.given if data.connected != 0 else data.answers[data.answers.shape[0] - 1])
+    acting, energies = ActingWrenches(data.wrenches), ControllerAccount(data.controller).energies
+    state = SimulatedState(data.state)
     row[0] = time
     at = append(row, 1, data.q)
     at = append(row, at, data.v)
     at = append(row, at, data.sample)
-    at = append(row, at, data.state[APPLIED:BODY])
+    at = append(row, at, state.applied)
     at = append(row, at, data.added)
-    at = append(row, at, data.state[BODY:SEEN])
+    at = append(row, at, state.body.values)
     at = append(row, at, data.observation[:MODEL_SIZE])
-    at = append(row, at, given[WRENCHES:MODELLED])
-    at = append(row, at, data.wrenches[ON_HAND])
-    at = append(row, at, data.wrenches[ON_MECHANISM])
+    at = append(row, at, given.wrenches.values)
+    at = append(row, at, acting.on_hand)
+    at = append(row, at, acting.on_mechanism)
     at = append(row, at, data.external)
-    at = append(row, at, data.controller[GIVEN : LOST + 1])
-    row[at], row[at + 1] = data.account[ACTUATORS], data.totals[CONSTRAINTS]
+    at = append(row, at, energies.values)
+    row[at], row[at + 1] = DeviceAccount(data.account).actuators, data.totals.constraints
 
 
 @gathering_kernel(
@@ -524,7 +487,7 @@ def run_ticks(
         values: (numbers,) the others; see ``model.pack``.
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
             delay compensation works in, and those of a step's stages.
-        work: (work,) of the step; see ``step_kernels.Work``.
+        work: (work,) of the step; see ``model.Work``.
         springs: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.tick_kernels.SessionData`.
@@ -544,7 +507,7 @@ def run_ticks(
     times, external, push = data.times, data.external, data.push
     for done in range(clock[TICKS]):
         tick = clock[TICK]
-        time, stamp_ns = tick * times[PERIOD_S], tick * data.period_ns
+        time, stamp_ns = tick * times.period, tick * data.period_ns
         if phases & SENSE:
             row = inputs[min(done, inputs.shape[0] - 1)]
             put(external, row[:6])

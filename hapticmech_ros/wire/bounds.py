@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.compilation.records import ANY, Layout
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import ANY, Layout
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
+from hapticmech_ros.wire.messages import Kind, Message
 from hapticmech_ros.wire.stamped import LAST_SECOND, stamp_of
 
 # Quantities that no scene says anything about.
@@ -67,6 +68,15 @@ class Bounds:
             if stamp != UNSOUND:
                 return stamp
         return self._refusal(values)
+
+    def checked(self, data: object) -> tuple[int, Array]:
+        """Return the stamp (ns) of a message's data, and the data as an array of their own (n,).
+
+        Raises:
+            InvalidInputError: as :meth:`stamp`.
+        """
+        values = np.array(data, dtype=float)
+        return self.stamp(values), values
 
     def check_output(self, values: Array) -> None:
         """Hold what is to be sent to the same rules.
@@ -201,6 +211,34 @@ def bounds_of(what: str, layout: Layout, limits: Limits | None = None) -> Bounds
     most.flags.writeable = False
     quaternion = quantities.index("quaternion") if "quaternion" in quantities else -1
     return Bounds(what, quantities, most, quaternion)
+
+
+def message_bounds(kind: type[Message], limits: Limits | None = None) -> Bounds:
+    """Return the bounds of a kind of message; see :func:`bounds_of`."""
+    return bounds_of(kind.what, kind.layout, limits)
+
+
+# Where no scene is known.
+_any_bounds: dict[type[Message], Bounds] = {}
+
+
+def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
+    """Return a message that keeps every rule; a copy.
+
+    Args:
+        kind: of the message.
+        data: (n,) its numbers.
+        bounds: of the message; None, where no scene is known: those of :func:`message_bounds`.
+
+    Raises:
+        InvalidInputError: as :meth:`Bounds.stamp`.
+    """
+    # Numbers inside a message's bytes need not lie as kernels expect.
+    values = kind.completed(np.array(data, dtype=float))
+    if bounds is None and kind not in _any_bounds:
+        _any_bounds[kind] = message_bounds(kind)
+    (bounds or _any_bounds[kind]).stamp(values)
+    return kind(values)
 
 
 def check_unit(quaternion: Array) -> None:

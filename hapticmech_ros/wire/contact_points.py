@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Field, Layout
 from hapticmech_ros.wire.bounds import bounds_of
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import STAMP, checked_values
+from hapticmech_ros.wire.messages import STAMP
 from hapticmech_ros.wire.stamped import seconds_of
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class ContactLayout:
         """
         count = max(0, (len(data) - STAMP.size) // POINT.size)
         bounds = bounds_of("contacts", self._fields(count))
-        stamp_ns, values = checked_values(data, bounds)
+        stamp_ns, values = bounds.checked(data)
         rows = values[STAMP.size :].reshape(count, POINT.size)
         indices = rows[:, _PAIR]
         pairs = np.clip(indices, -1.0, self._pairs).astype(np.int64)

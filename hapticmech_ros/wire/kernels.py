@@ -8,18 +8,13 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
 
 # No message stands for a time before this.
 UNSOUND = -1
-# Where in an operational_model message what is; in between is the model, which ends with F_c.
-COUNT, MODEL, COMMANDED = 2, 4, 4 + OPERATIONAL_MODEL.size
-GRASP, GRASP_SIZE = COMMANDED + 1, 7
-MODEL_QUATERNION = COMMANDED - 16
-# And in a device's state message; the wrench applied follows the sample.
-SAMPLE, SAMPLE_QUATERNION = 2, 5
-ROUND_TRIP = SAMPLE + DEVICE_SAMPLE.size + 6
-OBEYS = ROUND_TRIP + 1
+# Where quaternions are in the messages of the control rate.
+MODEL_QUATERNION = OperationalModelMessage.layout.start("quaternion")
+SAMPLE_QUATERNION = DeviceStateMessage.layout.start("quaternion")
 # Of a quaternion's length.
 QUATERNION_TOLERANCE = 1e-3
 _SECOND = 1_000_000_000
@@ -27,23 +22,28 @@ _SECOND = 1_000_000_000
 
 @inner
 def write_operational_model(
-    out: Array, stamp: int, model: Array, contact: Array, commanded: float, grasp: Array
+    out: OperationalModelMessage,
+    stamp: int,
+    model: Array,
+    contact: Array,
+    commanded: float,
+    grasp: Array,
 ) -> None:
     """Fill a message but for the count and the number of directions.
 
     Args:
-        out: (151,) the data; see ``layouts.OPERATIONAL_MODEL_FIELDS``.
+        out: the message.
         stamp: of the state, ns.
         model: (139,) see ``layout.OPERATIONAL_MODEL``.
         contact: (6,) F_c, N and N m, world axes.
         commanded: 1 if the mechanism acts on commands.
         grasp: (7,) where the operational point is.
     """
-    out[0], out[1] = stamp // _SECOND, stamp % _SECOND
-    put(out[MODEL:COMMANDED], model)
-    put(out[COMMANDED - 6 : COMMANDED], contact)
-    out[COMMANDED] = commanded
-    put(out[GRASP : GRASP + GRASP_SIZE], grasp)
+    out.stamp[0], out.stamp[1] = stamp // _SECOND, stamp % _SECOND
+    put(out.operational_model.values, model)
+    put(out.operational_model.contact, contact)
+    out.commanded = commanded
+    put(out.grasp, grasp)
 
 
 @inner

@@ -19,14 +19,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from hapticmech_ros.compilation.records import Field, Layout
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import GRASP_SIZE, Active
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import WRENCH, Field, Layout
+from hapticmech_ros.numerics.layout import WRENCH
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import bounds_of
-from hapticmech_ros.wire.layouts import FLAG, GRASP_FIELD, STAMP, checked_values
+from hapticmech_ros.wire.messages import FLAG, GRASP_FIELD, STAMP
 from hapticmech_ros.wire.stamped import seconds_of
 
 
@@ -139,7 +140,7 @@ class StateLayout:
             InvalidInputError: a flag that is neither 0 nor 1; and as
                 :meth:`~hapticmech_ros.wire.bounds.Bounds.stamp`.
         """
-        stamp_ns, values = checked_values(data, self.bounds)
+        stamp_ns, values = self.bounds.checked(data)
         at, points = self.at, self._points
         numbers = values.tolist()
         flags = (*numbers[at["closed"]], *numbers[at["commanded"]])

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
-from hapticmech_ros.numerics.layout import Layout
-from hapticmech_ros.wire.layouts import (
-    CONTROLLER_ENERGY_FIELDS,
-    DEVICE_ENERGY_FIELDS,
-    DEVICE_FIELDS,
-    ENERGY_FIELDS,
-    GAIN_FIELDS,
-    OPERATIONAL_MODEL_FIELDS,
+from hapticmech_ros.compilation.records import Layout
+from hapticmech_ros.wire.messages import (
+    ControllerEnergy,
+    DeviceEnergy,
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    MechanismEnergy,
+    OperationalModelMessage,
 )
 from hapticmech_ros.wire.topics import (
     ANALYSER,
@@ -217,12 +217,12 @@ def markdown() -> str:
 
 # Those that are the same in every scene, by topic; of ``mechanism/state`` the label tells.
 FLAT_MESSAGES: dict[str, Layout] = {
-    "device/state": DEVICE_FIELDS,
-    "device/local_feedback_gain": GAIN_FIELDS,
-    "device/energy": DEVICE_ENERGY_FIELDS,
-    "analysis/<point>/operational_model": OPERATIONAL_MODEL_FIELDS,
-    "controller/energy": CONTROLLER_ENERGY_FIELDS,
-    "mechanism/energy": ENERGY_FIELDS,
+    "device/state": DeviceStateMessage.layout,
+    "device/local_feedback_gain": LocalFeedbackGain.layout,
+    "device/energy": DeviceEnergy.layout,
+    "analysis/<point>/operational_model": OperationalModelMessage.layout,
+    "controller/energy": ControllerEnergy.layout,
+    "mechanism/energy": MechanismEnergy.layout,
 }
 
 

@@ -58,13 +58,13 @@ def test_samples_out_of_order_or_twice_are_refused(monkeypatch, swapped):
             assert name == "/device/state"
             return [(name, 0, number) for number in order]
 
-    def sample(number):
+    def sample(kind, number):
         measured = SimpleNamespace(hand_wrench=np.full(6, 0.1), twist=np.zeros(6))
-        return SimpleNamespace(stamp_ns=stamps[number], measured=measured)
+        return SimpleNamespace(stamp_ns=stamps[number], sample=measured)
 
     monkeypatch.setattr(transparency, "BagReader", Bag)
     monkeypatch.setattr(transparency, "decode", lambda number: number)
-    monkeypatch.setattr(transparency, "unpack_device", sample)
+    monkeypatch.setattr(transparency, "read", sample)
     order = list(range(6000))
     times, _, _ = transparency._samples(Path("bag"), 1e-3)
     assert len(times) == 6000

@@ -17,7 +17,7 @@ from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import BagComparison, TopicComparison, by_nearest, by_stamp, compare
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS
+from hapticmech_ros.wire.messages import MechanismEnergy
 
 Bytes = Callable[[int, float], bytes]
 Messages = Iterable[tuple[int, bytes]]
@@ -43,9 +43,11 @@ def one(report: BagComparison) -> TopicComparison:
 
 def energies(count: int, first: int = START, **changed: float) -> list[tuple[int, bytes]]:
     """Return flat arrays whose fields are 0, 1, 2, ... but for those changed in message 3."""
-    names = list(ENERGY_FIELDS)[1:]
+    names = list(MechanismEnergy.layout)[1:]
     # Behind what comes before the numbers: no node sends some of these.
-    head = FlatArray(ENERGY_FIELDS).encode(np.zeros(2 + len(names)))[: -8 * (2 + len(names))]
+    head = FlatArray(MechanismEnergy.layout).encode(np.zeros(2 + len(names)))[
+        : -8 * (2 + len(names))
+    ]
     made = []
     for i in range(count):
         stamp = first + i * MS
@@ -109,7 +111,7 @@ def test_fields_of_flat_arrays_have_their_names(tmp_path: Path) -> None:
     a = bag(tmp_path / "a", ARRAY, energies(10))
     b = bag(tmp_path / "b", ARRAY, energies(10, work_in=2.5, closure_error=5.0 + 1e-9))
     fields = {field.name: field for field in one(compare(a, b)).fields}
-    assert set(fields) == set(ENERGY_FIELDS) - {"stamp"}
+    assert set(fields) == set(MechanismEnergy.layout) - {"stamp"}
     assert fields["work_in"].largest == 0.5
     assert fields["work_in"].worst_at_ns == START + 3 * MS
     assert fields["closure_error"].largest == pytest.approx(1e-9, rel=1e-6)

@@ -17,7 +17,7 @@ from benchmarks.ablation.benchmark import Settings
 from benchmarks.ablation.findings import Times, ablation_steps, time_in_turn, time_pair, unused
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.ablation.scenes import Variant, ladder, pairs
-from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.loop_layout import Answer
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.plan.scene_plan import ScenePlan, plan_scene
 from hapticmech_ros.session import Session
@@ -55,7 +55,7 @@ def test_what_does_not_agree_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     def wrong(arguments):  # type: ignore[no-untyped-def]
         code = right(arguments)
         answers = SessionData(*arguments[5:7]).answers
-        answers[-1, ANSWER.start("wrenches")] += 1e-6
+        Answer(answers[-1]).wrenches.on_hand[0] += 1e-6
         return code
 
     monkeypatch.setattr(session_module, "run_ticks", wrong)

@@ -94,13 +94,13 @@ def use_parts(scene, control):
     import pinocchio as pin
 
     from hapticmech_ros.control.account_kernels import (
-        MEMORY_SIZE,
         command_response,
         mean_change,
         remember_wrench,
     )
     from hapticmech_ros.control.clutch import engage
     from hapticmech_ros.control.kernels import forces_on_mechanism
+    from hapticmech_ros.control.loop_layout import HandMemory
     from hapticmech_ros.control.passivity import DeviceSide, corrected
     from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
     from hapticmech_ros.device import device_for
@@ -113,7 +113,7 @@ def use_parts(scene, control):
     simulator, body = Simulator(scene), device_for(scene)
     side, device = RenderingController(control, 1e-3, scene.connection, 2), DeviceSide(scene)
     analyser, counter = Analyser(simulator.mechanism), ConstraintCounter(scene.perception)
-    here, memory = pin.SE3.Identity(), np.zeros(MEMORY_SIZE)
+    here, memory = pin.SE3.Identity(), HandMemory().values
     clutch, moving = engage(0.0, here, here), simulator.initial_state()
     state = held = body.at_rest(here, held=True)
     for tick in range(8):

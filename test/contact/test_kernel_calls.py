@@ -12,7 +12,7 @@ from contact.test_felt import against_a_wall
 from contact.test_in_mechanisms import PUSH, ROUGH, pushed
 from hapticmech_ros.contact.layout import FIRST_WORKSPACE
 from hapticmech_ros.mechanism.kernels.layout import sparse
-from hapticmech_ros.mechanism.kernels.model import BEGINS_WITH, STEPS
+from hapticmech_ros.mechanism.kernels.model import RunPlan
 from hapticmech_ros.mechanism.kernels.run_kernels import INACCURATE
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -145,7 +145,8 @@ def test_a_step_that_is_done_again_keeps_its_contacts(monkeypatch, substeps):
 
     def wary(*arguments):
         *_, work, _, _, _, plan = arguments
-        plan[STEPS], plan[BEGINS_WITH] = 1, contact_stepping.EACH
+        run = RunPlan(plan)
+        run.steps, run.begins_with = 1, contact_stepping.EACH
         kept = work.copy()
         code = kernel(*arguments)
         if code == 0:

@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from hapticmech_ros.control.kernels import STREAM, drawn, mixed
+from hapticmech_ros.control.kernels import drawn, mixed
+from hapticmech_ros.control.loop_layout import ChannelState
 from hapticmech_ros.control.rendering_controller import Channel
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Connection
@@ -49,7 +50,7 @@ def test_it_is_late_and_lossy_as_its_random_numbers_say(seed, direction):
     connection = Connection(delay=0.0231, jitter=0.7, loss=0.1, seed=seed)
     found, channel = received(connection, 5000, direction)
     stream = int(mixed(2 * seed + direction))
-    assert int(channel.state[STREAM].view(np.uint64)) == stream
+    assert ChannelState(channel.state).stream % 2**64 == stream
     due = {}
     for number in range(5000):
         if drawn(stream, 2 * number) >= 0.1:

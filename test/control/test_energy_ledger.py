@@ -13,6 +13,7 @@ from hapticmech_ros.control.account_kernels import (
     queue_wrench,
 )
 from hapticmech_ros.control.architecture import FourChannel
+from hapticmech_ros.control.loop_layout import ControllerSettings
 from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.scene.controller import (
     ForceChannelGains,
@@ -37,9 +38,11 @@ class Ledger(RenderingController):
     def moved(self, twist, duration):
         account_for_motion(self.account, twist, duration)
 
-    def answered(self, error, projector, joint, channels, duration):
-        springs = (joint.stiffness, joint.damping, channels.stiffness, channels.damping)
-        account_for_springs(self.account, error, projector.ravel(), *springs, duration)
+    def answered(self, error, projector, joint, channels):
+        settings = ControllerSettings()
+        settings.joint_stiffness, settings.joint_damping = joint.stiffness, joint.damping
+        settings.stiffness[:], settings.damping[:] = channels.stiffness, channels.damping
+        account_for_springs(self.account, settings, error, projector)
 
 
 def test_what_the_mechanism_got_is_its_own_work():
@@ -71,10 +74,10 @@ def test_a_direction_that_comes_while_there_is_an_error_brings_its_energy():
     ledger, joint = Ledger(), JointConstraintGains()
     error = np.array([1e-3, 0, 0, 0, 0, 0])
     none, one = np.zeros((6, 6)), np.diag([1.0, 0, 0, 0, 0, 0])
-    ledger.answered(error, none, joint, CHANNELS, PERIOD)
-    ledger.answered(error, one, joint, CHANNELS, PERIOD)
+    ledger.answered(error, none, joint, CHANNELS)
+    ledger.answered(error, one, joint, CHANNELS)
     assert ledger.entry.injected == pytest.approx(0.5 * joint.stiffness * 1e-6)
-    ledger.answered(error, none, joint, CHANNELS, PERIOD)
+    ledger.answered(error, none, joint, CHANNELS)
     assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
     assert ledger.entry.stored == pytest.approx(0.5 * 300.0 * 1e-6)
 
@@ -84,7 +87,7 @@ def test_dampers_lose_what_their_force_does():
     projector, speed = np.diag([1.0, 0, 0, 0, 0, 0]), 0.02
     for tick in range(501):
         error = np.array([speed * tick * PERIOD, 0, 0, 0, 0, 0])
-        ledger.answered(error, projector, joint, CHANNELS, PERIOD)
+        ledger.answered(error, projector, joint, CHANNELS)
     assert ledger.entry.dissipated == pytest.approx((30.0 + 10.0) * speed**2 * 0.5)
     # Springs that stay as they are bring nothing.
     assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
@@ -97,10 +100,10 @@ def test_held_elsewhere_nothing_is_made_up():
     ledger.moved(np.ones(6), PERIOD)
     given = ledger.entry.to_mechanism
     assert given == pytest.approx(6.0 * PERIOD)
-    ledger.answered(np.full(6, 1e-3), np.eye(6), joint, CHANNELS, PERIOD)
+    ledger.answered(np.full(6, 1e-3), np.eye(6), joint, CHANNELS)
     before = ledger.entry.injected
     ledger.held_elsewhere()
     ledger.moved(np.full(6, -50.0), PERIOD)
-    ledger.answered(np.full(6, 5e-3), np.zeros((6, 6)), joint, CHANNELS, PERIOD)
+    ledger.answered(np.full(6, 5e-3), np.zeros((6, 6)), joint, CHANNELS)
     assert ledger.entry.to_mechanism == given
     assert ledger.entry.injected == before

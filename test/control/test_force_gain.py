@@ -7,8 +7,8 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import (
     InFlight,
     flat_device,
@@ -19,7 +19,7 @@ from hapticmech_ros.control.passivity import corrected
 from oracles.controllers import local_model
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
-NO_MEMORY = np.zeros(MEMORY_SIZE)
+NO_MEMORY = HandMemory().values
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])

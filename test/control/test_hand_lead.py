@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.control.account_kernels import (
-    MEMORY_SIZE,
-    MOST,
-    mean_change,
-    remember_wrench,
-)
+from hapticmech_ros.control.account_kernels import MOST, mean_change, remember_wrench
+from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
@@ -22,7 +18,7 @@ PUSH = DEVICE_SAMPLE.slice("hand_wrench")
 
 def remembered(wrenches, spacings):
     """Return a memory of wrenches (n, 6), oldest first, and the times between them."""
-    memory = np.zeros(MEMORY_SIZE)
+    memory = HandMemory().values
     for wrench, spacing in zip(wrenches, (99.0, *spacings), strict=True):
         remember_wrench(memory, spacing, np.asarray(wrench, dtype=float))
     return memory
@@ -66,7 +62,7 @@ def test_evenly_spaced_it_has_the_weights_of_adams_and_bashforth():
 
 def test_what_is_not_known_is_not_carried_on():
     wrenches = np.random.default_rng(2).normal(size=(MOST, 6))
-    assert not change(np.zeros(MEMORY_SIZE)).any()
+    assert not change(HandMemory().values).any()
     assert not change(remembered(wrenches[:1], [])).any()
     two = change(remembered(wrenches[:2], [PERIOD]))
     assert two == pytest.approx(0.5 * (wrenches[1] - wrenches[0]), rel=1e-12)
@@ -145,7 +141,7 @@ def answers(ratio, others):
         told[18] = others
         own[age] = corrected(np.zeros(6), model, sample, sample, memory, PERIOD, told)[0]
         told[6:18] = ratio * np.concatenate(parts(memory))
-        memory = np.zeros(MEMORY_SIZE)
+        memory = HandMemory().values
         theirs[age] = corrected(np.zeros(6), model, sample, sample, memory, PERIOD, told)[0]
     # A command answers the newest sample itself as well.
     own[0] += ratio - 1.0

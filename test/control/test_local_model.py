@@ -8,15 +8,16 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.kernels import displacement
+from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import flat_device, operational_model_of
 from hapticmech_ros.control.passivity import corrected
+from hapticmech_ros.numerics.layout import Pose
 from oracles.controllers import local_model
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
-NO_MEMORY = np.zeros(MEMORY_SIZE)
+NO_MEMORY = HandMemory().values
 
 
 def place(pose):
@@ -25,7 +26,7 @@ def place(pose):
 
 def way_between(start, end):
     way = np.empty(6)
-    displacement(start, end, way)
+    displacement(Pose(start), Pose(end), way)
     return way
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.account_kernels import MEMORY_SIZE, remember_wrench
+from hapticmech_ros.control.account_kernels import remember_wrench
 from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController, corrected
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
@@ -221,7 +222,7 @@ class Composed(Session):
         super().__init__(scene, command_delay=delay)
         control = ControlArchitecture(scene)
         self.side = RenderingController(control, self.period, scene.connection, delay)
-        self.end, self.hand = DeviceSide(scene), np.zeros(MEMORY_SIZE)
+        self.end, self.hand = DeviceSide(scene), HandMemory().values
         self.end.envelope.place(self.device.published[:3])
         self.waiting, self.arrived, self.ticks, self.most = [None] * delay, None, 0, 0.0
 

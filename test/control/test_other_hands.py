@@ -8,7 +8,6 @@ import pytest
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.kernels import control_wrenches
-from hapticmech_ros.control.loop_layout import ON_HAND
 from hapticmech_ros.control.other_hands import (
     FARTHEST,
     REMEMBERED,
@@ -136,7 +135,7 @@ def test_the_gain_is_how_a_command_changes_with_the_contact_wrench(name):
                 moved = model.copy()
                 moved[contact + axis] += change
                 assert control_wrenches(settings, device, moved, time, 0.0, out)
-            wanted[:, axis] = found[1, ON_HAND] - found[0, ON_HAND]
+            wanted[:, axis] = found[1, 0] - found[0, 0]
         assert np.abs(wanted).max() > 0.01
         share = np.random.default_rng(3).normal(size=(6, 6))
         gain = coupling_gain(settings, model, time, share, 0.5)

@@ -10,7 +10,6 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.device_side_kernels import predicted_transfer
-from hapticmech_ros.control.loop_layout import DEVICE_ACCOUNT
 from hapticmech_ros.control.passivity import PassivityController, passivity_for
 from hapticmech_ros.scene.controller import Passivity
 from sampling import sampled
@@ -105,7 +104,7 @@ def test_a_twist_that_lags_gives_no_more_than_there_is(force, push):
         told = sample.copy()
         told[7:13] = 0.0
         account.record(told, applied)
-    account.account[DEVICE_ACCOUNT.start("actuators")] = 0.0
+    account.account.actuators = 0.0
     left = account.enforce(np.array([5.0, 0, 0, 0, 0, 0]), told)
     assert account.changed == 1
     assert 0.0 < left[0] < 5.0
@@ -194,7 +193,7 @@ def lowest(scene, seconds):
     E_h is the simulated device's own: exact work of what its actuators applied.
     """
     session, least, force = Session(scene), 0.0, 0.0
-    inertia = passivity_for(scene).account[:6]
+    inertia = passivity_for(scene).account.inertia
     work, before, gave = 0.0, None, 0.0
     for _ in range(round(seconds / session.period)):
         device = session.tick().device

@@ -8,6 +8,7 @@ import pytest
 
 from hapticmech_ros.control.kernels import carry_on, follow, log6, turn_between
 from hapticmech_ros.control.measurements import carried_on
+from hapticmech_ros.numerics.layout import Pose
 
 # Rotations are good to a few 1e-16; a logarithm is no worse conditioned than 1 + θ²/12 < 2.
 CLOSE = 1e-14
@@ -107,15 +108,15 @@ def test_a_pose_is_carried_on_as_before(duration):
     rng = np.random.default_rng(6)
     for _ in range(50):
         pose = pin.SE3(np.asarray(pin.exp3(rng.uniform(0.0, np.pi) * axis(rng))), axis(rng))
-        twist, found = rng.normal(size=6), np.empty(7)
-        carry_on(pin.SE3ToXYZQUAT(pose), twist, duration, found)
+        place, twist, found = pin.SE3ToXYZQUAT(pose), rng.normal(size=6), Pose()
+        carry_on(place[:3], place[3:], twist, duration, found)
         expected = carried_on(pose, twist, duration)
-        assert np.abs(matrix(found[3:]) - expected.rotation).max() < CLOSE
-        assert np.abs(found[:3] - expected.translation).max() < CLOSE
+        assert np.abs(matrix(found.quaternion) - expected.rotation).max() < CLOSE
+        assert np.abs(found.position - expected.translation).max() < CLOSE
 
 
 def test_a_pose_at_rest_or_at_once_stays_to_the_bit():
-    place, found = pin.SE3ToXYZQUAT(pin.SE3.Random()), np.empty(7)
+    place, found = pin.SE3ToXYZQUAT(pin.SE3.Random()), Pose()
     for twist, duration in ((np.zeros(6), 0.3), (np.ones(6), 0.0)):
-        carry_on(place, twist, duration, found)
-        assert (found == place).all()
+        carry_on(place[:3], place[3:], twist, duration, found)
+        assert (found.values == place).all()

@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros.device import GraspSchedule, grasp_schedule_of
 from hapticmech_ros.device.hand import hand_numbers
-from hapticmech_ros.device.hand_kernels import OPEN, grasp_window
+from hapticmech_ros.device.hand_kernels import OPEN, HandModel, grasp_window
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, SpringDamperHand, Waypoint
 from oracles.devices import NOTHING, PERIOD, body_of, run
@@ -21,7 +21,8 @@ def arm(**keys):
 
 
 def window_of(schedule, elapsed):
-    return grasp_window(hand_numbers(None, schedule), elapsed)
+    hand = hand_numbers(None, schedule)
+    return grasp_window(HandModel(hand), hand[HandModel.layout.size :], elapsed)
 
 
 def test_windows_alternate_and_count_the_switches_passed():

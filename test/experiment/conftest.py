@@ -14,19 +14,20 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.control import DeviceMeasurement, PointMeasurement
-from hapticmech_ros.control.measurements import operational_model_of
+from hapticmech_ros.control.measurements import (
+    flat_device,
+    flat_operational_model,
+    operational_model_of,
+)
 from hapticmech_ros.experiment import ExperimentRecord, run_session
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
-from hapticmech_ros.wire.layouts import (
+from hapticmech_ros.wire.messages import (
     ENERGY_NAMES,
-    DeviceSample,
-    Energy,
+    DeviceStateMessage,
+    MechanismEnergy,
     OperationalModelMessage,
-    pack_device,
-    pack_energy,
-    pack_operational_model,
 )
 
 DURATION = 2.5
@@ -127,41 +128,37 @@ def _messages(scene: Scene, samples: list[tuple[Sample, tuple[float, float]]]) -
         measured = DeviceMeasurement(
             sample.device.measured_pose, sample.device.measured_twist, sample.hand_wrench
         )
-        yield "device/state", arrays, t, array(pack_device(DeviceSample(t, measured, np.zeros(6))))
-        state_message = types[joints](header(t), names, state.q.copy(), state.v.copy(), np.zeros(0))
-        yield "mechanism/measured_js", joints, t, state_message
-        rendering = OperationalModelMessage(
-            t,
-            sample.count,
-            sample.analysis.spectrum.s,
-            operational_model_of(sample.analysis),
-            PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench),
-            True,
-            np.zeros(7),
-        )
         yield (
-            "analysis/handle/operational_model",
+            "device/state",
             arrays,
             t,
-            array(pack_operational_model(rendering)),
+            array(DeviceStateMessage.of(t, sample=flat_device(measured)).values),
         )
+        state_message = types[joints](header(t), names, state.q.copy(), state.v.copy(), np.zeros(0))
+        yield "mechanism/measured_js", joints, t, state_message
+        point = PointMeasurement(sample.point.pose, sample.point.twist, sample.external_wrench)
+        model = flat_operational_model(operational_model_of(sample.analysis), point)
+        found = OperationalModelMessage.of(t, count=sample.count, operational_model=model)
+        found.directions, found.commanded = sample.analysis.spectrum.s.size, True
+        found.s[:] = sample.analysis.spectrum.s
+        yield "analysis/handle/operational_model", arrays, t, array(found.values)
         if index % VIEW_EVERY == 0:
             part = wrench(t, sample.output.joint_constraint)
             yield "controller/joint_constraint_cf", wrenches, t, part
             account = state.account
-            energy = Energy(
+            energy = MechanismEnergy.of(
                 t,
-                kinetic,
-                potential,
-                account.work_in,
-                account.damping_loss,
-                account.latch_loss,
-                state.closure_error,
-                account.surplus,
-                account.refined,
-                account.inaccurate,
+                kinetic=kinetic,
+                potential=potential,
+                work_in=account.work_in,
+                damping_loss=account.damping_loss,
+                latch_loss=account.latch_loss,
+                closure_error=state.closure_error,
+                surplus=account.surplus,
+                refined=account.refined,
+                inaccurate=account.inaccurate,
             )
-            yield "mechanism/energy", arrays, t, array(pack_energy(energy))
+            yield "mechanism/energy", arrays, t, array(energy.values)
 
 
 @pytest.fixture

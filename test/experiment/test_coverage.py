@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.experiment.summary import coverage
-from hapticmech_ros.wire.layouts import ENERGY_NAMES
+from hapticmech_ros.wire.messages import ENERGY_NAMES
 
 
 def wrenches(times):

@@ -7,7 +7,7 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.record import first_push
-from hapticmech_ros.wire.layouts import ENERGY_NAMES
+from hapticmech_ros.wire.messages import ENERGY_NAMES
 
 
 def test_arrays_are_copies_and_read_only(handmade):

@@ -9,7 +9,7 @@ import pytest
 
 from hapticmech_ros.experiment import GraphHealth, NodeHealth, summarise
 from hapticmech_ros.experiment.summary import count_changes
-from hapticmech_ros.wire.layouts import ENERGY_NAMES
+from hapticmech_ros.wire.messages import ENERGY_NAMES
 
 
 def turned(n, angle):

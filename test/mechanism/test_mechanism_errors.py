@@ -7,16 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from hapticmech_ros.errors import (
-    ClosureError,
-    HapticMechError,
-    InvalidInputError,
-    SceneError,
-)
+from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputError, SceneError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_upper
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
-from hapticmech_ros.mechanism.kernels.model import STEP
 from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
@@ -87,7 +81,7 @@ def test_a_step_that_diverged_names_the_joint_that_went_furthest(rate):
     parts, start = sim.stepper.parts, sim.initial_state()
     parts.q0[:] = parts.q[:] = start.q
     parts.q += np.where(np.arange(4) == rate, -1e9, 1e3)
-    parts.settings[STEP] = sim.period
+    parts.settings.step = sim.period
     packed = sim.mechanism.closing_terms(start.q, start.active).packed
     error = step_error(sim.mechanism, parts, SINGULAR - 2, packed, start.active)
     assert not isinstance(error, SingularInertiaError)

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.reliability.fake_graph import FakeGraph
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.scene.hand import STILL_HAND
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.wrench import encode_wrench
 
 
@@ -22,8 +22,8 @@ def moved(graph, force, seconds):
         graph.put("/device/servo_cf", encode_wrench(wrench, graph.now_ns))
         graph.tick()
         graph.tick()
-        values = np.frombuffer(graph.last["/device/state"][-8 * DEVICE_FIELDS.size :])
-        places.append(values[DEVICE_FIELDS.slice("position")])
+        values = np.frombuffer(graph.last["/device/state"][-8 * DeviceStateMessage.layout.size :])
+        places.append(values[DeviceStateMessage.layout.slice("position")])
     return np.array(places) - places[0]
 
 

@@ -8,7 +8,8 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
-from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain, unpack_gain
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
 COMMAND = np.full(6, 0.5)
@@ -29,7 +30,8 @@ def model(gain):
 
 def message(stamp, times=1.0, answered=None, energy=0.25):
     answered = stamp if answered is None else answered
-    return pack_gain(LocalFeedbackGain(stamp, answered * PERIOD_NS, energy, model(times * GAIN)))
+    gain = model(times * GAIN)
+    return LocalFeedbackGain.answering(stamp, answered * PERIOD_NS, energy, gain).values
 
 
 def filled(samples, lockstep=False):
@@ -194,10 +196,11 @@ def test_in_lockstep_the_gain_of_the_same_command_counts_and_names_its_sample():
 
 def test_a_message_is_what_was_packed():
     rng = np.random.default_rng(4)
-    told = LocalFeedbackGain(1_234_567_890_123, 987_654_321, 0.125, rng.normal(size=108))
-    read = unpack_gain(pack_gain(told))
-    assert read[:3] == told[:3]
-    assert all(np.array_equal(a, b) for a, b in zip(read.model, told.model, strict=True))
+    told = LocalFeedbackGain.answering(1_234_567_890_123, 987_654_321, 0.125, rng.normal(size=108))
+    found = read(LocalFeedbackGain, told.values)
+    assert (found.stamp_ns, found.answered_ns) == (1_234_567_890_123, 987_654_321)
+    assert found.to_mechanism == 0.125
+    assert np.array_equal(found.model, told.model)
 
 
 @pytest.mark.parametrize("data", [np.zeros(112), np.full(113, np.nan)])
@@ -211,14 +214,19 @@ def test_gains_that_are_none_are_refused(data):
 def test_a_gain_whose_stamps_are_too_far_from_now_is_refused(which, sign):
     loop, limit, now = filled(10), 20 * PERIOD_NS, 100 * PERIOD_NS
     stamps = {"stamp_ns": now, "answered_ns": now}
-    just = LocalFeedbackGain(**{**stamps, which: now + sign * limit}, to_mechanism=0.5, model=ONES)
-    beyond = just._replace(**{which: now + sign * (limit + 1)}, to_mechanism=9.0)
-    loop.take(pack_gain(just), now, False, limit)
+    just = LocalFeedbackGain.answering(
+        **{**stamps, which: now + sign * limit}, to_mechanism=0.5, model=ONES
+    )
+    beyond = LocalFeedbackGain.answering(
+        **{**stamps, which: now + sign * (limit + 1)}, to_mechanism=9.0, model=ONES
+    )
+    loop.take(just.values, now, False, limit)
     with pytest.raises(InvalidInputError, match="age of stamp"):
-        loop.take(pack_gain(beyond), now, False, limit)
+        loop.take(beyond.values, now, False, limit)
     # Nothing of it is taken, and nothing counts as overtaken by it.
     assert loop.to_mechanism == 0.0
-    loop.take(pack_gain(just._replace(to_mechanism=0.75)), now, False, limit)
+    just.to_mechanism = 0.75
+    loop.take(just.values, now, False, limit)
     assert (loop.to_mechanism, loop.order.overtaken) == (0.25, 0)
 
 
@@ -228,7 +236,7 @@ def test_a_last_zero_is_obeyed_as_it_is_whatever_gain_stands(paired):
     for number in range(10):
         loop.measured(sample(number), number * PERIOD_NS)
     answered = 6 * PERIOD_NS
-    loop.take(pack_gain(LocalFeedbackGain(answered, answered, 0.0, model(GAIN))), 0, False)
+    loop.take(LocalFeedbackGain.answering(answered, answered, 0.0, model(GAIN)).values, 0, False)
     assert loop.correct(COMMAND, answered, 100)[0] == corrected(0.5, 1.0, 3)
     # As the controller stamps it: after its last answer, with no sample at that time.
     zero = loop.correct(np.zeros(6), answered + ZERO_AFTER_NS, 100)

@@ -11,8 +11,7 @@ from hapticmech_ros.nodes import inputs
 from hapticmech_ros.nodes.controller_ports import DevicePath
 from hapticmech_ros.nodes.inputs import FORGET_NS, InOrder, Latest, SampleAge
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
-from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain
-from hapticmech_ros.wire.readings import DeviceReading
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 
 MS = 1_000_000
 S = 1000 * MS
@@ -138,7 +137,9 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
     answers.is_next(50 * MS, 60 * MS)
     assert not answers.begin(answers.answered_ns, 60 * MS)
     none = np.zeros(108)
-    loop.take(pack_gain(LocalFeedbackGain(50 * MS, 50 * MS, 0.0, none)), 61 * MS, lockstep=False)
+    loop.take(
+        LocalFeedbackGain.answering(50 * MS, 50 * MS, 0.0, none).values, 61 * MS, lockstep=False
+    )
     assert answers.begin(answers.answered_ns, 62 * MS)
     assert answers.lost(62 * MS) == ""
     assert answers.lost(61 * MS + FRESH_NS + 1) == "local_feedback_gain is lost"
@@ -148,7 +149,7 @@ def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
 
 
 def reading(stamp, round_trip=0.0, obeys=True):
-    return DeviceReading(stamp, np.zeros(19), round_trip, obeys)
+    return DeviceStateMessage.of(stamp, round_trip=round_trip, obeys=obeys)
 
 
 def path(delay=0.0):

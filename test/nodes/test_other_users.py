@@ -16,14 +16,8 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
 from hapticmech_ros.wire.cdr import FlatArray, decode
-from hapticmech_ros.wire.layouts import (
-    DEVICE_FIELDS,
-    GAIN_FIELDS,
-    CouplingMatrices,
-    CouplingWire,
-    LocalFeedbackGain,
-    pack_gain,
-)
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.wrench import encode_wrench
 
 SECOND_NS = 1_000_000_000
@@ -51,11 +45,11 @@ class Left:
 
     def other(self, stamp_ns: int, force: float) -> bytes:
         """Return right's sample in bytes."""
-        values = np.zeros(DEVICE_FIELDS.size)
+        values = np.zeros(DeviceStateMessage.layout.size)
         values[:2] = divmod(stamp_ns, SECOND_NS)
-        values[DEVICE_FIELDS.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
-        values[DEVICE_FIELDS.slice("hand_wrench")] = force, 0.0, 0.0, 0.0, 0.0, 0.0
-        return bytes(FlatArray(DEVICE_FIELDS).encode(values))
+        values[DeviceStateMessage.layout.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
+        values[DeviceStateMessage.layout.slice("hand_wrench")] = force, 0.0, 0.0, 0.0, 0.0, 0.0
+        return bytes(FlatArray(DeviceStateMessage.layout).encode(values))
 
     def gain(self, stamp_ns: int, gain: float = H) -> bytes:
         """Return a ``coupling_gain`` in bytes."""
@@ -72,10 +66,10 @@ class Left:
         """Answer the sample of now, on all but some topics."""
         now = self.graph.now_ns
         self.force += RISE
-        told = LocalFeedbackGain(now, now, 0.0, np.zeros(108))
+        told = LocalFeedbackGain.answering(now, now, 0.0, np.zeros(108))
         for topic, message in (
             (COMMANDS, encode_wrench(np.zeros(6), now)),
-            (FEEDBACK, bytes(FlatArray(GAIN_FIELDS).encode(pack_gain(told)))),
+            (FEEDBACK, bytes(FlatArray(LocalFeedbackGain.layout).encode(told.values))),
             (GAIN, self.gain(now)),
             (OTHER, self.other(now, self.force)),
         ):

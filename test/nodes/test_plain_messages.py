@@ -17,9 +17,9 @@ import pytest
 
 from benchmarks.reliability.fake_graph import Host
 from hapticmech_ros.mechanism.closures import flat_grasps
-from hapticmech_ros.nodes import device_kernels, lane_kernels
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
+from hapticmech_ros.nodes import lane_kernels
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
@@ -29,16 +29,14 @@ from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControlle
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
 from hapticmech_ros.simulation import Simulator
-from hapticmech_ros.wire import kernels
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import (
-    DEVICE_FIELDS,
-    GAIN_FIELDS,
-    OPERATIONAL_MODEL_FIELDS,
+from hapticmech_ros.wire.layouts import OperationalModelWriter
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
     LocalFeedbackGain,
-    pack_gain,
+    OperationalModelMessage,
 )
-from hapticmech_ros.wire.readings import OperationalModelWriter, read_device
 from hapticmech_ros.wire.stamped import encode_pose
 from hapticmech_ros.wire.state import StateLayout, WireState
 from hapticmech_ros.wire.topics import DEVICE_COMMAND
@@ -305,14 +303,14 @@ def test_states_are_answered_as_python_answers_them(
     state, model = STATES.split()[0], MODELS.split()[0]
     process.actor.age_limit_ns = 1 << 62
     plain, lane = [states.next() for _ in range(40)], process.exchange.lane
-    before = process.actor.past.arrays, process.actor.counter.numbers.copy()
+    before = process.actor.past.arrays, process.actor.counter.numbers.values.copy()
     kept = [one.copy() for one in before[0]]
     count, first, last = process.actor._count, process.actor.first_ns, process.actor.last_ns
     found = []
     for by_kernel in (True, False):
         for array, old in zip(process.actor.past.arrays, kept, strict=True):
             array[:] = old
-        process.actor.counter.numbers[:] = before[1]
+        process.actor.counter.numbers.values[:] = before[1]
         process.actor._count, process.actor.first_ns = count, first
         process.actor.last_ns = last
         lane.wait = process.wait if by_kernel else None
@@ -391,9 +389,9 @@ def test_a_point_that_is_held_elsewhere_is_followed(analysed: tuple[Process, Sta
     held = process.actor.grasp
     process.speak(states.next(moved))
     got = process.until(lambda: process.actor.grasp is not held)
-    grasp = OPERATIONAL_MODEL_FIELDS.slice("grasp")
+    grasp = OperationalModelMessage.layout.slice("grasp")
     (answer,) = got + process.answers()
-    told = FlatArray(OPERATIONAL_MODEL_FIELDS).decode(answer)[grasp]
+    told = FlatArray(OperationalModelMessage.layout).decode(answer)[grasp]
     assert told[1] == pytest.approx(flat_grasps(process.actor.scene)[0][1] + 0.01)
 
 
@@ -417,20 +415,6 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
 
     process.until(spoken)
     assert "no context" in actor.failures.last
-
-
-def test_where_the_answers_numbers_are_is_one_table() -> None:
-    starts = OPERATIONAL_MODEL_FIELDS.starts("count", "s", "commanded", "grasp", "quaternion")
-    assert starts == (
-        kernels.COUNT,
-        kernels.MODEL,
-        kernels.COMMANDED,
-        kernels.GRASP,
-        kernels.MODEL_QUATERNION,
-    )
-    names = "position", "quaternion", "round_trip", "obeys"
-    places = kernels.SAMPLE, kernels.SAMPLE_QUATERNION, kernels.ROUND_TRIP, kernels.OBEYS
-    assert DEVICE_FIELDS.starts(*names) == places
 
 
 @pytest.fixture
@@ -526,8 +510,8 @@ class Inputs:
         state = simulator.initial_state()
         self._writer = OperationalModelWriter(self._analyser, PastRates(0, MS, state.v.size))
         self._state, self._grasps = state, flat_grasps(scene)
-        self._device = FlatArray(DEVICE_FIELDS)
-        self._model = FlatArray(OPERATIONAL_MODEL_FIELDS)
+        self._device = FlatArray(DeviceStateMessage.layout)
+        self._model = FlatArray(OperationalModelMessage.layout)
         self._rng, self._tick = np.random.default_rng(2), 0
         self.stamp_ns = time.time_ns()
 
@@ -537,13 +521,13 @@ class Inputs:
         self.stamp_ns += MS
         # Slowly to and fro, and pushed.
         phase = 0.01 * self._tick
-        values = np.zeros(DEVICE_FIELDS.size)
+        values = np.zeros(DeviceStateMessage.layout.size)
         values[:2] = divmod(self.stamp_ns, 1000 * MS)
-        values[DEVICE_FIELDS.slice("position")] = 0.001 * np.sin(phase), 0.0, 0.0
-        values[DEVICE_FIELDS.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
-        values[DEVICE_FIELDS.slice("twist")][0] = 0.01 * np.cos(phase)
-        values[DEVICE_FIELDS.slice("hand_wrench")] = 0.1 * self._rng.normal(size=6)
-        values[DEVICE_FIELDS.start("obeys")] = 1.0
+        values[DeviceStateMessage.layout.slice("position")] = 0.001 * np.sin(phase), 0.0, 0.0
+        values[DeviceStateMessage.layout.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
+        values[DeviceStateMessage.layout.slice("twist")][0] = 0.01 * np.cos(phase)
+        values[DeviceStateMessage.layout.slice("hand_wrench")] = 0.1 * self._rng.normal(size=6)
+        values[DeviceStateMessage.layout.start("obeys")] = 1.0
         state = self._state
         told = WireState(
             self.stamp_ns - late * MS,
@@ -551,7 +535,7 @@ class Inputs:
             *(np.zeros((1, 6)), self._grasps, (True,)),
         )
         self._writer.evaluate(told)
-        return self._device.encode(values), self._model.encode(self._writer.values)
+        return self._device.encode(values), self._model.encode(self._writer.message.values)
 
 
 @pytest.fixture
@@ -591,7 +575,8 @@ def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
 
 def arrays_of(actor: Any) -> list[Any]:
     """Return the arrays in which it remembers the rest."""
-    return [actor.side.account, actor.side.queue, actor.side.past, actor.motion.numbers]
+    side = actor.side
+    return [side.account.values, side.queue, side.past, actor.motion.numbers.values]
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
@@ -711,14 +696,14 @@ class Logged:
 
         def kernel_moved(link: Any, commands: Any, *rest: Any) -> None:
             # A message ends the run: see below.
-            steps, received = int(link[device_kernels.DONE]), int(link[device_kernels.RECEIVED])
-            last = int(link[device_kernels.NEXT]) - actor.period_ns
+            steps, received = link.done, link.received
+            last = link.next - actor.period_ns
             self.by_kernel += steps
             for step in range(steps):
                 deadline = last - (steps - 1 - step) * actor.period_ns
                 note(("tick", (1, deadline), deadline))
             if received != actor._command.stamp_ns:
-                stamp = int(link[device_kernels.ANSWERED])
+                stamp = link.answered
                 note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, received), received))
             moved(link, commands, *rest)
 
@@ -747,13 +732,13 @@ class Logged:
 
 
 def stamp_in(message: bytes) -> int:
-    return read_device(FlatArray(DEVICE_FIELDS).decode(message)).stamp_ns
+    return read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(message)).stamp_ns
 
 
 def test_the_device_moves_as_pythons_does(driven: Process) -> None:
     actor, (peer,), rng = driven.actor, driven.peers, np.random.default_rng(3)
     log, got, newest = Logged(driven), [], 0
-    encoder, told = FlatArray(GAIN_FIELDS), 0
+    encoder, told = FlatArray(LocalFeedbackGain.layout), 0
     end = time.monotonic() + 20.0
     while log.by_kernel < 300:
         assert time.monotonic() < end
@@ -763,16 +748,16 @@ def test_the_device_moves_as_pythons_does(driven: Process) -> None:
             newest, told = stamp, told + 1
             if told % 20 == 0:
                 model = np.repeat((0.05, 2.0, 0.2), 36) * rng.normal(size=108)
-                gain = LocalFeedbackGain(stamp, stamp, 1e-6 * told, model)
-                peer.lane.send(GAINS, 2, 0, encoder.encode(pack_gain(gain)), False)
+                gain = LocalFeedbackGain.answering(stamp, stamp, 1e-6 * told, model)
+                peer.lane.send(GAINS, 2, 0, encoder.encode(gain.values), False)
             wrench = np.array((0.5, 0.5, 0.0, 0.0, 0.0, 0.02)) * rng.normal(size=6)
             peer.speak(encode_wrench(wrench, stamp))
     expected = log.replayed("five_bar")
     assert log.by_kernel >= 300
     assert all(expected[stamp_in(one)] == one for one in got)
-    sample = read_device(FlatArray(DEVICE_FIELDS).decode(got[-1]))
+    sample = read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(got[-1]))
     assert sample.round_trip > 0.0
-    assert np.linalg.norm(sample.measured[7:13]) > 1e-4
+    assert np.linalg.norm(sample.sample.twist) > 1e-4
     assert actor.latency.count > 100
 
 

@@ -23,7 +23,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.device import SERVO_ANGLE, Device, device_presets
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import EMERGENCY_STOP
 from hapticmech_ros.wire.wrench import encode_wrench
 
@@ -45,9 +45,9 @@ def pushed(graph, seconds, wrench=PUSH, command=None):
 
 
 def state(graph):
-    values = np.frombuffer(graph.last["/device/state"][-8 * DEVICE_FIELDS.size :])
-    position = values[DEVICE_FIELDS.slice("position")]
-    quaternion = values[DEVICE_FIELDS.slice("quaternion")]
+    values = np.frombuffer(graph.last["/device/state"][-8 * DeviceStateMessage.layout.size :])
+    position = values[DeviceStateMessage.layout.slice("position")]
+    quaternion = values[DeviceStateMessage.layout.slice("quaternion")]
     return pin.SE3(pin.Quaternion(quaternion).toRotationMatrix(), position.copy())
 
 

@@ -13,8 +13,9 @@ import yaml
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.scene import document_of
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 
 # Longer than a start's ramp, which begins some ticks later in a graph: until then all stand still.
 WAIT_S, PUSHED_S = 0.8, 0.8
@@ -57,8 +58,8 @@ def test_a_graph_that_is_never_late_is_the_session(name, tmp_path):
     for _ in range(2 * ticks):
         graph.tick()
         if graph.now_ns % 1_000_000 == 0:
-            seen = unpack_device(decode(graph.last["/device/state"])).measured
-            live.append((seen.hand_wrench, seen.pose.translation, seen.twist))
+            seen = read(DeviceStateMessage, decode(graph.last["/device/state"])).sample
+            live.append((seen.hand_wrench, seen.position, seen.twist))
     samples = [session.tick() for _ in range(ticks)]
     ours = Moved.of(live)
     theirs = Moved.of([(s.hand_wrench, s.device.pose.translation, s.device.twist) for s in samples])

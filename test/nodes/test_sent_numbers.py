@@ -15,9 +15,9 @@ from hapticmech_ros.errors import OutputError
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.messages import check_finite, set_stamp
 from hapticmech_ros.scene.document import Limits
-from hapticmech_ros.wire.bounds import bounds_of
+from hapticmech_ros.wire.bounds import bounds_of, message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, device_bounds
+from hapticmech_ros.wire.messages import DeviceStateMessage
 
 
 def pose(bad):
@@ -92,10 +92,15 @@ def test_what_holds_no_numbers_is_sent():
 
 
 def test_arrays_leave_within_their_bounds_only():
-    flat = FlatArray(DEVICE_FIELDS, device_bounds(Limits(force=10.0)))
-    values = np.zeros(sum(DEVICE_FIELDS.values()))
+    flat = FlatArray(
+        DeviceStateMessage.layout, message_bounds(DeviceStateMessage, Limits(force=10.0))
+    )
+    values = np.zeros(sum(DeviceStateMessage.layout.values()))
     values[8] = 1.0
-    assert FlatArray(DEVICE_FIELDS).decode(flat.encode(values)).tobytes() == values.tobytes()
+    assert (
+        FlatArray(DeviceStateMessage.layout).decode(flat.encode(values)).tobytes()
+        == values.tobytes()
+    )
     for index, bad in ((15, 10.5), (15, math.nan), (0, -1.0), (8, 0.5), (1, 1e9)):
         wrong = values.copy()
         wrong[index] = bad
@@ -107,7 +112,7 @@ def test_arrays_leave_within_their_bounds_only():
 
 def test_every_field_of_the_layouts_has_its_bound():
     # A new field without one would be bounded by nothing but being finite.
-    bounds = bounds_of("device state", DEVICE_FIELDS, Limits())
+    bounds = bounds_of("device state", DeviceStateMessage.layout, Limits())
     assert "finite number" not in bounds.quantities
 
 

@@ -13,7 +13,7 @@ import pytest
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import GAIN_FIELDS, LocalFeedbackGain, pack_gain
+from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 TOPIC = "/device/local_feedback_gain"
 DEVICE = "haptic_device"
@@ -38,8 +38,8 @@ def applied(graph):
 def gain_at(stamp_ns):
     """Return the bytes of gains that turn micrometres into newtons, and give energy away."""
     stiff = np.concatenate((np.zeros(36), np.diag([1e6] * 3 + [1e3] * 3).ravel(), np.zeros(36)))
-    told = LocalFeedbackGain(stamp_ns, stamp_ns, 1e3, stiff)
-    return bytes(FlatArray(GAIN_FIELDS).encode(pack_gain(told)))
+    told = LocalFeedbackGain.answering(stamp_ns, stamp_ns, 1e3, stiff)
+    return bytes(FlatArray(LocalFeedbackGain.layout).encode(told.values))
 
 
 def say(graph, message):

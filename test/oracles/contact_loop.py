@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.contact.impact_kernels import MOST_PARTS
-from hapticmech_ros.contact.layout import HELD, IS_PART, Contacts
+from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.solver_kernels import contact_forces
 from hapticmech_ros.contact.step_kernels import SLACK, STEPS_AHEAD, contact_effects
 from hapticmech_ros.contact.stepping import ContactStepper
@@ -62,26 +62,28 @@ class ContactLoop:
         contacts.free[:] = v + step * terms.acceleration(force)[0]
         near_pairs(contacts, contacts.free, STEPS_AHEAD * step, SLACK)
         count, space, external = touching_points(*self._arrays), terms.space, {}
-        contacts.report[:] = 0.0
+        contacts.report.values[:] = 0.0
         if count:
             halfway = pin.integrate(self._model, q, 0.5 * step * (v + contacts.free))
             later, _ = self._kinematics(halfway)
             model = SimpleNamespace(nv=v.size, path=DENSE, along=np.zeros(space.rank))
             metric = SimpleNamespace(
-                factor=space.factor, basis=np.array(space.basis.T), tail=(0.0, space.rank)
+                factor=space.factor,
+                basis=np.array(space.basis.T),
+                tail=SimpleNamespace(rank=space.rank),
             )
             parts = contact_forces(model, metric, contacts, later, v, step, count)
             if parts > 1:
                 parts = min(parts, MOST_PARTS)
-                contacts.settings[IS_PART] = 1.0
+                contacts.settings.is_part = 1.0
                 for _ in range(parts):
                     state = self._after(state, wrenches, step / parts)
-                contacts.settings[IS_PART] = 0.0
+                contacts.settings.is_part = 0.0
                 return state
             contact_effects(contacts, places, count)
             rows = contacts.external[: len(self._links), 4:]
             external = {link: row.copy() for link, row in zip(self._links, rows, strict=True)}
-        self.held, self.forces = float(contacts.report[HELD]), contacts.forces[:count].copy()
+        self.held, self.forces = float(contacts.report.energy), contacts.forces[:count].copy()
         return self._stepping(step).step(state, wrenches, external)
 
     def _kinematics(self, q):

@@ -8,9 +8,10 @@ import pinocchio as pin
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.account_kernels import model_answer
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.loop_layout import ANSWER
+from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, Locality
 from hapticmech_ros.control.measurements import flat_operational_model
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
 
 NOTHING = np.zeros(6)
@@ -36,8 +37,10 @@ def answered(control, model, error=NOTHING, rate=NOTHING, hand=NOTHING, contact=
 
 def local_model(control, time, clutch, model, point):
     """Return G, K and B (108,) as they come with an answer."""
-    gains, answer = control.gains, np.zeros(ANSWER.size)
-    closes = np.array([gains.force_channel.local, gains.joint_constraint.local, 1.0])
-    settings = control.settings_at(time, clutch)
-    model_answer(settings, flat_operational_model(model, point), time, closes, answer)
-    return answer[ANSWER.slice("force", "damping")]
+    gains, answer, closes = control.gains, Answer(), Locality()
+    closes.force_channel = gains.force_channel.local
+    closes.joint_constraint = gains.joint_constraint.local
+    settings = ControllerSettings(control.settings_at(time, clutch))
+    seen = OperationalModelSample(flat_operational_model(model, point))
+    model_answer(settings, seen, time, closes, answer)
+    return answer.model.values

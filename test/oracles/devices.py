@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from hapticmech_ros.device import ImpedanceDevice, grasp_schedule_of
 from hapticmech_ros.device.hand import hand_numbers
-from hapticmech_ros.device.hand_kernels import WORK_SIZE, hand_wrench
+from hapticmech_ros.device.hand_kernels import Body, HandModel, Place, hand_wrench
 
 PERIOD = 1e-3
 START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
@@ -22,11 +22,12 @@ def body_of(device, hand=None, planar=False):
 def law_of(hand):
     """Return what a scene's hand does as a law in Python: the kernels' own, not compiled."""
     numbers = hand_numbers(hand, grasp_schedule_of(hand))
+    model, plan = HandModel(numbers), numbers[HandModel.layout.size :]
 
     def law(elapsed, pose, twist, held):
-        wrench, work = np.empty(6), np.empty(WORK_SIZE)
+        wrench = np.empty(6)
         body, place = (np.append(one.translation, one.rotation.ravel()) for one in (pose, held))
-        hand_wrench(numbers, elapsed, np.append(body, twist), place, wrench, work)
+        hand_wrench(model, plan, elapsed, Body(np.append(body, twist)), Place(place), wrench)
         return wrench
 
     return law

@@ -20,7 +20,7 @@ from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_gr
 from benchmarks.reliability.messages import Trial
 from benchmarks.reliability.wire_messages import GENTLE
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import TOPICS
 
 ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
@@ -101,8 +101,8 @@ def test_force_beyond_its_limit_or_none_at_all_is_seen():
     def figures(renders, *forces):
         seen = ForceSeen(load_scene("five_bar").device)
         for force in forces:
-            values = np.zeros(DEVICE_FIELDS.size)
-            values[DEVICE_FIELDS.slice("applied").start] = force
+            values = np.zeros(DeviceStateMessage.layout.size)
+            values[DeviceStateMessage.layout.slice("applied").start] = force
             # Its numbers are a message's last.
             seen.look(b"head" + values.tobytes())
         found = seen.figures("messages", "here", renders)

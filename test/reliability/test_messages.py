@@ -27,8 +27,9 @@ from hapticmech_ros.nodes.messages import deserialized, set_stamp
 from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import document_of
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.wrench import decode_wrench
 from sampling import sampled
 
@@ -188,7 +189,7 @@ def test_a_device_that_is_thrown_or_spun_comes_back(graph, force, torque):
     speeds = []
     for _ in range(1000):
         graph.tick()
-        twist = unpack_device(decode(graph.last["/device/state"])).measured.twist
+        twist = read(DeviceStateMessage, decode(graph.last["/device/state"])).sample.twist
         speeds.append((np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])))
     assert device.failures.count >= 1
     assert device.failures.defects == 0

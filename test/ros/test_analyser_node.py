@@ -11,7 +11,8 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.operational import Analyser
-from hapticmech_ros.wire.layouts import unpack_operational_model
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout, WireState
 from ros.harness import RATE, Peer, refuses, running
 
@@ -58,7 +59,7 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
 
         peer.until(answered, "an analysis")
     # The first state: of later ones the compensation knows rates that were.
-    found = unpack_operational_model(models[0].data)
+    found = read(OperationalModelMessage, models[0].data)
     # The same code on the same bits, in another process: equal, not merely close.
     assert np.array_equal(found.model.inverse_inertia, compensated.inverse_inertia)
     assert np.array_equal(found.model.constraint_projector, expected.constraint_projector)
@@ -112,5 +113,5 @@ def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
             return bool(models)
 
         peer.until(answered, "the analysis of the open chain")
-    found = unpack_operational_model(models[0].data)
+    found = read(OperationalModelMessage, models[0].data)
     assert np.array_equal(found.model.inverse_inertia, expected.inverse_inertia)

@@ -15,7 +15,8 @@ from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.stamped import LAST_NS, LAST_SECOND
 from ros.harness import Peer, figures
 
@@ -47,8 +48,8 @@ def test_the_device_is_at_zero_until_the_clock_is_right_and_then_renders(
     edge_s = LAST_SECOND if beyond_s > 0 else 0
     ahead_ns = (edge_s + beyond_s) * NANOSECONDS - time.time_ns()
 
-    def last() -> DeviceSample:
-        return unpack_device(samples[-1].data)
+    def last() -> DeviceStateMessage:
+        return read(DeviceStateMessage, samples[-1].data)
 
     def pushed() -> bool:
         return bool(samples) and last().applied.any() and process.poll() is None

@@ -15,18 +15,18 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.measurements import InFlight, operational_model_of
+from hapticmech_ros.control.measurements import (
+    InFlight,
+    flat_device,
+    flat_operational_model,
+    operational_model_of,
+)
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes.messages import write_pose
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.wire.layouts import (
-    DeviceSample,
-    OperationalModelMessage,
-    pack_device,
-    pack_operational_model,
-)
+from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
 from ros.harness import Peer, allowing, figures, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -63,13 +63,15 @@ class World:
         if mechanism:
             s = self.sample.analysis.spectrum.s
             point = PointMeasurement(self.pose, np.zeros(6), np.zeros(6))
-            told = OperationalModelMessage(now, 1, s, self.model, point, self.commanded, self.grasp)
-            self.sender.publish(Float64MultiArray(data=pack_operational_model(told).tolist()))
+            told = OperationalModelMessage.of(now, count=1, directions=s.size, grasp=self.grasp)
+            told.operational_model.values[:] = flat_operational_model(self.model, point)
+            told.s[:], told.commanded = s, self.commanded
+            self.sender.publish(Float64MultiArray(data=told.values.tolist()))
         moved = pin.SE3(self.pose.rotation, self.pose.translation + np.array([0.0, offset, 0.0]))
         if self.packed:
             peer.run(0.002)
             measured = DeviceMeasurement(moved, np.zeros(6), np.array(HAND))
-            values = pack_device(DeviceSample(now, measured, np.zeros(6)))
+            values = DeviceStateMessage.of(now, sample=flat_device(measured), obeys=True).values
             self.state.publish(Float64MultiArray(data=values.tolist()))
             peer.run(0.003)
             return

@@ -15,7 +15,8 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from hapticmech_ros.graph import Graph, private_environment, stop_process
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.layouts import unpack_operational_model
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from real_time import grants_real_time
 from ros.harness import RATE, Peer, figures, running, six
 
@@ -67,7 +68,7 @@ def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> Non
             peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing again")
             peer.until(lambda: models, "renderings")
     assert all(np.isfinite(six(m)).all() for m in commands)
-    assert unpack_operational_model(models[-1].data).count >= 1
+    assert read(OperationalModelMessage, models[-1].data).count >= 1
 
 
 def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:

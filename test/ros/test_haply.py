@@ -21,7 +21,7 @@ from hapticmech_ros.graph import private_environment, start_process, stop_proces
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
 from hapticmech_ros.scene.device import Device
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from oracles.users import two_points
 from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
 from sampling import only_long
@@ -144,7 +144,7 @@ def led_through_it(
         held = [figures(status)["times_held"] for status in devices]
         return held + [figures(status)["engagements"] for status in controllers]
 
-    place = DEVICE_FIELDS.slice("position")
+    place = DeviceStateMessage.layout.slice("position")
     with emulated("--scene", str(path), "--point", "b", "--trace", str(trace)) as service:
         command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
         command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]

@@ -17,7 +17,8 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.bag.check import OPTIONAL
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import TOPICS
 from ros.harness import Peer, figures, running, six
 
@@ -125,12 +126,15 @@ def test_a_deactivated_device_lets_go(domain: int, peer: Peer) -> None:
 
         def pushing() -> bool:
             command.publish(peer.wrench(0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
-            return bool(samples) and unpack_device(samples[-1].data).measured.hand_wrench.any()
+            return (
+                bool(samples)
+                and read(DeviceStateMessage, samples[-1].data).sample.hand_wrench.any()
+            )
 
         peer.until(pushing, "the hand pushing")
         assert peer.transition("haptic_device", "deactivate")
         peer.run(QUIET_S)
-        last = unpack_device(samples[-1].data)
+        last = read(DeviceStateMessage, samples[-1].data)
         seen = len(samples)
         # Commands to an inactive device are for nobody, not even for later.
         for _ in range(20):
@@ -139,12 +143,12 @@ def test_a_deactivated_device_lets_go(domain: int, peer: Peer) -> None:
         assert len(samples) == seen
         assert peer.transition("haptic_device", "activate")
         peer.until(lambda: len(samples) > seen + 100, "samples again")
-        after = [unpack_device(message.data) for message in samples[seen:]]
+        after = [read(DeviceStateMessage, message.data) for message in samples[seen:]]
         for sample in after:
             assert not sample.applied.any()
-            assert not sample.measured.hand_wrench.any()
-            assert not sample.measured.twist.any()
-        assert np.abs(after[0].measured.pose.translation - last.measured.pose.translation).max() < (
+            assert not sample.sample.hand_wrench.any()
+            assert not sample.sample.twist.any()
+        assert np.abs(after[0].sample.position - last.sample.position).max() < (
             # It moves on between its last sample and its end by less than the hand can move it.
             1e-3
         )
@@ -175,9 +179,9 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
             assert peer.transition(controller, "deactivate")
 
             def at_zero() -> bool:
-                last = unpack_device(samples[-1].data)
+                last = read(DeviceStateMessage, samples[-1].data)
                 told = all(six(received[-1]) == [0.0] * 6 for received in commands.values())
-                return told and not (last.applied.any() or last.measured.hand_wrench.any())
+                return told and not (last.applied.any() or last.sample.hand_wrench.any())
 
             peer.until(at_zero, "zero on all")
             peer.run(QUIET_S)

@@ -18,16 +18,14 @@ from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
+from hapticmech_ros.control.measurements import device_of
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import (
-    unpack_device,
-    unpack_device_energy,
-    unpack_operational_model,
-)
+from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage, OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
 from ros.harness import Peer, next_domain, six
@@ -100,9 +98,10 @@ def test_a_run_is_repeated_to_the_bit_whatever_the_machine_does(
 @pytest.mark.parametrize("scene", DURATIONS)
 def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) -> None:
     bag = messages(runs[scene])
-    devices = [unpack_device(decode(data)) for data in bag["/device/state"]]
+    devices = [read(DeviceStateMessage, decode(data)) for data in bag["/device/state"]]
     models = [
-        unpack_operational_model(decode(data)) for data in bag["/analysis/handle/operational_model"]
+        read(OperationalModelMessage, decode(data))
+        for data in bag["/analysis/handle/operational_model"]
     ]
     session = Session(load_scene(scene))
     samples = [session.tick() for _ in devices]
@@ -112,9 +111,12 @@ def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) ->
     assert [model.count for model in models] == [sample.count for sample in samples]
     outputs = [sample.output for sample in samples]
     for found, expected in (
-        ([_place(d.measured.pose) for d in devices], [_place(s.device.pose) for s in samples]),
-        ([d.measured.twist for d in devices], [s.device.twist for s in samples]),
-        ([d.measured.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
+        (
+            [_place(device_of(d.sample.values).pose) for d in devices],
+            [_place(s.device.pose) for s in samples],
+        ),
+        ([d.sample.twist for d in devices], [s.device.twist for s in samples]),
+        ([d.sample.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
         ([_place(r.point.pose) for r in models], [_place(s.point.pose) for s in samples]),
         ([r.point.twist for r in models], [s.point.twist for s in samples]),
         (
@@ -144,22 +146,22 @@ def test_a_late_uneven_and_lossy_connection_is_the_sessions(tmp_path: Path) -> N
     late.write_text(yaml.safe_dump(document), encoding="utf-8")
     lockstep(str(late), tmp_path / "bag", duration=0.6)
     bag = messages(tmp_path / "bag")
-    devices = [unpack_device(decode(data)) for data in bag["/device/state"]]
+    devices = [read(DeviceStateMessage, decode(data)) for data in bag["/device/state"]]
     session = Session(load_scene(str(late)))
     samples, energies = [], []
     for _ in devices:
         samples.append(session.tick())
         energies.append((session.passivity.actuators, session.energies.to_mechanism))
     for found, expected in (
-        ([d.measured.twist for d in devices], [s.device.twist for s in samples]),
-        ([d.measured.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
+        ([d.sample.twist for d in devices], [s.device.twist for s in samples]),
+        ([d.sample.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
         ([d.applied for d in devices], [s.device.applied for s in samples]),
     ):
         one, two = np.array(found), np.array(expected)
         # As without a connection.
         assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
         assert np.abs(two).max() > 0.0
-    told = [unpack_device_energy(decode(data)) for data in bag["/device/energy"]]
+    told = [read(DeviceEnergy, decode(data)) for data in bag["/device/energy"]]
     ticks = [(one.stamp_ns - START_NS) // PERIOD_NS for one in told]
     assert len(ticks) > 50
     # The session has given the next command by the end of its tick; its own account is a tick old.
@@ -227,7 +229,7 @@ def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -
     one, two = messages(runs["five_bar"]), messages(tmp_path / "bag")
     first, second = (
         [
-            unpack_operational_model(decode(data))
+            read(OperationalModelMessage, decode(data))
             for data in bag["/analysis/handle/operational_model"]
         ]
         for bag in (one, two)
@@ -236,7 +238,7 @@ def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -
     assert np.abs(first[0].model.inverse_inertia - second[0].model.inverse_inertia).max() > 0.01
     # The same hand, felt otherwise.
     wrenches = [
-        [unpack_device(decode(d)).measured.hand_wrench for d in bag["/device/state"]]
+        [read(DeviceStateMessage, decode(d)).sample.hand_wrench for d in bag["/device/state"]]
         for bag in (one, two)
     ]
     assert np.array_equal(*wrenches)

@@ -15,8 +15,9 @@ from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.graph import private_environment
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.scene import document_of
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from ros.harness import next_domain
 
 pytestmark = pytest.mark.ros
@@ -53,22 +54,24 @@ def test_a_run_in_lockstep_is_the_session(tmp_path: Path, sensor: str) -> None:
     run = LockstepRun(str(path), duration=0.35, out=out, composed=True)
     run_lockstep(run, private_environment(next_domain()), lambda: False)
     with BagReader(out) as bag:
-        received = [unpack_device(decode(data)) for _, _, data in bag.serialized("/device/state")]
+        received = [
+            read(DeviceStateMessage, decode(data)) for _, _, data in bag.serialized("/device/state")
+        ]
     session = Session(load_scene(path))
     samples = [session.tick() for _ in received]
     for found, expected in (
         (
-            [d.measured.pose.translation for d in received],
+            [d.sample.position for d in received],
             [s.device.pose.translation for s in samples],
         ),
-        ([d.measured.twist for d in received], [s.device.twist for s in samples]),
-        ([d.measured.hand_wrench for d in received], [s.hand_wrench for s in samples]),
+        ([d.sample.twist for d in received], [s.device.twist for s in samples]),
+        ([d.sample.hand_wrench for d in received], [s.hand_wrench for s in samples]),
         ([d.applied for d in received], [s.device.applied for s in samples]),
     ):
         one, two = np.array(found), np.array(expected)
         # Poses travel as quaternions, 1e-16 off; differences of speeds over a period, in the arm's
         # wrench and in the estimate, are a thousand times of that, and stiff controllers more.
         assert np.abs(one - two).max() <= 1e-9 * max(np.abs(two).max(), 1e-3)
-    reported = np.array([d.measured.hand_wrench for d in received])
+    reported = np.array([d.sample.hand_wrench for d in received])
     assert reported.any() == (sensor != "absent")
     assert np.array([s.device.hand_wrench for s in samples]).any()

@@ -14,7 +14,8 @@ from std_msgs.msg import Float64MultiArray, UInt8MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros import Simulator, load_scene
-from hapticmech_ros.wire.layouts import unpack_energy
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import MechanismEnergy
 from ros.harness import Peer, refuses, running, six
 
 pytestmark = pytest.mark.ros
@@ -51,7 +52,7 @@ def test_external_wrench_moves_it_then_expires(domain: int, peer: Peer) -> None:
         peer.until(pushed, "the push")
         peer.until(lambda: six(contacts[-1]) == [0.0] * 6, "its end")
         peer.until(lambda: len(energies) > 3, "energies")
-    last = unpack_energy(energies[-1].data)
+    last = read(MechanismEnergy, energies[-1].data)
     assert last.work_in > 1e-5
     # Work in is kinetic energy or was lost in the joints, to the truncation of rk2 at 1 ms and the
     # few rad/s reached here: (3e-3)^2 = 1e-5 of it.
@@ -80,7 +81,7 @@ def test_closures_open_and_close_by_service(domain: int, peer: Peer) -> None:
 
         def far() -> bool:
             push.publish(peer.wrench(-2.0, 1.0, 0.0, 0.0, 0.0, 0.0))
-            return bool(energies) and unpack_energy(energies[-1].data).work_in > 0.02
+            return bool(energies) and read(MechanismEnergy, energies[-1].data).work_in > 0.02
 
         peer.until(far, "the push")
         refused = switched(True)

@@ -16,7 +16,8 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasp, grasp_written
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.layouts import unpack_operational_model
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout
 from ros.harness import Peer, allowing, figures, refuses, running, six
 
@@ -137,7 +138,7 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None
     ]
     assert len(steps) > 300
     assert max(steps) < BUMP_N
-    found = unpack_operational_model(models[-1].data)
+    found = read(OperationalModelMessage, models[-1].data)
     assert found.grasp[0] == 0.0
     # A link on a pin in the world: one direction is free, where the handle had two.
     assert np.count_nonzero(found.s > 1e-6) == 1

@@ -19,7 +19,8 @@ from hapticmech_ros.files import shared
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.managed import descriptor_of
 from hapticmech_ros.nodes.runtime import actor_type
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from ros.harness import Peer, allowing, running
 
 pytestmark = pytest.mark.ros
@@ -86,7 +87,7 @@ def test_a_change_within_the_rules_is_obeyed(domain: int, peer: Peer, tmp_path: 
             def over() -> bool:
                 nonlocal seen
                 for data in samples[seen:]:
-                    sample = unpack_device(data.data)
+                    sample = read(DeviceStateMessage, data.data)
                     if sample.applied.any():
                         stamps.append(sample.stamp_ns)
                     elif stamps:

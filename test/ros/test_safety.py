@@ -12,7 +12,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.layouts import LocalFeedbackGain, pack_gain
+from hapticmech_ros.wire.messages import LocalFeedbackGain
 from ros.harness import Peer, allowing, figures, running, six
 
 pytestmark = pytest.mark.ros
@@ -141,8 +141,8 @@ def test_a_second_publisher_of_gains_alone_is_refused_once_it_speaks(
 
     def gain() -> Float64MultiArray:
         now = peer.node.get_clock().now().nanoseconds
-        told = LocalFeedbackGain(now, now, 0.0, np.zeros(108))
-        return Float64MultiArray(data=pack_gain(told).tolist())
+        told = LocalFeedbackGain.answering(now, now, 0.0, np.zeros(108))
+        return Float64MultiArray(data=told.values.tolist())
 
     with running("haptic_device", domain, **STILL):
         bench = Bench(peer)

@@ -18,7 +18,8 @@ from std_srvs.srv import SetBool
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.wire.layouts import unpack_device
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
 from ros.harness import RELIABLE, Peer, figures, running, six
 
@@ -72,7 +73,7 @@ class TestClock:
 
     def samples(self, since: int) -> list:
         """Return the device's samples from a number on."""
-        return [unpack_device(message.data) for message in self.devices[since:]]
+        return [read(DeviceStateMessage, message.data) for message in self.devices[since:]]
 
 
 def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
@@ -101,10 +102,10 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
         coasting = clock.samples(-10)
         stamps = [sample.stamp_ns for sample in clock.samples(started)]
         assert stamps == list(range(stamps[0], clock.now_ns + 1, STEP_NS))
-        assert coasting[0].measured.twist[0] > 0.005
+        assert coasting[0].sample.twist[0] > 0.005
         for before, after in itertools.pairwise(coasting):
-            way = after.measured.pose.translation - before.measured.pose.translation
-            expected = before.measured.twist[:3] * STEP_NS / (1000 * MS)
+            way = after.sample.position - before.sample.position
+            expected = before.sample.twist[:3] * STEP_NS / (1000 * MS)
             # Sums of ten steps of floating point.
             assert np.abs(way - expected).max() < 1e-12
         # The mechanism's grid is half a period later, so that its last deadline is half before.
@@ -114,7 +115,7 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
             "the mechanism's sample",
         )
         # All of a step's periods count, from the first sample (which had one or more) on.
-        whole = (clock.now_ns - unpack_device(clock.devices[0].data).stamp_ns) // MS
+        whole = (clock.now_ns - read(DeviceStateMessage, clock.devices[0].data).stamp_ns) // MS
         peer.until(
             lambda: 0 < int(figures(statuses["haptic_device"])["periods"]) - whole <= PERIODS,
             f"{whole} periods",

@@ -29,7 +29,8 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import DEVICE_STATE, users_of
 from ros.harness import Peer, figures, next_domain, six
@@ -372,7 +373,7 @@ def test_a_second_device_of_another_user_stops_that_user_alone(users: Users, pee
     def message() -> Float64MultiArray:
         values = np.array(sent[0].data)
         values[:2] = divmod(peer.node.get_clock().now().nanoseconds, NANOSECONDS)
-        values[DEVICE_FIELDS.slice("hand_wrench")] = 3.0, -2.0, 1.0, 0.0, 0.0, 0.0
+        values[DeviceStateMessage.layout.slice("hand_wrench")] = 3.0, -2.0, 1.0, 0.0, 0.0, 0.0
         return Float64MultiArray(data=values.tolist())
 
     users.intrude("a/device/state", "/a/haptic_device", message)

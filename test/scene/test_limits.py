@@ -11,7 +11,11 @@ from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.rules import check_limits
 from hapticmech_ros.wire.bounds import FIXED
-from hapticmech_ros.wire.layouts import DEVICE_FIELDS, GAIN_FIELDS, OPERATIONAL_MODEL_FIELDS
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    OperationalModelMessage,
+)
 from hapticmech_ros.wire.state import StateLayout
 
 
@@ -67,6 +71,11 @@ def test_shipped_scenes_are_far_from_their_limits(name):
 
 def test_every_quantity_in_messages_has_a_limit_and_every_limit_a_quantity():
     state = StateLayout(Mechanism(load_scene("five_bar"))).fields
-    layouts = (DEVICE_FIELDS, OPERATIONAL_MODEL_FIELDS, GAIN_FIELDS, state)
+    layouts = (
+        DeviceStateMessage.layout,
+        OperationalModelMessage.layout,
+        LocalFeedbackGain.layout,
+        state,
+    )
     used = {name for layout in layouts for name in layout.quantities()}
     assert used == {*Limits.model_fields, *FIXED}

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from hapticmech_ros.loading import shipped_scenes
-from hapticmech_ros.wire.layouts import ENERGY_FIELDS
+from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.topics import TOPICS
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -40,7 +40,9 @@ def check_path(topic, path):
         if node in (Nodetype.SEQUENCE, Nodetype.ARRAY):
             assert index is not None, f"{topic}: {field} is an array"
             node, what = what[0]
-            limit = sum(ENERGY_FIELDS.values()) if topic.endswith("/energy") else LONGEST_ARRAY
+            limit = (
+                sum(MechanismEnergy.layout.values()) if topic.endswith("/energy") else LONGEST_ARRAY
+            )
             assert index == ":" or int(index) < limit
         else:
             assert index is None, f"{topic}: {field} is no array"

@@ -25,7 +25,7 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, leaf, local, shaped
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
-from hapticmech_ros.mechanism.kernels.model import LEAST, RESOLVED_RANK, Data, Model
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import cholesky
@@ -240,7 +240,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         least = _least(model, data, rank, True) / largest
     if not least > max(WELL_DETERMINED, _DOUBT * tolerance):
         return NOT_DECIDED
-    data.tail[LEAST], data.tail[RESOLVED_RANK] = least, rank
+    data.tail.least_sigma, data.tail.resolved_rank = least, rank
     return rank
 
 

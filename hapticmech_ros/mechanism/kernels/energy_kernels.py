@@ -21,13 +21,12 @@ from hapticmech_ros.mechanism.kernels.element_kernels import (
     element_resistance,
 )
 from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
-from hapticmech_ros.mechanism.kernels.model import DENSE, POTENTIAL, RANK, STEP, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import DENSE, Data, Model, Work, unpack
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
     move_joints,
 )
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
 from hapticmech_ros.mechanism.kernels.tree_kernels import CARRIED, bias_force_of, carried_place
 from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 from hapticmech_ros.numerics import Array
@@ -50,8 +49,8 @@ def kinetic_energy(model: Model, data: Data, v: Array) -> float:
 @inner
 def potential_energy(model: Model, data: Data, q: Array) -> float:
     """Return the energy, J, of weights, springs and stops at q (nq,), and remember it there."""
-    if data.tail[POTENTIAL] < math.inf:
-        return float(data.tail[POTENTIAL])
+    if data.tail.potential_energy < math.inf:
+        return float(data.tail.potential_energy)
     gravity, bodies, total, at = model.gravity, data.bodies, 0.0, model.small[0]
     for joint in range(1, bodies.shape[0]):
         for i in range(3):
@@ -71,7 +70,7 @@ def potential_energy(model: Model, data: Data, q: Array) -> float:
         x, y, z = a[9] - b[9], a[10] - b[10], a[11] - b[11]
         stretch = math.sqrt(x * x + y * y + z * z) - values[REST_LENGTH]
         total += 0.5 * values[PULL] * stretch * stretch
-    data.tail[POTENTIAL] = total
+    data.tail.potential_energy = total
     return float(total)
 
 
@@ -119,7 +118,7 @@ def _damped_most(model: Model, data: Data, parts: Work, q: Array, v: Array) -> f
     dampers and friction, K and C their slopes: of a mode that ω is faster than 1/h more than it
     has, of a slow one its (ω h)⁴th part.
     """
-    step, total, force = parts.settings[STEP], 0.0, model.forces[0]
+    step, total, force = parts.settings.step, 0.0, model.forces[0]
     for part in range(2):
         if part == 0:
             element_resistance(model, data, q, v, v, step * step, step, force)
@@ -129,7 +128,7 @@ def _damped_most(model: Model, data: Data, parts: Work, q: Array, v: Array) -> f
                 force[c] *= step
         to_metric(model, data, force)
         if model.path == DENSE:
-            remove(data.basis, int(data.tail[RANK]), force, model.along)
+            remove(data.basis, int(data.tail.rank), force, model.along)
         total += dot(force, force)
     return total
 
@@ -166,7 +165,7 @@ def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> fl
     bias_force_of(model, first, motions, bias)
     put(force, bias[:nv])
     to_metric(model, first, force)
-    step = parts.settings[STEP]
+    step = parts.settings.step
     return float(0.5 * step * step * (total + dot(force, force)))
 
 
@@ -194,7 +193,7 @@ def judge(
         values: (numbers,) the others; see ``model.pack``.
         start: (size,) packed terms at the start.
         end: (size,) packed terms at the end.
-        work: (work,) see ``step_kernels.Work``: with q0 and v0, q and v, and what acts.
+        work: (work,) see ``model.Work``: with q0 and v0, q and v, and what acts.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         damps: see ``put_balance``.
         work_in: J, done in the step.

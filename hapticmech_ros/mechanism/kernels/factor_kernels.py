@@ -42,17 +42,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     correction_of,
     lift,
 )
-from hapticmech_ros.mechanism.kernels.model import (
-    ERROR,
-    LEAST,
-    POTENTIAL,
-    RANK,
-    RESOLVED_RANK,
-    SPARSE,
-    Data,
-    Model,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -201,7 +191,8 @@ def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
     if not apart and (kept < resolved or m <= FEW_ROWS):
         return NOT_DECIDED
     tail, sigmas, basis, rows = data.tail, data.sigma, data.basis, data.rows
-    tail[LEAST], tail[RESOLVED_RANK] = abs(scaled[resolved - 1, resolved - 1]) / first, resolved
+    tail.least_sigma = abs(scaled[resolved - 1, resolved - 1]) / first
+    tail.resolved_rank = resolved
     directions, inverse = model.directions, model.inverse
     if kept == resolved:
         for i in range(kept):
@@ -232,7 +223,7 @@ def _kept(orthogonal: Array, tolerance: float, rounding: float, data: Data) -> i
         length = np.sqrt(dot_rows(orthogonal, i, i))
         if not length > max(RESOLVED * longest, rounding):
             break
-        tail[LEAST], tail[RESOLVED_RANK] = length / longest, i + 1
+        tail.least_sigma, tail.resolved_rank = length / longest, i + 1
         if length > tolerance * longest:
             sigma[i] = length
             rank += 1
@@ -262,7 +253,7 @@ def locate(model: Model, q: Array, data: Data) -> None:
     worst = 0.0
     for i in range(model.m):
         worst = max(worst, abs(residual[i]))
-    data.tail[ERROR] = worst
+    data.tail.largest_residual = worst
 
 
 @inner
@@ -273,8 +264,8 @@ def factorise(model: Model, data: Data) -> int:
     for i in range(model.m):
         drift = max(drift, abs(residual[i] / lengths[i]))
     tolerance = max(SOLVER_RANK_TOLERANCE, min(DRIFT_FACTOR * drift, DRIFT_CAP))
-    tail[RANK], tail[LEAST], tail[RESOLVED_RANK] = 0.0, 1.0, 0.0
-    tail[POTENTIAL] = math.inf
+    tail.rank, tail.least_sigma, tail.resolved_rank = 0.0, 1.0, 0.0
+    tail.potential_energy = math.inf
     rank = NOT_DECIDED
     if model.path == SPARSE:
         bad = articulate(model, data)
@@ -287,7 +278,7 @@ def factorise(model: Model, data: Data) -> int:
             rank = factor_dense(model, data, tolerance)
     if bad >= 0:
         return SINGULAR - bad
-    tail[RANK] = max(rank, 0)
+    tail.rank = max(rank, 0)
     return rank
 
 

@@ -18,14 +18,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.model import (
-    SPARSE,
-    Constants,
-    Model,
-    data_size,
-    pack,
-    views_of,
-)
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants, Model, pack, views_of
 from hapticmech_ros.numerics import Array
 
 
@@ -49,7 +42,7 @@ class ActiveSet:
         self.constants: tuple[Array, Array] = pack(known)
         self.model = Model(*self.constants)
         self.m = known.m
-        self.size = data_size(self.model)
+        self.size = self.model.data_size
         self.dense: ActiveSet = self if dense is None else dense
         self.redundant = redundant
 

@@ -22,7 +22,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import (
     turn_back,
     turn_in,
 )
-from hapticmech_ros.mechanism.kernels.model import RANK, SPARSE, Data, Model
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
     dot_with_row,
@@ -67,7 +67,7 @@ def lift(model: Model, data: Data, rates: Array) -> None:
 @inner
 def free_part(model: Model, data: Data, vector: Array) -> None:
     """Replace ``vector`` (nv,) by what the closures leave free of it, (1 - U Uᵀ) vector."""
-    rank = int(data.tail[RANK])
+    rank = int(data.tail.rank)
     if rank == 0:
         return
     if model.path == SPARSE:
@@ -87,7 +87,7 @@ def accelerate(
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
     """
-    nv, m, rank = model.nv, model.m, int(data.tail[RANK])
+    nv, m, rank = model.nv, model.m, int(data.tail.rank)
     rates, multipliers = result[:nv], result[nv:]
     for c in range(nv):
         rates[c] = rates[c] + passive[c] - bias_force[c]
@@ -117,7 +117,7 @@ def accelerate(
 def correction_of(model: Model, data: Data, residual: Array, change: Array) -> None:
     """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
     change[:] = 0.0
-    rank = int(data.tail[RANK])
+    rank = int(data.tail.rank)
     if model.path == SPARSE:
         turned = model.turned
         turned[:] = 0.0

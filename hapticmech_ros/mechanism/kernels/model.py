@@ -8,9 +8,7 @@ since to allocate a dozen numbers takes longer than to compute them.
 
 What kernels know of a configuration, as one array: see :class:`Data`.
 
-What the mechanism's kernels read and fill besides matrices, by name: one table for each array.
-
-Kernels index with the names below each table; Python takes slices of the tables.
+What the mechanism's kernels read and fill besides matrices, by name: one record for each array.
 """
 
 from __future__ import annotations
@@ -20,133 +18,145 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import SIZES, Part, Size, Structure, inner, structure
+from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure, inner
+from hapticmech_ros.compilation.records import Number, Record, Whole
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import Field, Layout
 
-_ONE = Field(1)
-
-# Of a step: its length, s; 1 where positions move with the rates at the step's end; φ at which the
-# projection stops, up to which it may stop when φ halves no more, and beyond which a step may have
-# been a jump, m; Baumgarte's rate a, 1/s, 0 for the projection; φ beyond which a loop has come
-# apart, m; 1 where θ̇ differs from v at later stages; what of singular positions ends a run, see
-# ``run_kernels``; by which share of what it exchanges a step's energy account may be off, 0 where
-# nobody looks; how many of the wrenches on links are those of contacts, which come first; and which
-# share of what was exchanged all steps together may make from nothing.
-STEP_SETTINGS = Layout(
-    dict.fromkeys(
-        (
-            "step",
-            "late",
-            "closed",
-            "rounded",
-            "far",
-            "baumgarte_rate",
-            "apart",
-            "local_rates",
-            "heeded",
-            "tolerance",
-            "touching",
-            "drift",
-        ),
-        _ONE,
-    )
-)
-(
-    STEP,
-    LATE,
-    CLOSED,
-    ROUNDED,
-    FAR,
-    BAUMGARTE_RATE,
-    APART,
-    LOCAL_RATES,
-    HEEDED,
-    TOLERANCE,
-    TOUCHING,
-    DRIFT,
-) = STEP_SETTINGS.starts(*STEP_SETTINGS)
-
-# Of a run: work done and energy lost since it began, J; |φ| of the round before; in the mass metric
-# how far the step went, if it may have been a jump, and the projection; steps done; by how much the
-# energy accounts of all steps are off, J; and the part of the work that contacts did, J. Then what
-# the run began with, see ``motion.Owed``; the last of it is the largest so far; and the number of
-# steps after which too much had been lost without a cause.
-STEP_ACCOUNT = Layout(
-    dict.fromkeys(
-        (
-            "work_in",
-            "energy_lost",
-            "last_error",
-            "went",
-            "projected",
-            "steps_done",
-            "surplus",
-            "contact_work",
-            "owed_surplus",
-            "owed_work",
-            "owed_loss",
-            "moved",
-            "lossy",
-        ),
-        _ONE,
-    )
-)
-(
-    WORK_IN,
-    ENERGY_LOST,
-    LAST_ERROR,
-    WENT,
-    PROJECTED,
-    STEPS_DONE,
-    SURPLUS,
-    CONTACT_WORK,
-    OWED_SURPLUS,
-    OWED_WORK,
-    OWED_LOSS,
-    MOVED,
-    LOSSY,
-) = STEP_ACCOUNT.starts(*STEP_ACCOUNT)
-# What the run began with.
-OWED = STEP_ACCOUNT.slice("owed_surplus", "moved")
-
-# What a run does, whole numbers: steps; stages of the rule; 1 for an implicit rule; 1 where terms
-# at the start are known; steps from one sample to the next, 0 for none; and with contacts what it
-# begins with, see ``contact.step_kernels``, and how many rows of ``external`` behind those of the
-# contacts are wrenches from outside.
-RUN_PLAN = Layout(
-    dict.fromkeys(
-        (
-            "steps",
-            "stages",
-            "implicit",
-            "terms_known",
-            "sample_every",
-            "begins_with",
-            "pushes",
-        ),
-        _ONE,
-    )
-)
-(
-    STEPS,
-    STAGES,
-    IMPLICIT,
-    TERMS_KNOWN,
-    SAMPLE_EVERY,
-    BEGINS_WITH,
-    PUSHES,
-) = RUN_PLAN.starts(*RUN_PLAN)
-
-# The end of a packed array of terms: largest |φ|, m or rad; the rank; ``least`` and ``resolved`` of
-# a Closing; and the potential energy, J, infinite until a step's account has asked for it.
-TERMS_TAIL = Layout(dict.fromkeys(("error", "rank", "least", "resolved_rank", "potential"), _ONE))
-ERROR, RANK, LEAST, RESOLVED_RANK, POTENTIAL = TERMS_TAIL.starts(*TERMS_TAIL)
+# Stages of a step, at most.
+MOST_STAGES = 6
 
 
-@structure
-class Data(Structure):
+class StepSettings(Record):
+    """How a step is done.
+
+    Attributes:
+        step: its length h, s.
+        semi_implicit: 1 where positions move with the rates at the step's end.
+        projection_tolerance: largest |φ| at which the projection stops, m.
+        rounding_tolerance: largest |φ| up to which it may stop once φ halves no more, m.
+        jump_residual: largest |φ| beyond which a step may have been a jump, m.
+        baumgarte_rate: a of Baumgarte's stabilisation, 1/s; 0 for the projection.
+        residual_limit: largest |φ| beyond which a loop has come apart, m.
+        local_rates: 1 where θ̇ differs from v at later stages.
+        singularity_checks: what of singular positions ends a run, see ``run_kernels``.
+        energy_tolerance: by which share of what it exchanges a step's energy account may be off; 0
+            where nobody looks.
+        contact_wrenches: how many of the wrenches on links are those of contacts, which come first.
+        drift_tolerance: which share of what was exchanged all steps together may make from nothing.
+    """
+
+    step = Number()
+    semi_implicit = Number()
+    projection_tolerance = Number()
+    rounding_tolerance = Number()
+    jump_residual = Number()
+    baumgarte_rate = Number()
+    residual_limit = Number()
+    local_rates = Number()
+    singularity_checks = Number()
+    energy_tolerance = Number()
+    contact_wrenches = Number()
+    drift_tolerance = Number()
+
+
+class StepAccount(Record):
+    """What the steps of a run did.
+
+    Attributes:
+        work_in: work done, that of contacts included, J.
+        energy_lost: in damping, friction and stops, J.
+        last_residual: largest |φ| of the projection's iteration before, m or rad.
+        step_length: of the step in the mass metric, if it may have been a jump; else infinite.
+        projection_length: of the projection in the mass metric.
+        steps_done: their number.
+        energy_defect: by how much the energy accounts of all steps are off, J.
+        contact_work: the part of the work that contacts did, J.
+        earlier_defect: energy defect when the run began, J; see ``motion.Owed``.
+        earlier_work: work done by then, J.
+        earlier_loss: energy lost by then, J.
+        largest_kinetic: largest kinetic energy at the end of a step so far, earlier ones included,
+            J.
+        lossy_steps: number of steps after which too much had been lost without a cause.
+    """
+
+    work_in = Number()
+    energy_lost = Number()
+    last_residual = Number()
+    step_length = Number()
+    projection_length = Number()
+    steps_done = Number()
+    energy_defect = Number()
+    contact_work = Number()
+    earlier_defect = Number()
+    earlier_work = Number()
+    earlier_loss = Number()
+    largest_kinetic = Number()
+    lossy_steps = Number()
+
+
+class RunPlan(Record):
+    """What a run does.
+
+    Attributes:
+        steps: their number.
+        stages: of the integrator's rule.
+        implicit: 1 for an implicit rule.
+        terms_known: 1 where terms at the start are known.
+        sample_every: steps from one sample to the next, 0 for none.
+        begins_with: with contacts, what the run begins with, see ``contact.step_kernels``.
+        external_wrenches: with contacts, how many rows of ``external`` behind those of the contacts
+            are wrenches from outside.
+    """
+
+    dtype = int
+    steps = Whole()
+    stages = Whole()
+    implicit = Whole()
+    terms_known = Whole()
+    sample_every = Whole()
+    begins_with = Whole()
+    external_wrenches = Whole()
+
+
+class TermsTail(Record):
+    """The end of a packed array of terms: what is asked for most.
+
+    Attributes:
+        largest_residual: largest |φ|, m or rad.
+        rank: number of independent closure rows.
+        least_sigma: smallest σ that is more than rounding over the largest; 1 without closures.
+        resolved_rank: number of rows that differ by more than rounding.
+        potential_energy: J, infinite until a step's account has asked for it.
+    """
+
+    largest_residual = Number()
+    rank = Number()
+    least_sigma = Number()
+    resolved_rank = Number()
+    potential_energy = Number()
+
+
+class SharedConstants(Structure):
+    """What begins the table of places that model, terms and work share: most of :class:`Constants`.
+
+    Attributes:
+        data_size: length of a packed array of terms, see :class:`Data`; all others have the names
+            of the constants.
+    """
+
+    __slots__ = ()
+
+    nq, nv, m, path = Size(), Size(), Size(), Size()
+    width, border, independent, data_size = Size(), Size(), Size(), Size()
+    carriers, joints, closures = Part(1, whole=True), Part(2, whole=True), Part(2, whole=True)
+    points, elements, springs = Part(1, whole=True), Part(2, whole=True), Part(2, whole=True)
+    order, sequence = Part(1, whole=True), Part(2, whole=True)
+    damping, lengths, placements, effort = Part(1), Part(1), Part(2), Part(1)
+    element_values, spring_values, joint_values, gravity = Part(2), Part(2), Part(2), Part(1)
+
+
+class Data(Structure, after=SharedConstants):
     """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
 
     Dense and sparse factorisations share the array's first half; what the other one has is empty.
@@ -173,36 +183,46 @@ class Data(Structure):
             sparse.
         shares: (m + border, border) what is free of the rows' pivots, by ``sequence``, and of the
             border's rates: columns that are orthonormal; sparse.
-        tail: (5,) the array's end, see ``step_layout.TERMS_TAIL``.
+        tail: of all that, the array's end.
     """
 
     __slots__ = ()
 
-    residual = Part(16, 1)
-    pairs = Part(17, 2)
-    joint_jacobian = Part(18, 2)
-    poses = Part(19, 2)
-    places = Part(20, 2)
-    bodies = Part(21, 2)
-    factor = Part(22, 2)
-    jacobian = Part(23, 2)
-    basis = Part(24, 2)
-    sigma = Part(25, 1)
-    rows = Part(26, 2)
-    pivots = Part(27, 2)
-    band = Part(28, 2)
-    row_places = Part(29, 2)
-    shares = Part(30, 2)
-    tail = Part(31, 1)
+    residual, pairs, joint_jacobian = Part(1), Part(2), Part(2)
+    poses, places, bodies = Part(2), Part(2), Part(2)
+    factor, jacobian, basis, sigma, rows = Part(2), Part(2), Part(2), Part(1), Part(2)
+    pivots, band, row_places, shares = Part(2), Part(2), Part(2), Part(2)
+    tail = RecordPart(TermsTail)
 
 
-# Their names.
-PARTS = tuple(name for name, part in vars(Data).items() if isinstance(part, Part))
+class Work(Structure, after=Data):
+    """What a step works on; its numbers are those of the mechanism's model.
 
+    Attributes:
+        settings: how it is done.
+        scheme: (6, 2) per stage its weight, and the fraction of the step at which the next one is.
+        account: what was done.
+        q0: (nq,) configuration at the start.
+        v0: (nv,) rates at the start.
+        state: (nq + nv,) q and v.
+        q: (nq,) configuration now.
+        v: (nv,) rates now.
+        theta: (nv,) change of the configuration, from q0 to the next stage or the end; or from q.
+        turn: (nv,) θ̇ at this stage.
+        turned: (nv,) weighted sum of θ̇.
+        gained: (nv,) weighted sum of v̇.
+        held: (nv,) joint forces from outside.
+        wrenches: (points, 6) at the operational points.
+    """
 
-def data_size(model: Model) -> int:
-    """Return the length of a packed array."""
-    return int(model.numbers[7])
+    __slots__ = ()
+
+    settings = RecordPart(StepSettings)
+    scheme = Part(2)
+    account = RecordPart(StepAccount)
+    q0, v0, q, v = Part(1), Part(1), Part(1), Part(1)
+    theta, turn, turned, gained = Part(1), Part(1), Part(1), Part(1)
+    held, wrenches, state = Part(1), Part(2), Part(1)
 
 
 def views_of(packed: Array, model: Model) -> Data:
@@ -218,11 +238,18 @@ def views_of(packed: Array, model: Model) -> Data:
 unpack = inner(views_of)
 
 
-# Path of a factorisation: see ``data.Data``.
+def tail_of(packed: Array) -> TermsTail:
+    """Return the end of a packed array of whatever mechanism, a view.
+
+    Args:
+        packed: (size,) packed terms.
+    """
+    return TermsTail(packed[-TermsTail.layout.size :])
+
+
+# Path of a factorisation: see :class:`Data`.
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 57, 5, 12
-# Stages of a step, at most.
-MOST_STAGES = 6
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
 _PIVOT, _ROW = 8, 5
 
@@ -293,18 +320,8 @@ class Constants(NamedTuple):
     gravity: Array
 
 
-# Which parts are where: their number in the table of places, behind the sizes.
-_WHOLE = ("carriers", "joints", "closures", "points", "elements", "springs", "order", "sequence")
-_REAL = (
-    "damping",
-    "lengths",
-    "placements",
-    "effort",
-    "element_values",
-    "spring_values",
-    "joint_values",
-    "gravity",
-)
+_WHOLE = [name for name, part in SharedConstants.parts.items() if part.whole]
+_REAL = [name for name, part in SharedConstants.parts.items() if not part.whole]
 _COLUMNS = {
     "joints": JOINT_NUMBERS,
     "closures": 4,
@@ -316,7 +333,6 @@ _COLUMNS = {
     "spring_values": 4,
     "joint_values": JOINT_COLUMNS,
 }
-_PARTS = 65
 # Rows of ``Model.small``.
 _SMALL = 4
 
@@ -325,7 +341,7 @@ def pack(constants: Constants) -> tuple[Array, Array]:
     """Return constants as (integers,) and (numbers,); see :class:`Model`."""
     whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
     real = [np.asarray(getattr(constants, name), dtype=float) for name in _REAL]
-    places = _places(_WHOLE, whole, SIZES + 3 * _PARTS)
+    places = _places(_WHOLE, whole, SIZES + 3 * Model.numbered)
     places += _places(_REAL, real, 0)
     of_data, size = _data_places(constants)
     places += of_data + _work_places(constants)
@@ -362,14 +378,14 @@ def _data_places(constants: Constants) -> tuple[list[int], int]:
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
     shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW)]
     border = constants.border
-    shapes += [(m + border if border else 0, border), (TERMS_TAIL.size, 1)]
+    shapes += [(m + border if border else 0, border), (TermsTail.layout.size, 1)]
     return _stacked(shapes)
 
 
 def _work_places(constants: Constants) -> list[int]:
-    """Return start, rows and columns of the parts of a step's work; see ``step_kernels.Work``."""
+    """Return start, rows and columns of the parts of a step's work; see ``model.Work``."""
     nq, nv = constants.nq, constants.nv
-    shapes = [(STEP_SETTINGS.size, 1), (MOST_STAGES, 2), (STEP_ACCOUNT.size, 1)]
+    shapes = [(StepSettings.layout.size, 1), (MOST_STAGES, 2), (StepAccount.layout.size, 1)]
     shapes += [(nq, 1), (nv, 1), (nq, 1), (nv, 1)]
     places, _ = _stacked([*shapes, *[(nv, 1)] * 5, (len(constants.points), 6)])
     # q and v, one after the other, are the state as well.
@@ -397,8 +413,7 @@ def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[in
     return places, length
 
 
-@structure
-class Model(Structure):
+class Model(SharedConstants, after=Work):
     """:class:`Constants`, packed: each part a view, found when it is asked for.
 
     What follows the constants is a workspace. No function finds it as it left it; none writes to
@@ -426,45 +441,8 @@ class Model(Structure):
 
     __slots__ = ()
 
-    nq = Size(0)
-    nv = Size(1)
-    m = Size(2)
-    path = Size(3)
-    width = Size(4)
-    border = Size(5)
-    independent = Size(6)
-    carriers = Part(0, 1, whole=True)
-    joints = Part(1, 2, whole=True)
-    closures = Part(2, 2, whole=True)
-    points = Part(3, 1, whole=True)
-    elements = Part(4, 2, whole=True)
-    springs = Part(5, 2, whole=True)
-    order = Part(6, 1, whole=True)
-    sequence = Part(7, 2, whole=True)
-    damping = Part(8, 1)
-    lengths = Part(9, 1)
-    placements = Part(10, 2)
-    effort = Part(11, 1)
-    element_values = Part(12, 2)
-    spring_values = Part(13, 2)
-    joint_values = Part(14, 2)
-    gravity = Part(15, 1)
-    sweep = Part(46, 2)
-    motions = Part(47, 2)
-    forces = Part(48, 2)
-    bias = Part(49, 1)
-    result = Part(50, 1)
-    turned = Part(51, 1)
-    along = Part(52, 1)
-    across = Part(53, 1)
-    scaled = Part(54, 2)
-    turn = Part(55, 2)
-    small = Part(56, 2)
-    columns = Part(57, 2)
-    reflectors = Part(58, 2)
-    directions = Part(59, 2)
-    inverse = Part(60, 2)
-    inverting = Part(61, 2)
-    sums = Part(62, 2)
-    units = Part(63, 1)
-    rounding = Part(64, 1)
+    sweep, motions, forces, bias = Part(2), Part(2), Part(2), Part(1)
+    result, turned, along, across = Part(1), Part(1), Part(1), Part(1)
+    scaled, turn, small, columns = Part(2), Part(2), Part(2), Part(2)
+    reflectors, directions, inverse, inverting = Part(2), Part(2), Part(2), Part(2)
+    sums, units, rounding = Part(2), Part(1), Part(1)

@@ -20,36 +20,9 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     put_balance,
 )
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
-from hapticmech_ros.mechanism.kernels.model import (
-    CONTACT_WORK,
-    DRIFT,
-    ENERGY_LOST,
-    HEEDED,
-    IMPLICIT,
-    LEAST,
-    LOSSY,
-    MOVED,
-    OWED_LOSS,
-    OWED_SURPLUS,
-    OWED_WORK,
-    RANK,
-    RESOLVED_RANK,
-    SAMPLE_EVERY,
-    STAGES,
-    STEP,
-    STEPS,
-    STEPS_DONE,
-    SURPLUS,
-    TERMS_KNOWN,
-    TOLERANCE,
-    WORK_IN,
-    Data,
-    Model,
-    unpack,
-)
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work, unpack
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
 from hapticmech_ros.mechanism.kernels.step_kernels import (
-    Work,
     aim,
     aim_by_all,
     aim_implicitly,
@@ -124,31 +97,34 @@ def _care_limit(parts: Work) -> float:
     fastest, v0 = 0.0, parts.v0
     for c in range(v0.size):
         fastest = max(fastest, abs(v0[c]))
-    return float(max(NEAR, min(PASSING, parts.settings[STEP] * fastest)))
+    return float(max(NEAR, min(PASSING, parts.settings.step * fastest)))
 
 
 @inner
 def starts_near(first: Data, parts: Work) -> bool:
     """Return whether a step starts so near a singular position that it needs care."""
-    return bool(parts.settings[HEEDED] != UNCHECKED and first.tail[LEAST] < _care_limit(parts))
+    return bool(
+        parts.settings.singularity_checks != UNCHECKED
+        and first.tail.least_sigma < _care_limit(parts)
+    )
 
 
 @inner
 def _is_near(start: Data, data: Data, limit: float) -> bool:
     """Return whether a stage is next to a singular position, or of lower rank than the start."""
-    rank, sigma = int(data.tail[RANK]), data.sigma
-    if rank < start.tail[RANK]:
+    rank, sigma = int(data.tail.rank), data.sigma
+    if rank < start.tail.rank:
         return True
     if sigma.size == 0:
-        return bool(data.tail[LEAST] < limit)
+        return bool(data.tail.least_sigma < limit)
     return bool(rank > 0 and sigma[rank - 1] < limit * sigma[0])
 
 
 @inner
 def _lands_near(first: Data, last: Data, limit: float) -> bool:
     """Return whether a step ends next to a singular position, or began at one that it left."""
-    left = last.tail[RESOLVED_RANK] > first.tail[RESOLVED_RANK]
-    return bool(left or last.tail[RANK] < first.tail[RANK] or last.tail[LEAST] < limit)
+    left = last.tail.resolved_rank > first.tail.resolved_rank
+    return bool(left or last.tail.rank < first.tail.rank or last.tail.least_sigma < limit)
 
 
 @inner
@@ -191,7 +167,7 @@ def step_once(
     Returns:
         See :func:`advance`.
     """
-    heeded, limit, account = parts.settings[HEEDED] != UNCHECKED, 0.0, parts.account
+    heeded, limit, account = parts.settings.singularity_checks != UNCHECKED, 0.0, parts.account
     if heeded:
         if not known:
             code = factor(model, parts.q0, first)
@@ -199,9 +175,9 @@ def step_once(
                 return code
             known = True
         limit = _care_limit(parts)
-        if first.tail[LEAST] < limit:
+        if first.tail.least_sigma < limit:
             return NEEDS_CARE
-    work_in, lost, by_contacts = account[WORK_IN], account[ENERGY_LOST], account[CONTACT_WORK]
+    work_in, lost, by_contacts = account.work_in, account.energy_lost, account.contact_work
     code = _advance(
         model,
         first,
@@ -217,13 +193,13 @@ def step_once(
     )
     if heeded and code == SETTLED and _lands_near(first, last, limit):
         code = NEEDS_CARE
-    if code == SETTLED and parts.settings[TOLERANCE] > 0.0:
-        gained, taken = account[WORK_IN] - work_in, account[ENERGY_LOST] - lost
+    if code == SETTLED and parts.settings.energy_tolerance > 0.0:
+        gained, taken = account.work_in - work_in, account.energy_lost - lost
         code = _watched(model, first, last, parts, external, implicit, gained, taken)
     if code == SETTLED:
-        account[STEPS_DONE] += 1.0
+        account.steps_done += 1.0
     else:
-        account[WORK_IN], account[ENERGY_LOST], account[CONTACT_WORK] = work_in, lost, by_contacts
+        account.work_in, account.energy_lost, account.contact_work = work_in, lost, by_contacts
     return code
 
 
@@ -243,26 +219,26 @@ def _watched(
     So it is as well where the steps so far and this one together made too much from nothing. What
     they lost without a cause cannot be given back: steps after which that is too much are counted.
     """
-    account, tolerance, found = parts.account, parts.settings[TOLERANCE], local(BALANCE)
+    account, tolerance, found = parts.account, parts.settings.energy_tolerance, local(BALANCE)
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
     judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
     if not judged <= allowed(tolerance, exchanged, rounding):
         exchanged += pushed_energy(model, first, parts, external)
         if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
-    moved = max(account[MOVED], found[KINETIC])
-    account[ENERGY_LOST] += found[LOST] - lost
-    surplus = account[OWED_SURPLUS] + account[SURPLUS] + found[OFF]
-    work = account[OWED_WORK] + account[WORK_IN] - account[CONTACT_WORK]
-    losses = account[OWED_LOSS] + account[ENERGY_LOST]
+    moved = max(account.largest_kinetic, found[KINETIC])
+    account.energy_lost += found[LOST] - lost
+    surplus = account.earlier_defect + account.energy_defect + found[OFF]
+    work = account.earlier_work + account.work_in - account.contact_work
+    losses = account.earlier_loss + account.energy_lost
     exchanged = abs(work) + losses + moved
-    most = allowed(parts.settings[DRIFT], exchanged, ROUNDED_STEPS * rounding)
+    most = allowed(parts.settings.drift_tolerance, exchanged, ROUNDED_STEPS * rounding)
     if surplus > most:
         return INACCURATE
     if -surplus > most:
-        account[LOSSY] += 1.0
-    account[SURPLUS] += found[OFF]
-    account[MOVED] = moved
+        account.lossy_steps += 1.0
+    account.energy_defect += found[OFF]
+    account.largest_kinetic = moved
     return SETTLED
 
 
@@ -296,7 +272,7 @@ def advance(
         spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
-        plan: (7,) see ``step_layout.RUN_PLAN``.
+        plan: (7,) a :class:`~hapticmech_ros.mechanism.kernels.model.RunPlan`.
 
     Returns:
         0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
@@ -305,9 +281,9 @@ def advance(
         see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how many
         steps were done.
     """
-    model, parts = Model(numbers, values), Work(numbers, work)
-    steps, every, stages = plan[STEPS], plan[SAMPLE_EVERY], plan[STAGES]
-    implicit, known = plan[IMPLICIT] != 0, plan[TERMS_KNOWN] != 0
+    model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
+    steps, every, stages = run.steps, run.sample_every, run.stages
+    implicit, known = run.implicit != 0, run.terms_known != 0
     first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
     state, sampled = parts.state, 0
     for step in range(steps):

@@ -15,22 +15,7 @@ from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.metric_kernels import close_rates, correction_of, lift
-from hapticmech_ros.mechanism.kernels.model import (
-    APART,
-    BAUMGARTE_RATE,
-    CLOSED,
-    ERROR,
-    FAR,
-    LAST_ERROR,
-    LEAST,
-    PROJECTED,
-    RANK,
-    ROUNDED,
-    WENT,
-    Data,
-    Model,
-)
-from hapticmech_ros.mechanism.kernels.step_kernels import Work
+from hapticmech_ros.mechanism.kernels.model import Data, Model, Work
 from hapticmech_ros.mechanism.tolerances import (
     JUMP,
     LEAST_TOLERANCE,
@@ -81,9 +66,9 @@ def _is_flipped(model: Model, data: Data) -> bool:
 @inner
 def _serves(model: Model, stage: Data) -> bool:
     """Return whether a stage's factors may bring q onto the closures: not near a singularity."""
-    rank, sigma = int(stage.tail[RANK]), stage.sigma
+    rank, sigma = int(stage.tail.rank), stage.sigma
     if sigma.size == 0 or rank == 0:
-        return bool(model.m > 0 and stage.tail[LEAST] > SINGULAR)
+        return bool(model.m > 0 and stage.tail.least_sigma > SINGULAR)
     return bool(sigma[rank - 1] > SINGULAR * sigma[0])
 
 
@@ -101,14 +86,18 @@ def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
     settings, account, q, theta = parts.settings, parts.account, parts.q, parts.theta
     if not np.isfinite(dot(q, q) + dot(parts.v, parts.v)):
         return NOT_FINITE
-    pulled, worst, before = settings[BAUMGARTE_RATE] > 0.0, np.inf, np.inf
+    pulled, worst, before = settings.baumgarte_rate > 0.0, np.inf, np.inf
     simplified = SIMPLIFIED if not pulled and _serves(model, stage) else 0
     for iteration in range(PROJECTION_ITERATIONS):
         locate(model, q, data)
-        worst, before = data.tail[ERROR], account[LAST_ERROR]
-        if iteration < simplified and not (worst > settings[CLOSED] and worst < SHRINKS * before):
+        worst, before = data.tail.largest_residual, account.last_residual
+        if iteration < simplified and not (
+            worst > settings.projection_tolerance and worst < SHRINKS * before
+        ):
             simplified = iteration
-        rounding = iteration > simplified and worst <= settings[ROUNDED] and worst > 0.5 * before
+        rounding = (
+            iteration > simplified and worst <= settings.rounding_tolerance and worst > 0.5 * before
+        )
         terms = stage
         if iteration >= simplified:
             rank = factorise(model, data)
@@ -118,23 +107,26 @@ def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
                 return SETTLED
             if pulled:
                 break
-            if worst <= settings[CLOSED] * _share_of_tolerance(data.tail[LEAST]) or rounding:
+            if (
+                worst <= settings.projection_tolerance * _share_of_tolerance(data.tail.least_sigma)
+                or rounding
+            ):
                 worst = 0.0
                 break
             terms = data
-        if before == np.inf and worst > settings[FAR]:
-            account[WENT] = _size(model, terms, theta)
-        account[LAST_ERROR] = worst
+        if before == np.inf and worst > settings.jump_residual:
+            account.step_length = _size(model, terms, theta)
+        account.last_residual = worst
         correction_of(model, terms, data.residual, theta)
-        if account[WENT] < np.inf:
-            account[PROJECTED] += _size(model, terms, theta)
+        if account.step_length < np.inf:
+            account.projection_length += _size(model, terms, theta)
         for c in range(theta.size):
             theta[c] = -theta[c]
         move(model, q, theta, q)
-    if not worst <= settings[APART]:
+    if not worst <= settings.residual_limit:
         return OPEN
     if not pulled:
         close_rates(model, data, parts.v)
-        if account[PROJECTED] > JUMP * account[WENT]:
+        if account.projection_length > JUMP * account.step_length:
             return JUMPED
     return FLIPPED if _is_flipped(model, data) else SETTLED

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import Part, Structure, inner, local, shaped, structure
+from hapticmech_ros.compilation import inner, local, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
     end_of_rows,
@@ -24,23 +24,12 @@ from hapticmech_ros.mechanism.kernels.element_kernels import element_forces, ele
 from hapticmech_ros.mechanism.kernels.manifold_kernels import local_rates, move
 from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
 from hapticmech_ros.mechanism.kernels.model import (
-    BAUMGARTE_RATE,
-    CONTACT_WORK,
-    ENERGY_LOST,
-    LAST_ERROR,
-    LATE,
-    LOCAL_RATES,
     MOST_STAGES,
-    PROJECTED,
-    RANK,
-    STEP,
-    STEP_ACCOUNT,
-    STEP_SETTINGS,
-    TOUCHING,
-    WENT,
-    WORK_IN,
     Data,
     Model,
+    StepAccount,
+    StepSettings,
+    Work,
 )
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
@@ -128,7 +117,7 @@ def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
     springs.largest[0] = largest
     if largest == 0.0:
         return -1
-    rank = int(data.tail[RANK])
+    rank = int(data.tail.rank)
     for _ in range(2):
         for i in range(nv):
             solve_lower(data.factor, seen[i])
@@ -145,7 +134,7 @@ def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
 def _answer(model: Model, data: Data, springs: Springs) -> None:
     """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
     solve_lower(data.factor, springs.force)
-    remove(data.basis, int(data.tail[RANK]), springs.force, model.along)
+    remove(data.basis, int(data.tail.rank), springs.force, model.along)
     solve_lower(springs.factor, springs.force)
     solve_lower_transposed(springs.factor, springs.force)
     solve_lower_transposed(data.factor, springs.force)
@@ -156,7 +145,7 @@ def _respond(
     model: Model, data: Data, parts: Work, springs: Springs, stage: int, rates: Array
 ) -> None:
     """Fill k of θ and v at a stage, from θ̇ and v̇."""
-    period, nv = parts.settings[STEP], rates.size
+    period, nv = parts.settings.step, rates.size
     turn, gain = springs.turns[stage], springs.gains[stage]
     met, moved, force = springs.met, springs.moved, springs.force
     for c in range(nv):
@@ -182,7 +171,7 @@ def _respond(
 def linearise(model: Model, data: Data, parts: Work, spring_work: Array) -> int:
     """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
     springs = springs_of(spring_work, model.nv)
-    step = parts.settings[STEP]
+    step = parts.settings.step
     element_slopes(model, data, parts.q, parts.v, step, springs.stiffness, springs.damping)
     return _linearise(model, data, springs, DIAGONAL * step)
 
@@ -210,49 +199,6 @@ def aim_implicitly(
 STAGES: int = len(TSITOURAS_REACHED)
 
 
-@structure
-class Work(Structure):
-    """What a step works on; its numbers are those of the mechanism's model.
-
-    Attributes:
-        settings: (12,) see ``step_layout.STEP_SETTINGS``.
-        scheme: (6, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: (13,) see ``step_layout.STEP_ACCOUNT``.
-        q0: (nq,) configuration at the start.
-        v0: (nv,) rates at the start.
-        state: (nq + nv,) q and v.
-        q: (nq,) configuration now.
-        v: (nv,) rates now.
-        theta: (nv,) change of the configuration, from q0 to the next stage or the end; or from q.
-        turn: (nv,) θ̇ at this stage.
-        turned: (nv,) weighted sum of θ̇.
-        gained: (nv,) weighted sum of v̇.
-        held: (nv,) joint forces from outside.
-        wrenches: (points, 6) at the operational points.
-    """
-
-    __slots__ = ()
-
-    settings = Part(32, 1)
-    scheme = Part(33, 2)
-    account = Part(34, 1)
-    q0 = Part(35, 1)
-    v0 = Part(36, 1)
-    q = Part(37, 1)
-    v = Part(38, 1)
-    theta = Part(39, 1)
-    turn = Part(40, 1)
-    turned = Part(41, 1)
-    gained = Part(42, 1)
-    held = Part(43, 1)
-    wrenches = Part(44, 2)
-    state = Part(45, 1)
-
-
-# Their names.
-PARTS = tuple(name for name, part in vars(Work).items() if isinstance(part, Part))
-
-
 def history_size(nv: int) -> int:
     """Return the length of an array for all stages of a rule that is reached from them."""
     return 2 * STAGES * nv
@@ -260,7 +206,7 @@ def history_size(nv: int) -> int:
 
 def work_size(nq: int, nv: int, points: int) -> int:
     """Return the length of an array of work."""
-    fixed = STEP_SETTINGS.size + 2 * MOST_STAGES + STEP_ACCOUNT.size
+    fixed = StepSettings.layout.size + 2 * MOST_STAGES + StepAccount.layout.size
     return fixed + 2 * nq + 7 * nv + 6 * points
 
 
@@ -274,7 +220,7 @@ def start_step(work: Work) -> None:
     for c in range(v.size):
         v[c], turn[c] = v0[c], v0[c]
         turned[c], gained[c] = 0.0, 0.0
-    account[LAST_ERROR], account[WENT], account[PROJECTED] = np.inf, np.inf, 0.0
+    account.last_residual, account.step_length, account.projection_length = np.inf, np.inf, 0.0
 
 
 @inner
@@ -292,11 +238,11 @@ def find_rates(
     bias_force_of(model, data, motions, bias_force)
     if m > 0:
         closure_bias(model, data, parts.v, motions, bias)
-        if parts.settings[BAUMGARTE_RATE] > 0.0:
+        if parts.settings.baumgarte_rate > 0.0:
             _pull(model, data, parts, bias)
     v, held, effort, settings = parts.v, parts.held, model.effort, parts.settings
     element_forces(model, data, parts.q, v, passive, dissipative)
-    force, touch, touching = local(nv), local(nv), int(settings[TOUCHING])
+    force, touch, touching = local(nv), local(nv), int(settings.contact_wrenches)
     for c in range(nv):
         result[c], touch[c] = held[c] + effort[c], 0.0
     add_point_forces(model, data, parts.wrenches, result)
@@ -309,19 +255,20 @@ def find_rates(
         force[c] = result[c]
     lost = dot(dissipative[:nv], v)
     accelerate(model, data, bias_force, passive, bias, result)
-    # Positions of the rule that is late move with the rates at its end.
-    account, step, late = parts.account, weight * settings[STEP], settings[LATE] * settings[STEP]
-    account[ENERGY_LOST] -= step * lost
+    # By the semi-implicit rule positions move with the rates at the step's end.
+    account, step = parts.account, weight * settings.step
+    late = settings.semi_implicit * settings.step
+    account.energy_lost -= step * lost
     for c in range(nv):
         moved = step * (v[c] + late * result[c])
-        account[WORK_IN] += moved * force[c]
-        account[CONTACT_WORK] += moved * touch[c]
+        account.work_in += moved * force[c]
+        account.contact_work += moved * touch[c]
 
 
 @inner
 def _pull(model: Model, data: Data, parts: Work, bias: Array) -> None:
     """Add Baumgarte's pull 2a W v + a² φ to ``bias`` (m,)."""
-    pull, axes, closures = parts.settings[BAUMGARTE_RATE], data.joint_jacobian, model.closures
+    pull, axes, closures = parts.settings.baumgarte_rate, data.joint_jacobian, model.closures
     carriers, joints, pairs = model.carriers, model.joints, data.pairs
     residual, v = data.residual, parts.v
     for index in range(closures.shape[0]):
@@ -339,7 +286,7 @@ def aim(model: Model, work: Work, weight: float, fraction: float, acceleration: 
     """Add an explicit stage to the sums, and set q, v and θ̇ of the next one, or of the end."""
     settings, v, v0, theta = work.settings, work.v, work.v0, work.theta
     turn, turned, gained = work.turn, work.turned, work.gained
-    period, late = settings[STEP], settings[LATE] != 0.0
+    period, late = settings.step, settings.semi_implicit != 0.0
     for c in range(v.size):
         turned[c] += weight * turn[c]
         gained[c] += weight * acceleration[c]
@@ -365,7 +312,7 @@ def reach(model: Model, work: Work, turns: Array, gains: Array, reached: Array, 
         reached: (stages, stages) where stages are reached from those before.
         stage: the last one that is known.
     """
-    period, last = work.settings[STEP], stage == reached.shape[0] - 1
+    period, last = work.settings.step, stage == reached.shape[0] - 1
     for c in range(work.v.size):
         turned, gained = 0.0, 0.0
         for j in range(stage + 1):
@@ -399,5 +346,5 @@ def follow(model: Model, work: Work) -> None:
             q[c] = q0[c] + theta[c]
     if not flat:
         move(model, q0, theta, q)
-        if work.settings[LOCAL_RATES] != 0.0:
+        if work.settings.local_rates != 0.0:
             local_rates(model, theta, v, turn)

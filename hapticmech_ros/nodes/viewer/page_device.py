@@ -44,8 +44,9 @@ from hapticmech_ros.nodes.viewer.scene_inputs import SceneInput
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene.hand import STILL_HAND
+from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.layouts import DeviceSample, unpack_device
+from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import (
     CLOSURES,
     CONTROLLER,
@@ -246,11 +247,11 @@ class PageDevice:
         self._body, self._prefix, self._commands = Draggable("hand", point), prefix, commands
         self._scene = page.shared_scene.held_at(point)
         self._stale_ns = nanoseconds(STALE.at(page.period_s))
-        self._state: SceneInput[DeviceSample] = SceneInput(
+        self._state: SceneInput[DeviceStateMessage] = SceneInput(
             page,
             prefix + DEVICE_STATE.name,
             Float64MultiArray,
-            lambda data: unpack_device(decode(data)),
+            lambda data: read(DeviceStateMessage, decode(data)),
         )
         # Full name of each node that may drive it -> the node.
         self._drivers = {
@@ -285,7 +286,7 @@ class PageDevice:
         sample = self._state.value(now_ns, self._stale_ns)
         if sample is None:
             return None
-        return sample.measured.pose.translation, sample.measured.twist[:3]
+        return sample.sample.position, sample.sample.twist[:3]
 
     def told(self, now_ns: int) -> str:
         """Return what its driver says of its rate."""
