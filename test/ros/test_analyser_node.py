@@ -61,12 +61,14 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     # The first state: of later ones the compensation knows rates that were.
     found = read(OperationalModelMessage, models[0].data)
     # The same code on the same bits, in another process: equal, not merely close.
-    assert np.array_equal(found.model.inverse_inertia, compensated.inverse_inertia)
-    assert np.array_equal(found.model.constraint_projector, expected.constraint_projector)
-    assert np.array_equal(found.model.wrench_projector, expected.wrench_projector)
-    assert np.array_equal(found.model.free_acceleration, compensated.free_acceleration)
+    assert np.array_equal(found.operational_model.inverse_inertia, compensated.inverse_inertia)
+    assert np.array_equal(
+        found.operational_model.constraint_projector, expected.constraint_projector
+    )
+    assert np.array_equal(found.operational_model.wrench_projector, expected.wrench_projector)
+    assert np.array_equal(found.operational_model.free_acceleration, compensated.free_acceleration)
     assert np.array_equal(found.s, expected.spectrum.s)
-    assert np.array_equal(found.point.contact_wrench, CONTACT[0])
+    assert np.array_equal(found.operational_model.contact, CONTACT[0])
     assert counts[-1].data == found.count == 1
     dims = matrices[-1].layout.dim
     assert [(d.label, d.size, d.stride) for d in dims] == [("row", 6, 36), ("column", 6, 6)]
@@ -114,4 +116,4 @@ def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
 
         peer.until(answered, "the analysis of the open chain")
     found = read(OperationalModelMessage, models[0].data)
-    assert np.array_equal(found.model.inverse_inertia, expected.inverse_inertia)
+    assert np.array_equal(found.operational_model.inverse_inertia, expected.inverse_inertia)

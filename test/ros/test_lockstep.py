@@ -18,7 +18,7 @@ from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.control.measurements import device_of
+from hapticmech_ros.control.measurements import device_of, point_of
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment, start_process, stop_process
@@ -117,14 +117,17 @@ def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) ->
         ),
         ([d.sample.twist for d in devices], [s.device.twist for s in samples]),
         ([d.sample.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
-        ([_place(r.point.pose) for r in models], [_place(s.point.pose) for s in samples]),
-        ([r.point.twist for r in models], [s.point.twist for s in samples]),
         (
-            [r.model.inverse_inertia for r in models],
+            [_place(point_of(r.operational_model.values).pose) for r in models],
+            [_place(s.point.pose) for s in samples],
+        ),
+        ([r.operational_model.twist for r in models], [s.point.twist for s in samples]),
+        (
+            [r.operational_model.inverse_inertia for r in models],
             [s.model.inverse_inertia for s in samples],
         ),
         (
-            [r.model.free_acceleration for r in models],
+            [r.operational_model.free_acceleration for r in models],
             [s.model.free_acceleration for s in samples],
         ),
         (_wrenches(bag["/device/servo_cf"]), [output.device for output in outputs]),
@@ -235,7 +238,12 @@ def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -
         for bag in (one, two)
     )
     assert [r.stamp_ns for r in first] == [r.stamp_ns for r in second]
-    assert np.abs(first[0].model.inverse_inertia - second[0].model.inverse_inertia).max() > 0.01
+    assert (
+        np.abs(
+            first[0].operational_model.inverse_inertia - second[0].operational_model.inverse_inertia
+        ).max()
+        > 0.01
+    )
     # The same hand, felt otherwise.
     wrenches = [
         [read(DeviceStateMessage, decode(d)).sample.hand_wrench for d in bag["/device/state"]]
