@@ -123,6 +123,12 @@ def test_a_machine_that_carries_no_rate_runs_the_lowest_in_lockstep(run: Any) ->
     assert "the demo runs in lockstep" in machine.said[-1]
 
 
+def test_the_lowest_rate_may_take_more_than_half_of_the_machine(run: Any) -> None:
+    machine = Machine(carries_hz=1000.0, period_us=5000.0)
+    assert run(machine) == pytest.approx(250.0)
+    assert (machine.rates, machine.lockstep) == ([1000.0, 250.0], 0)
+
+
 def test_a_rate_that_is_wanted_is_kept(run: Any) -> None:
     machine = Machine(carries_hz=100.0, calm_hz=100.0)
     assert run(machine, 400.0) == pytest.approx(400.0)
