@@ -132,11 +132,13 @@ def _results(
     )
     if len(scene.held_points) > 1:
         shared = shared_record_from_bag(bag, scene, duration=seconds)
+        users = {name: replace(one, lockstep=run.lockstep) for name, one in shared.users.items()}
+        shared = replace(shared, users=users)
         show("simulating the same without ROS", None)
         both = run_shared_session(scene, seconds)
         show("drawing", None)
         return write_shared_results(shared, scene, out, health, both)
-    record = record_from_bag(bag, scene, duration=seconds)
+    record = replace(record_from_bag(bag, scene, duration=seconds), lockstep=run.lockstep)
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
     show("drawing", None)

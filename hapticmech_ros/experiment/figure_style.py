@@ -78,20 +78,21 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
         axes.spines[side].set_visible(False)
 
 
-def titled(scene: Scene, figure: str, caption: str, point: str = "") -> str:
+def titled(scene: Scene, figure: str, caption: str, record: ExperimentRecord) -> str:
     """Return a caption that begins with its scene, or with the paper's figure if it is that.
 
-    A point is named where the scene has several. It ends with the control rate.
+    The point is named where the scene has several. It ends with the control rate.
     """
     paper = load_scene(PAPER)
     same = all(getattr(scene, key) == getattr(paper, key) for key in ("name", *EXPERIMENT))
-    at = f", {point}" if point and len(scene.operational_points) > 1 else ""
-    return f"{figure if same else scene.name + at}. {at_rate(caption, scene)}"
+    at = f", {record.point}" if len(scene.operational_points) > 1 else ""
+    return f"{figure if same else scene.name + at}. {at_rate(caption, scene, record)}"
 
 
-def at_rate(caption: str, scene: Scene) -> str:
-    """Return a caption that ends with the control rate."""
-    return f"{caption} Control rate {1.0 / scene.simulation.period:g} Hz."
+def at_rate(caption: str, scene: Scene, record: ExperimentRecord) -> str:
+    """Return a caption that ends with the control rate, and says if that was not kept by time."""
+    lockstep = ", in lockstep" if record.lockstep else ""
+    return f"{caption} Control rate {1.0 / scene.simulation.period:g} Hz{lockstep}."
 
 
 def about(scenes: Sequence[str], caption: str) -> str:

@@ -70,7 +70,9 @@ def users_figure(
 ) -> Figure:
     """Return the figure: a column for each user; ``reference`` is drawn behind, in grey."""
     figure = new_figure(
-        COLUMN * len(record.users), 8.6, about([scene.name], at_rate(USERS_CAPTION, scene))
+        COLUMN * len(record.users),
+        8.6,
+        about([scene.name], at_rate(USERS_CAPTION, scene, record.first)),
     )
     rows = figure.subplots(
         4, len(record.users), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 3, 3, 2)
@@ -176,7 +178,9 @@ DASHED: Final = "--"
 def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
     """Return the figure: a column for each user, of what the others do to it."""
     count = len(record.users)
-    figure = new_figure(COLUMN * count, 8.0, about([scene.name], at_rate(COUPLING_CAPTION, scene)))
+    figure = new_figure(
+        COLUMN * count, 8.0, about([scene.name], at_rate(COUPLING_CAPTION, scene, record.first))
+    )
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False)
     for index, point in enumerate(record.points):
         force, acceleration, mobility = rows[:, index]
@@ -350,7 +354,7 @@ def trajectory_figure(
 
     ``reference`` is drawn behind, in grey.
     """
-    caption = titled(scene, "Fig. 5b", CAPTION, record.point)
+    caption = titled(scene, "Fig. 5b", CAPTION, record)
     if scene.task_space == "planar":
         figure = new_figure(10.0, 6.2, caption)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.45, 1.0))
@@ -533,7 +537,7 @@ def wrench_figure(
     """Return the figure; the norm of ``reference`` is drawn behind, in grey."""
     fed_forward = scene.controller.joint_constraint.feedforward > 0.0
     less = ", less the share that is fed forward" if fed_forward else ""
-    caption = titled(scene, "Fig. 5c", WRENCH_CAPTION.replace("{less}", less), record.point)
+    caption = titled(scene, "Fig. 5c", WRENCH_CAPTION.replace("{less}", less), record)
     figure = new_figure(8.0, 6.0, caption)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     planar = scene.task_space == "planar"
@@ -600,7 +604,7 @@ def count_figure(
     record: ExperimentRecord, scene: Scene, reference: ExperimentRecord | None = None
 ) -> Figure:
     """Return the figure; ``reference`` is drawn behind, in grey."""
-    figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", COUNT_CAPTION, record.point))
+    figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", COUNT_CAPTION, record))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.1, 1.0))
     if reference is not None:
         style = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}

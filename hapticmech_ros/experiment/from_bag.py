@@ -311,16 +311,19 @@ def record_of(
     latest = None if duration is None else start_ns + nanoseconds(duration)
     window = (earliest, latest)
     try:
-        return ExperimentRecord(
-            scene=scene.name,
-            point=point,
-            source="graph",
-            period=scene.simulation.period,
+        columns: dict[str, Any] = {
             **_motion(series, window, start_ns),
             **_wrenches(series, window, start_ns),
             **_analyses(series, window, start_ns, scene),
             **_energies(series, window, start_ns),
             **_joints(series, window, start_ns, scene),
+        }
+        return ExperimentRecord(
+            scene=scene.name,
+            point=point,
+            source="graph",
+            period=scene.simulation.period,
+            **columns,
         )
     except InvalidInputError as error:
         raise BagError(f"bag {path}: {error}") from error

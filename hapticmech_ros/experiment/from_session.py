@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -190,7 +191,7 @@ class SessionRecorder:
         if not self._rows:
             raise InvalidInputError("samples", 0, "must be at least one")
         zero = self.started if started is None else started
-        arrays = {name: np.array(rows) for name, rows in self._rows.items()}
+        arrays: dict[str, Any] = {name: np.array(rows) for name, rows in self._rows.items()}
         times = arrays.pop("time") - zero
         return ExperimentRecord(
             scene=self._scene.name,

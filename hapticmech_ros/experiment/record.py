@@ -318,6 +318,7 @@ class ExperimentRecord:
             care, and of those that were still inaccurate.
         joint_times: (j,)
         joint_positions: (j, nq) q of the mechanism.
+        lockstep: whether the graph advanced by messages instead of by time.
 
     Raises:
         InvalidInputError: wrong shapes, non-finite values, times that do not increase, or no data.
@@ -351,6 +352,7 @@ class ExperimentRecord:
     inaccurate: Array
     joint_times: Array
     joint_positions: Array
+    lockstep: bool = False
 
     def __post_init__(self) -> None:
         for time_name, fields in _GROUPS.items():

@@ -9,6 +9,7 @@ import time
 from rich.console import Console
 
 from hapticmech_ros.experiment import GraphHealth, NodeHealth, compare, record_from_bag
+from hapticmech_ros.experiment.figure_style import titled
 from hapticmech_ros.experiment.report import table
 from hapticmech_ros.experiment.run import write_results
 from hapticmech_ros.experiment.summary import summarise
@@ -75,3 +76,10 @@ def test_table_says_what_was_not_recorded(session_record, scene):
     )
     text = " ".join(printed(summarise(record, scene, None)).split())
     assert "recording incomplete │ no constraint wrench for 1.20 s" in text
+
+
+def test_figures_say_whether_the_graph_ran_in_lockstep(session_record, scene):
+    in_lockstep = dataclasses.replace(session_record, lockstep=True)
+    rate = f"Control rate {1.0 / scene.simulation.period:g} Hz"
+    assert titled(scene, "Fig. 5a", "Text.", session_record).endswith(f"Text. {rate}.")
+    assert titled(scene, "Fig. 5a", "Text.", in_lockstep).endswith(f"Text. {rate}, in lockstep.")
