@@ -23,6 +23,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import lane_folder
+from hapticmech_ros.nodes.node_time import wall_ahead_ns
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
 
 FOLDER = Path(__file__).parent
@@ -292,7 +293,7 @@ class Rig:
             self.clean_max = float(found["force"].max())
             steady = found[first:]
             # A stamp by this machine's monotonic clock.
-            apart = time.time_ns() - time.monotonic_ns()
+            apart = wall_ahead_ns()
             self.lateness_ns = steady["arrived_ns"] + apart - steady["stamp_ns"]
             if len(steady) > 0.5 * CLEAN_S / self.period_s and pushing(steady).all():
                 return

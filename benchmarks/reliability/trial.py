@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from benchmarks.children import BenchError, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
+from hapticmech_ros.nodes.node_time import wall_ahead_ns
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
 from hapticmech_ros.numerics.times import nanoseconds
 
@@ -230,7 +230,7 @@ def _pause_s(found: Samples, before_ns: int) -> float:
 
 def _made_ns(arrived: np.ndarray, stamps: np.ndarray, lasted_ns: int) -> np.ndarray:
     """Return when samples were made, by the monotonic clock: by their stamps where these can be."""
-    made = stamps - (time.time_ns() - time.monotonic_ns())
+    made = stamps - wall_ahead_ns()
     late = arrived - made
     return np.where((late > -MS) & (late < STAMP_TRUSTED_NS + lasted_ns), made, arrived)
 

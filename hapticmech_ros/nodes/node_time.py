@@ -91,7 +91,7 @@ class NodeTime:
 
     def __init__(self) -> None:
         self.steps = 0
-        self._ahead_ns = _wall_ahead_ns()
+        self._ahead_ns = wall_ahead_ns()
 
     def now_ns(self) -> int:
         """Return the time, ns since the epoch."""
@@ -105,7 +105,7 @@ class NodeTime:
         apart = time.time_ns() - time.monotonic_ns() - self._ahead_ns
         if -STEP_NS <= apart <= STEP_NS:
             return 0
-        ahead = _wall_ahead_ns()
+        ahead = wall_ahead_ns()
         apart = ahead - self._ahead_ns
         if -STEP_NS <= apart <= STEP_NS:
             # Interrupted between the two reads.
@@ -121,7 +121,7 @@ def clock_step_text(step_ns: int) -> str:
     return f"clock set {way} by {abs(step_ns) / NANOSECONDS:.3g} s"
 
 
-def _wall_ahead_ns() -> int:
+def wall_ahead_ns() -> int:
     """Return how far the machine's clock is ahead of the monotonic one, ns."""
     best, narrowest = 0, 1 << 62
     for _ in range(_READS):
