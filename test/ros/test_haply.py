@@ -145,7 +145,9 @@ def led_through_it(
         return held + [figures(status)["engagements"] for status in controllers]
 
     place = DeviceStateMessage.layout.slice("position")
-    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace)) as service:
+    # The service is as patient as the nodes: a force that ends now and then balances elsewhere.
+    patient = ("--idle-after", "100ms")
+    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service:
         command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
         command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]
         for setting in SETTINGS:
