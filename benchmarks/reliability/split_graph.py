@@ -194,12 +194,15 @@ class SplitGraph:
                     self._rendered[name].set()
 
     def wait(self) -> float:
-        """Wait until the devices render; return the time.
+        """Wait until the devices say that they render, from now on; return the time.
 
         Raises:
             TimeoutError: one does not.
         """
         end = time.monotonic() + START_TIMEOUT_S
+        # Each says so again with all diagnostics.
+        for rendered in self._rendered.values():
+            rendered.clear()
         for name, rendered in self._rendered.items():
             if not rendered.wait(end - time.monotonic()):
                 raise TimeoutError(f"{name}: nothing is rendered within {START_TIMEOUT_S:g} s")

@@ -59,7 +59,7 @@ def test_a_declared_network_is_rendered_over_and_its_loss_ends_every_force(
 
 
 # Less of two cores is taken so, and pauses of a machine with other work end nothing.
-PERIOD_S, PATIENCE_S = 0.002, 0.1
+PERIOD_S, PATIENCE_S = 0.004, 0.1
 PATIENT = {
     "haptic_device.command_timeout": PATIENCE_S,
     "teleoperation_controller.input_timeout": PATIENCE_S,
@@ -89,7 +89,7 @@ def test_two_users_on_two_hosts_feel_each_other_and_the_loss_of_one_frees_only_h
         np.abs(moved - np.interp(time, known, expected))[time < known[-1]].max()
         for known, expected, _ in sessions
     ]
-    # 80 mm/s at most: a graph is one to two periods later than a session, 0.3 mm. What is lost on
+    # 80 mm/s at most: a graph is one to two periods later than a session, 0.6 mm. What is lost on
     # the way changes 0.03 mm.
     assert min(off) < 0.05 * WAY
     near, far, total = seen.energies()
