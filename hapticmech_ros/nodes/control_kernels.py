@@ -26,6 +26,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
     OTHER,
+    SECOND,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
     TO_READ,
@@ -52,11 +53,16 @@ from hapticmech_ros.wire.kernels import (
     UNSOUND,
     sound_stamp,
 )
-from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    OperationalModelMessage,
+)
 
 # Which topics are read, and which are sent.
 STATES, MODELS = 0, 1
-TO_DEVICE, TO_POINT = 0, 1
+TO_DEVICE, TO_POINT, AS_GAIN = 0, 1, 2
+GAIN = LocalFeedbackGain.layout.start("force")
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
@@ -86,6 +92,7 @@ class ControllerLink(Link):
         model_ns, rendered: stamp of the operational model, and of the one answered last.
         newest, arrived: the newest sample's stamp, and when it came.
         gain_from: from which stamp on an answer is to say how it depends on the device.
+        gain_every: how much later the one after it, ns; 0: Python says that.
         moved: of the last sample that was held against what a hand can move.
         of_device, of_analyser: what their senders sent last.
         sample_ns: stamp of the sample that was answered last.
@@ -101,6 +108,7 @@ class ControllerLink(Link):
     newest = Whole()
     arrived = Whole()
     gain_from = Whole()
+    gain_every = Whole()
     moved = Whole()
     of_device = Nested(Sender)
     of_analyser = Nested(Sender)
@@ -169,7 +177,9 @@ def plain_sample(
         return UNSOUND
     if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
-    if stamp < link.newest or stamp == time or stamp >= link.gain_from or link.until_view == 1:
+    if stamp < link.newest or stamp == time or link.until_view == 1:
+        return UNSOUND
+    if stamp >= link.gain_from and link.gain_every == 0:
         return UNSOUND
     silent = max(time - link.last, time - link.model_ns)
     return UNSOUND if silent > link.timeout else stamp
@@ -184,11 +194,21 @@ def keeps(wrench: Array, most: Array) -> bool:
     return kept
 
 
+@inner
+def write_gain(message: LocalFeedbackGain, stamp: int, answer: Answer) -> None:
+    """Fill a message with how an answer depends on the sample, of a time in ns, that it answers."""
+    message.stamp[0], message.stamp[1] = stamp // SECOND, stamp % SECOND
+    put(message.answered, message.stamp)
+    message.to_mechanism = answer.to_mechanism
+    put(message.values[GAIN : GAIN + answer.model.values.size], answer.model.values)
+
+
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
-    " int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1], float64[::1],"
+    " int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1],"
+    " int64[::1], float64[::1], int64[::1], float64[::1], float64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[:, ::1], float64, int64[::1])",
@@ -217,6 +237,10 @@ def answer_samples(
     point_frame: Array,
     to_point: Array,
     point_targets: Array,
+    gain_frame: Array,
+    gain: Array,
+    gain_targets: Array,
+    gain_most: Array,
     most: Array,
     known: Array,
     grasp: Array,
@@ -237,11 +261,11 @@ def answer_samples(
     """Answer samples as they come.
 
     Args:
-        shared: (24,) how things stand, a :class:`ControllerLink`; changed.
+        shared: (25,) how things stand, a :class:`ControllerLink`; changed.
         inputs: (2, 8) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
         passed: (n, 8) likewise, of the device's topics that are passed over.
-        outputs: (2, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism;
-            changed.
+        outputs: (3, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism,
+            and of the gains; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
             process first.
@@ -261,6 +285,10 @@ def answer_samples(
         point_frame: (words,) for the command to the mechanism.
         to_point: (6,) a view of its wrench, N and N m, world axes at the operational point.
         point_targets: (2 n,) to whom it is sent.
+        gain_frame: (words,) for a gain.
+        gain: (113,) a view of its data.
+        gain_targets: (2 n,) to whom it is sent.
+        gain_most: (113,) largest magnitude of each number.
         most: (6,) largest magnitudes of a wrench.
         known: (139,) the operational model as it was heard last; changed.
         grasp: (7,) where it has the point.
@@ -283,6 +311,7 @@ def answer_samples(
     """
     link, states, models = ControllerLink(shared), Reading(inputs[STATES]), Reading(inputs[MODELS])
     for_device, for_point = Sending(outputs[TO_DEVICE]), Sending(outputs[TO_POINT])
+    for_gain = Sending(outputs[AS_GAIN])
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     closed, seen = Locality(locality), OperationalModelSample(known)
     while link.reads < ages.size:
@@ -335,6 +364,7 @@ def answer_samples(
         elapsed = 0.0
         if link.rendered > 0:
             elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
+        closed.with_model = 1.0 if stamp >= link.gain_from else 0.0
         account_for_motion(side, seen.twist, elapsed)
         account_for_hand(side, sample)
         give_answer(side, gains, faded, flying, sample, seen, time_s, ahead, closed, given)
@@ -342,7 +372,11 @@ def answer_samples(
         passive_wrench(side, given, wrenches[0])
         put(to_device, given.wrenches.on_hand)
         put(to_point, wrenches[0])
-        if not (keeps(to_device, most) and keeps(to_point, most)):
+        sound = keeps(to_device, most) and keeps(to_point, most)
+        if given.modelled != 0.0:
+            write_gain(LocalFeedbackGain(gain), stamp, given)
+            sound = sound and sound_stamp(gain, gain_most, -1, 0.0) != UNSOUND
+        if not sound:
             put(account, before)
             return TO_READ
         # From here on it is answered.
@@ -351,6 +385,11 @@ def answer_samples(
         send_to_all(for_device, words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
         send_to_all(for_point, words, point_frame, point_targets, real)
+        left = False
+        if given.modelled != 0.0:
+            send_to_all(for_gain, words, gain_frame, gain_targets, real)
+            left = publish_outside(for_gain, gain_frame)
+            link.gain_from = stamp + link.gain_every
         queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
         put(motion, moved)
@@ -360,7 +399,7 @@ def answer_samples(
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
         link.until_view -= int(link.until_view > 0)
-        left = publish_outside(for_device, device_frame)
+        left = publish_outside(for_device, device_frame) or left
         if publish_outside(for_point, point_frame) or left:
             return TO_SEND
     return TIME_IS_UP

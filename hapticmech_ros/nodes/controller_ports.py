@@ -160,7 +160,9 @@ class ControllerOutputs:
 
     Attributes:
         answers: commands sent to the device.
-        to_device, to_point: what these, and those to the mechanism, are published through.
+        to_device, to_point, to_gain: what these, those to the mechanism, and how they depend on the
+            device, are published through.
+        gain_from_ns: from which stamp on, ns, that is due.
     """
 
     def __init__(self, actor: Actor[Any], axes: Callable[[], Array | None]) -> None:
@@ -173,7 +175,7 @@ class ControllerOutputs:
         self._publish_own: Outlet | None = None
         if actor.scene.device.servo_axes == "body":
             self._publish_own = actor.output(DEVICE_BODY_COMMAND, WrenchStamped)
-        self._publish_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
+        self.to_gain = actor.output(DEVICE_GAIN, Float64MultiArray)
         # Of the hands whose wrenches the device gets at once; None if it gets none.
         self._coupling = CouplingWire(actor.other_points, actor.limits)
         self._coupling_encoder = FlatArray(self._coupling.fields, self._coupling.bounds)
@@ -187,14 +189,14 @@ class ControllerOutputs:
             for topic in (IMPEDANCE_PART, CONSTRAINT_PART, CHANNEL_PART)
         ]
         self.answers = 0
-        self._gain_ns = NEVER
+        self.gain_from_ns = NEVER
 
     @property
-    def gain_from_ns(self) -> int:
-        """From which stamp on, ns, a gain is due: at view rate, at least at 50 Hz."""
+    def gain_every_ns(self) -> int:
+        """How long after a gain, ns, the next one is due: at view rate, at least at 50 Hz."""
         # Less half a period: samples are not evenly apart.
         every_ns = nanoseconds((self._actor.view_every - 0.5) * self._actor.period_s)
-        return self._gain_ns + min(every_ns, LONGEST_WITHOUT_GAIN_NS)
+        return min(every_ns, LONGEST_WITHOUT_GAIN_NS)
 
     def wants_gain(self, stamp_ns: int) -> bool:
         """Return whether ``local_feedback_gain`` is due."""
@@ -214,11 +216,11 @@ class ControllerOutputs:
 
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
-        self._gain_ns = stamp_ns
+        self.gain_from_ns = stamp_ns + self.gain_every_ns
         published = LocalFeedbackGain.answering(
             stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model
         )
-        self._publish_gain.publish(self._gain.encode(published.values))
+        self.to_gain.publish(self._gain.encode(published.values))
 
     def coupling(self, gains: Mapping[str, Array], stamp_ns: int) -> None:
         """Publish how an answer depends on the other hands.
@@ -278,7 +280,7 @@ class ControllerOutputs:
 
     def zero(self, device_ns: int, mechanism_ns: int) -> None:
         """Say zero to both sides, each by its own clock (ns), later than what it was told last."""
-        self._gain_ns = NEVER
+        self.gain_from_ns = NEVER
         for outlet, time_ns in (
             (self.to_device, device_ns),
             (self.to_point, mechanism_ns),

@@ -360,7 +360,7 @@ class DeviceDriver(ClockedActor[D]):
         answers: to its samples.
         device: what is driven.
         held: its state when the hand could take hold; None if nobody is there.
-        commanders: who publishes ``servo_cf``.
+        commanders, gains: who publishes ``servo_cf``, and ``local_feedback_gain``.
     """
 
     ends_forces = True
@@ -395,7 +395,8 @@ class DeviceDriver(ClockedActor[D]):
         self._view = DeviceView(self)
         self.buttons = ButtonOutput(self)
         node.keep(node.create_service(SetBool, EMERGENCY_STOP, self._on_stop))
-        commands, gains = self.sources(DEVICE_COMMAND.name), self.sources(DEVICE_GAIN.name)
+        commands = self.sources(DEVICE_COMMAND.name)
+        self.gains = gains = self.sources(DEVICE_GAIN.name)
         self._servo = PositionServo(self.scene.device, self.period_s, self._limits)
         self._poses = PoseCommands(
             self,
@@ -422,7 +423,7 @@ class DeviceDriver(ClockedActor[D]):
         if self.scene.device.servo_axes == "world" and not self.lockstep:
             self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
-        if self._is_local:
+        if self.is_local:
             self.input_array(DEVICE_GAIN.name, qos, self._on_gain, LocalFeedbackGain.layout, gains)
         self._users.listen(lambda: self.loop)
 
@@ -446,14 +447,15 @@ class DeviceDriver(ClockedActor[D]):
         return NO_WRENCH
 
     def _new_loop(self) -> LocalLoop:
-        paired = self._is_local and self.scene.connection.networked
+        paired = self.is_local and self.scene.connection.networked
         others = self._users.begin()
         return LocalLoop(
             self.period_s, message_bounds(LocalFeedbackGain, self.limits), paired, others
         )
 
     @property
-    def _is_local(self) -> bool:
+    def is_local(self) -> bool:
+        """Whether the device closes a part of the controller's loop."""
         return self.scene.controller.local
 
     def apply_parameters(self, parameters: D) -> None:
@@ -508,7 +510,7 @@ class DeviceDriver(ClockedActor[D]):
         if self._ticks < 2:
             return True
         known = self._commands.has(answered)
-        if not self._is_local:
+        if not self.is_local:
             return known
         corrected = self.loop.gains.has(answered)
         return (
@@ -538,28 +540,28 @@ class DeviceDriver(ClockedActor[D]):
             self._publish_view(deadline_ns)
         self._ticks += 1
 
-    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
-        """Return E_m as it is told if the next steps need nothing but commands; None if they do.
-
-        J; NaN while nobody tells it.
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array, model: Array) -> bool:
+        """Return whether the next steps need nothing but commands and gains.
 
         Args:
             link: how things stand, to fill.
             commands: (2, 6) to fill: what is commanded, and what was at the last sample, N and N m.
             state: (107,) to fill, of the device.
+            model: (108,) to fill: how commands depend on the device, a ``LocalModel``.
         """
         gain, clock, now = self.loop.plain_gain, self.clock, self.now_ns()
         acting, before = self._command.value, self._command.before
         if gain is None or clock is None or acting is None or before is None or self.lockstep:
-            return None
+            return False
         posed = self._poses is not None and self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
         reported = (
             self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
         )
         if waits or not reported or self._refusal(now) or self._push is not NO_WRENCH:
-            return None
-        held = self.held
+            return False
+        held, order = self.held, self.loop.order.last
+        model[:] = gain[0]
         for row, (wrench, _) in zip(commands, (acting, before), strict=True):
             row[:] = wrench
         state[:] = self._state.flat
@@ -570,11 +572,11 @@ class DeviceDriver(ClockedActor[D]):
         link.newest, link.arrived = self.answers.last
         link.done, link.held = 0, -1 if held is None else self._ticks_held
         link.gain_ns, link.remembers = gain[1], self.loop.count
+        link.gain_newest, link.gain_arrived, link.gain_after = *order, self.loop.from_ns
         link.most_trips, link.trips = self.answers.until_renewed, 0
         # The first one whose number is divided by it is seen.
         link.until_view = 1 + -self._ticks % self.view_every
-        given = self.loop.to_mechanism
-        return math.nan if given is None else given
+        return True
 
     def moved(
         self, link: own.DeviceLink, commands: Array, state: Array, trips: Array, code: int
@@ -729,7 +731,7 @@ class DeviceDriver(ClockedActor[D]):
     def _answer_of(self, answered_ns: int) -> Array:
         """Return the answer to a sample, in lockstep."""
         command = self._commands.take(answered_ns)
-        if not self._is_local:
+        if not self.is_local:
             return command
         return self.loop.correct_in_lockstep(command, answered_ns)
 

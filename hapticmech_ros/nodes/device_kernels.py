@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.account_kernels import remember
@@ -63,10 +65,15 @@ from hapticmech_ros.wire.kernels import (
     UNSOUND,
     sound_stamp,
 )
-from hapticmech_ros.wire.messages import DeviceStateMessage
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 
-# Where in a message what is published of a state begins.
+# Which topics are read.
+COMMANDS, GAINS = 0, 1
+# Where in a message what is published of a state begins; and in a gain's its second stamp, and how
+# commands depend on the device.
 PUBLISHED = DeviceStateMessage.layout.start("position")
+ANSWERED, GAIN = (LocalFeedbackGain.layout.start(name) for name in ("answered", "force"))
+STAMP_SIZE = 2
 SAMPLE_SIZE = DeviceSample.layout.size
 # Who answers one sample several times tells the answers apart by nanoseconds.
 MICROSECOND = 1000
@@ -87,6 +94,9 @@ class DeviceLink(Link):
         gain_ns: since when it is known how commands depend on the device.
         remembers: how many samples are remembered.
         most_trips, trips: how many round trips may be noted, and were.
+        gain_newest: stamp of the newest gain.
+        gain_arrived: when it came.
+        gain_after: which samples it must answer, those later than this.
     """
 
     next = Whole()
@@ -105,6 +115,9 @@ class DeviceLink(Link):
     remembers = Whole()
     most_trips = Whole()
     trips = Whole()
+    gain_newest = Whole()
+    gain_arrived = Whole()
+    gain_after = Whole()
 
 
 @inner
@@ -151,13 +164,69 @@ def remember_sample(
     link.remembers += 1
 
 
+@inner
+def take_gain(
+    link: DeviceLink,
+    read: Reading,
+    words: Array,
+    connection: int,
+    frame: Array,
+    prefix: Array,
+    copies: Array,
+    values: Array,
+    most: Array,
+    model: Array,
+    energies: Array,
+) -> bool:
+    """Take a ``local_feedback_gain`` that keeps the rules, as ``LocalLoop.take`` does.
+
+    Args:
+        link: how things stand.
+        read: of the gains.
+        words: (5,) to work with.
+        connection: struct pollfd of the controller's process.
+        frame: (words,) for the message.
+        prefix: (words,) the bytes before its data.
+        copies: (n, words) to fill, with messages that the middleware will bring too.
+        values: (113,) a view of the data in ``frame``.
+        most: (113,) largest magnitude of each number.
+        model: (108,) how commands depend on the device, a ``LocalModel``; changed.
+        energies: (2,) E_m as it was received, and from what on it counts, J; changed.
+
+    Returns:
+        Whether it was one.
+    """
+    full = read.copied == copies.shape[0]
+    if full or not peek(link, read, words, connection, frame, prefix):
+        return False
+    time, counted, sent = words[0], words[2], words[3]
+    after = ANSWERED + STAMP_SIZE
+    stamp = sound_stamp(values, most, -1, 0.0)
+    answered = sound_stamp(values[ANSWERED:after], most[ANSWERED:after], -1, 0.0)
+    if stamp in (UNSOUND, time) or answered == UNSOUND or stamp < link.gain_newest:
+        return False
+    if max(abs(time - stamp), abs(time - answered)) > link.oldest:
+        return False
+    take(read, words, connection, frame, copies)
+    link.gain_newest, link.gain_arrived = stamp, time
+    energies[0] = LocalFeedbackGain(values).to_mechanism
+    if np.isnan(energies[1]):
+        energies[1] = energies[0]
+    if answered > link.gain_after:
+        put(model, values[GAIN : GAIN + model.size])
+        link.gain_ns = time
+    read.read, read.counted, read.sent_ns = time, counted, sent
+    return True
+
+
 @kernel(
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
     " int64[::1], int64[::1], int64[:, ::1], int64[::1], float64[::1], float64[::1],"
+    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
     " float64[:, ::1],"
     " int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64,"
+    " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
     " float64[::1], int64[::1])",
     waits=True,
 )
@@ -173,6 +242,11 @@ def drive_at_deadlines(
     plain: Array,
     values: Array,
     most: Array,
+    gain_frame: Array,
+    gain_prefix: Array,
+    gain_copies: Array,
+    gain_values: Array,
+    gain_most: Array,
     commands: Array,
     out_frame: Array,
     out: Array,
@@ -190,15 +264,15 @@ def drive_at_deadlines(
     model: Array,
     others: Array,
     period: float,
-    given: float,
+    energies: Array,
     trips: Array,
     ages: Array,
 ) -> int:
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (24,) how things stand, a :class:`DeviceLink`; changed.
-        inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
+        shared: (27,) how things stand, a :class:`DeviceLink`; changed.
+        inputs: (2, 8) a ``lane_kernels.Reading`` each, of commands and gains; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the controller's process first.
@@ -208,6 +282,11 @@ def drive_at_deadlines(
         plain: (2,) those between its stamp and its wrench.
         values: (6,) a view of the wrench in ``frame``.
         most: (6,) largest magnitude of each of its numbers.
+        gain_frame: (words,) for a gain that has come.
+        gain_prefix: (words,) the bytes before its data.
+        gain_copies: (n, words) as ``copies``.
+        gain_values: (113,) a view of the data in ``gain_frame``.
+        gain_most: (113,) largest magnitude of each number.
         commands: (2, 6) the command that stands, and the one before.
         out_frame: (words,) for the sample.
         out: (29,) a view of the data in ``out_frame``.
@@ -223,17 +302,18 @@ def drive_at_deadlines(
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.
-        model: (108,) how commands depend on the device, a ``LocalModel``.
+        model: (108,) how commands depend on the device, a ``LocalModel``; changed.
         others: (19,) zeros.
         period: s.
-        given: E_m as it was received, J; NaN while nobody sends it.
+        energies: (2,) E_m as it was received, J, and from what on it counts; NaN while nobody
+            sends it; changed.
         trips: (n,) to fill: s, of samples and their answers.
         ages: (n,) to fill: of the commands, ns.
 
     Returns:
         Why it returns.
     """
-    link, read, sends = DeviceLink(shared), Reading(inputs[0]), Sending(outputs[0])
+    link, read, sends = DeviceLink(shared), Reading(inputs[COMMANDS]), Sending(outputs[0])
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
     measured, published = DeviceSample(state).values, PublishedState(state).values
     side = DeviceAccount(account)
@@ -246,7 +326,23 @@ def drive_at_deadlines(
             found = wait_until(min(deadline, link.until), link, words, polled, 1)
             if found == NOTHING:
                 continue
-            if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
+            if found == OTHER:
+                return TO_READ
+            if not peek(link, read, words, polled[0], frame, prefix):
+                if take_gain(
+                    link,
+                    Reading(inputs[GAINS]),
+                    words,
+                    polled[0],
+                    gain_frame,
+                    gain_prefix,
+                    gain_copies,
+                    gain_values,
+                    gain_most,
+                    model,
+                    energies,
+                ):
+                    continue
                 return TO_READ
             time, counted, sent = words[0], words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
@@ -289,7 +385,7 @@ def drive_at_deadlines(
             )
         compensate(body, now_there.twist, added)
         account_for_actuators(side, sample, now_there.applied)
-        take_energy(side, given)
+        take_energy(side, energies[0] - energies[1])
         allow(side, Safety(safety), asked, sample, added)
         command_device(body, now_there, asked)
         move_device(device, now_there, link.held, next_there)

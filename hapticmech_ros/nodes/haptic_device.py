@@ -7,11 +7,11 @@ It hears what others add to the hand's wrench: pushes, or in lockstep one for ea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.control.loop_delay import EVERY
@@ -28,14 +28,20 @@ from hapticmech_ros.nodes.external_wrenches import ExternalWrenches
 from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
-from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
+from hapticmech_ros.nodes.plain_messages import (
+    PlainCommand,
+    PlainMessages,
+    Publication,
+    Received,
+    frame_of,
+)
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.scene.hand import STILL_HAND
 from hapticmech_ros.wire.bounds import message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.messages import DeviceStateMessage
-from hapticmech_ros.wire.topics import DEVICE_COMMAND, HAND_WRENCH, START_HAND
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
+from hapticmech_ros.wire.topics import DEVICE_COMMAND, DEVICE_GAIN, HAND_WRENCH, START_HAND
 
 
 class HandWrenches:
@@ -118,27 +124,33 @@ class DeviceTicks(PlainMessages):
         self._out = DeviceStateMessage(values)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
         published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
-        received = command.received(topic, actor.commanders)
+        gains, gain_topic = FlatArray(LocalFeedbackGain.layout), ""
+        if actor.is_local:
+            gain_topic = actor.lane_topic(DEVICE_GAIN.name, Float64MultiArray)
+        received = [
+            command.received(topic, actor.commanders),
+            Received(
+                gain_topic, actor.gains, gains.prefix, gains.size, len(gains.prefix), beside=True
+            ),
+        ]
         self.link = own.DeviceLink()
-        super().__init__(actor, [received], [published], self.link)
+        super().__init__(actor, received, [published], self.link)
         self._driver, self._device = actor, device
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
+        self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
         self._state, self._later = SimulatedState().values, SimulatedState().values
-        self._given, self._model = math.nan, NO_GAIN
+        self._model = NO_GAIN.copy()
         self._out.obeys = True
 
     def ready(self) -> bool:
         """Tell the kernel how the driver is; return whether it may do anything for it."""
         actor, device = self._driver, self._device
-        given = actor.plainly(self.link, self._commands, self._state)
-        gain = actor.loop.plain_gain
-        if given is None or gain is None:
+        if not actor.plainly(self.link, self._commands, self._state, self._model):
             return False
         if actor.held is not None and actor.held is not device.held:
             device.take_hold(actor.held)
-        self._given, self._model = given, gain[0]
         self._out.round_trip = actor.answers.round_trip
         return True
 
@@ -149,14 +161,14 @@ class DeviceTicks(PlainMessages):
             *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
-            *(self._command.most, self._commands),
+            self._command.most,
+            *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1], self._gain_most),
+            self._commands,
             *(self._frame, self._out.values, self._most, actor.fastest, self.targets[0]),
             *(self._device.data, self._state, self._later),
             *(side.passivity.account.values, side.envelope.numbers.values),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
-            actor.period_s,
-            self._given,
-            *(self._trips, self.ages),
+            *(actor.period_s, loop.energies, self._trips, self.ages),
         )
 
     def did(self, code: int, reads: int) -> None:
@@ -164,6 +176,10 @@ class DeviceTicks(PlainMessages):
         actor, trips = self._driver, self._trips[: self.link.trips]
         for age_ns in self.ages[:reads].tolist():
             actor.latency.add(age_ns)
+        if self.reading[own.GAINS].read:
+            link = self.link
+            newest = link.gain_newest, link.gain_arrived
+            actor.loop.took(self._model, link.gain_ns, newest)
         if reads or self.link.done:
             actor.moved(self.link, self._commands, self._state, trips, code)
 

@@ -7,6 +7,7 @@ Answers to its samples are taken in order, and timed by the device's own clock.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -93,9 +94,9 @@ class LocalLoop:
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
         self.gains: Stamped[LocalFeedbackGain] = Stamped()
         self.order = InOrder()
-        self._received_energy: float | None = None
-        self._before: float | None = None
-        self._from_ns = NEVER
+        # E_m as it was received, and from what on it counts, J; NaN while nobody sends it.
+        self.energies = np.full(2, np.nan)
+        self.from_ns = NEVER
         self._gain: Latest[LocalFeedbackGain] = Latest()
 
     def measured(self, sample: Array, stamp_ns: int) -> None:
@@ -164,14 +165,29 @@ class LocalLoop:
         if lockstep:
             self.gains.put(gain, gain.stamp_ns)
             return
-        if self._paired and gain.answered_ns > self._from_ns:
+        if self._paired and gain.answered_ns > self.from_ns:
             self._unpaired[gain.stamp_ns] = gain
             if len(self._unpaired) > WAITING:
                 self._unpaired.popitem(last=False)
         if self.order.is_next(gain.stamp_ns, now_ns):
-            self._received_energy = gain.to_mechanism
-            if gain.answered_ns > self._from_ns:
+            self.energies[0] = gain.to_mechanism
+            if math.isnan(self.energies[1]):
+                self.begin()
+            if gain.answered_ns > self.from_ns:
                 self._gain.put(gain, now_ns)
+
+    def took(self, model: Array, taken_ns: int, newest: tuple[int, int]) -> None:
+        """Note the gains that the device's kernel has taken, whose energies are here already.
+
+        Args:
+            model: (108,) how commands depend on the device.
+            taken_ns: when the gain that says that came, ns.
+            newest: the newest gain's stamp, and when it came, ns.
+        """
+        gain = LocalFeedbackGain()
+        gain.model[:] = model
+        self._gain.put(gain, taken_ns)
+        self.order.last = newest
 
     def take_coupling(
         self, found: CouplingMatrices, now_ns: int, lockstep: bool, age_limit_ns: int = FOR_EVER
@@ -190,7 +206,7 @@ class LocalLoop:
         check_age(found.stamp_ns, now_ns, age_limit_ns)
         if lockstep:
             self.couplings.put(found, found.stamp_ns)
-        elif found.stamp_ns > self._from_ns:
+        elif found.stamp_ns > self.from_ns:
             self._coupling.put(found, now_ns)
 
     def forget_coupling(self) -> None:
@@ -214,21 +230,19 @@ class LocalLoop:
 
     @property
     def to_mechanism(self) -> float | None:
-        """E_m as it was told last, J, since the device began to obey; None before."""
-        if self._received_energy is None:
-            return None
-        if self._before is None:
-            self._before = self._received_energy
-        return self._received_energy - self._before
+        """E_m as it was received last, J, since the device began to obey; None before."""
+        received, before = self.energies.tolist()
+        return None if math.isnan(received) else received - before
 
     def begin(self) -> None:
         """Count from now on what the mechanism gets."""
-        self._before = self._received_energy
+        self.energies[1] = self.energies[0]
 
     def forget(self, now_ns: int) -> None:
         """Correct nothing until there is a gain that answers a sample later than now."""
-        self._gain, self._coupling, self._from_ns = Latest(), Latest(), now_ns
-        self._received_energy = self._before = self._pair = None
+        self._gain, self._coupling, self.from_ns = Latest(), Latest(), now_ns
+        self.energies[:] = np.nan
+        self._pair = None
         self._unpaired.clear()
 
     def correct(self, command: Array, answered_ns: int, now_ns: int) -> Array:
@@ -265,7 +279,7 @@ class LocalLoop:
             stamp_ns: of the sample that it answers.
         """
         gain = self.gains.take(stamp_ns)
-        self._received_energy, self._before = gain.to_mechanism, 0.0
+        self.energies[:] = gain.to_mechanism, 0.0
         matrices = None if self.others is None else self.couplings.take(stamp_ns)
         others = self._for_others(matrices, gain.answered_ns)
         return self._corrected(command, gain, gain.answered_ns, others)

@@ -61,6 +61,7 @@ class Received(NamedTuple):
         prefix: bytes of a message before its numbers.
         size: how many numbers it has.
         alike: how many of the bytes all messages have.
+        beside: whether it comes over the connection of the topic before, or is left to Python.
     """
 
     topic: str
@@ -68,6 +69,7 @@ class Received(NamedTuple):
     prefix: bytes
     size: int
     alike: int
+    beside: bool = False
 
 
 class Publication(NamedTuple):
@@ -77,11 +79,13 @@ class Publication(NamedTuple):
         outlet: that they go through.
         frame: words (n,) of a message.
         size: how many bytes it has.
+        optional: whether the kernel may do all else where nobody on the lane reads it.
     """
 
     outlet: Outlet
     frame: Array
     size: int
+    optional: bool = False
 
 
 def _head(origin: Origin, code: int) -> int:
@@ -168,7 +172,6 @@ class PlainMessages:
         self.polled = np.zeros(0, dtype=np.int64)
         self.targets: list[Array] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
-        self._origins: list[Origin] = []
         for one, row in zip(received, self.reading, strict=True):
             row.data = kernels.HEADER_BYTES + one.alike
             row.length = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
@@ -199,7 +202,7 @@ class PlainMessages:
         Args:
             at: which topic.
         """
-        return _continued(self._origins[at], self.reading[at])
+        return _continued(self._received[at].sources.latest, self.reading[at])
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
@@ -230,9 +233,9 @@ class PlainMessages:
             outlet = one.outlet
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
-            if way is None or not hearers:
+            if not (hearers or one.optional):
                 return False
-            row.both = way
+            row.both = bool(way)
             if way:
                 row.publishes, row.publisher = outlet.rcl
             numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
@@ -245,26 +248,40 @@ class PlainMessages:
 
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
         """Find who speaks; return whether that is one process for each topic."""
-        self._origins, first = [], []
+        first: list[int] = []
         for one, row in zip(self._received, self.reading, strict=True):
-            origin = one.sources.only
-            speaker = origin and lane.speaker(one.topic, origin.via)
-            if origin is None or speaker is None:
-                return False
-            connection, code = speaker
-            first.append(connection)
-            self._origins.append(origin)
-            row.head, row.number = _head(origin, code), origin.number
-            row.read = row.copied = 0
+            row.copied = 0
+            connection = self._connection(lane, one.topic, one.sources, row)
+            if one.beside and connection != first[-1]:
+                row.head = 0
+            elif not one.beside:
+                first.append(connection)
         for (topic, sources), row in zip(self._passed_over, self._passing, strict=True):
-            origin = sources.only
-            speaker = origin and lane.speaker(topic, origin.via)
-            row.head = row.read = 0
-            if origin is not None and speaker is not None and speaker[0] == first[0]:
-                row.head, row.number = _head(origin, speaker[1]), origin.number
+            if self._connection(lane, topic, sources, row) != first[0]:
+                row.head = 0
+        if -1 in first:
+            return False
         others = [number for number in waited if number not in first]
         self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
+
+    @staticmethod
+    def _connection(lane: Lane, topic: str, sources: Sources, row: kernels.Reading) -> int:
+        """Return the connection over which a topic's one publisher sends it; -1: there is none.
+
+        Args:
+            lane: of the process.
+            topic: its full name and type on the lane.
+            sources: who speaks on it.
+            row: to fill.
+        """
+        origin = sources.only
+        speaker = origin and lane.speaker(topic, origin.via)
+        row.head = row.read = 0
+        if origin is None or speaker is None:
+            return -1
+        row.head, row.number = _head(origin, speaker[1]), origin.number
+        return speaker[0]
 
     def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.

@@ -52,10 +52,14 @@ from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
-from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.bounds import message_bounds, read
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import reading_bounds
-from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    OperationalModelMessage,
+)
 from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
@@ -70,7 +74,7 @@ class SampleAnswers(PlainMessages):
         actor: the controller.
         device: of the samples.
         analyser: of the operational models.
-        outputs: topics of the answers, to device and mechanism.
+        outputs: topics of the answers to device and mechanism, and of how they depend on it.
         crtk: topics that say the same as the samples, and who speaks on each.
     """
 
@@ -79,7 +83,7 @@ class SampleAnswers(PlainMessages):
         actor: TeleoperationController,
         device: Sources,
         analyser: Sources,
-        outputs: tuple[Outlet, Outlet],
+        outputs: tuple[Outlet, Outlet, Outlet],
         crtk: Sequence[tuple[str, Sources]],
     ) -> None:
         received = []
@@ -90,15 +94,21 @@ class SampleAnswers(PlainMessages):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
             received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
         command = PlainCommand(actor.wrenches)
-        frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in outputs]
+        *commands, gains = outputs
+        frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in commands]
         published = [
             Publication(outlet, frame, command.size)
-            for outlet, (frame, _) in zip(outputs, frames, strict=True)
+            for outlet, (frame, _) in zip(commands, frames, strict=True)
         ]
+        gain = FlatArray(LocalFeedbackGain.layout)
+        self._gain = frame_of(gain.prefix, gain.size)
+        size = len(gain.prefix) + 8 * gain.size
+        published.append(Publication(gains, self._gain[0], size, optional=True))
         self.link = own.ControllerLink()
         super().__init__(actor, received, published, self.link, crtk)
         self._controller, self._commands = actor, frames
         self._most = command.most
+        self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
         self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
         self._before, self._moved = ControllerAccount().values, Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), Answer()
@@ -112,6 +122,8 @@ class SampleAnswers(PlainMessages):
             return False
         self._settings, self._locality = found
         self.link.sample_ns = 0
+        if not self.targets[own.AS_GAIN].size:
+            self.link.gain_every = 0
         return True
 
     def run(self) -> int:
@@ -126,6 +138,7 @@ class SampleAnswers(PlainMessages):
             *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
             actor.bounds.model.most,
             *(*device, self.targets[0], *point, self.targets[1]),
+            *(*self._gain, self.targets[2], self._gain_most),
             *(self._most, self._known, self._grasp),
             *(side.account.values, self._before, self._settings, NO_WRENCH),
             *(side.queue, side.past, self._locality, self._answer.values),
@@ -224,8 +237,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
         self._buttons = ButtonInput(self)
-        commands = self._outputs.to_device, self._outputs.to_point
-        self._plain = SampleAnswers(self, device, analyser, commands, self._crtk.streams)
+        outputs = self._outputs.to_device, self._outputs.to_point, self._outputs.to_gain
+        self._plain = SampleAnswers(self, device, analyser, outputs, self._crtk.streams)
         self._log = EngagementLog(node.get_logger, self.now_ns)
         node.every(PERIOD_S, self._log.report_counts)
 
@@ -522,6 +535,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
         link.newest, link.arrived = self.path.last
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
+        # What depends on other hands goes with each gain.
+        link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
         link.of_device.values[:] = self._device_pauses.last[1:]
         link.of_analyser.values[:] = self._model_pauses.last[1:]
         link.sample_ns = link.answers = 0
@@ -567,6 +582,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
         self._outputs.answers += link.answers
+        self._outputs.gain_from_ns = link.gain_from
 
     def _opened(self) -> bool:
         """Disengage while the clutch's button is pressed; return whether it is."""

@@ -25,6 +25,7 @@ from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
+from hapticmech_ros.nodes.sources import Origin
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import PastRates
@@ -47,7 +48,8 @@ MODELS = MODELS.format("Float64MultiArray")
 COMMANDS = "/mechanism/handle/servo_cf WrenchStamped"
 DEVICE_STATES = "/device/state Float64MultiArray"
 DEVICE_COMMANDS = "/device/servo_cf WrenchStamped"
-RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES
+GAINS = "/device/local_feedback_gain Float64MultiArray"
+RECEIVED = STATES, MODELS, COMMANDS, DEVICE_COMMANDS, DEVICE_STATES, GAINS
 MS = 1_000_000
 RCL_PUBLISHERS: list[Callable[[bytes], int]] = []
 
@@ -124,11 +126,15 @@ class Peer:
     """
 
     def __init__(self, folder: Path, received: str, spoken: str) -> None:
-        self.lane, self.got = Lane(folder), []
+        self.lane, self.got, self.sent_ns = Lane(folder), [], list[int]()
         self.received, self.spoken = received, spoken
         self.number = 0
         if received:
-            self.lane.listen(received, lambda message, origin: self.got.append(message))
+            self.lane.listen(received, self._get)
+
+    def _get(self, message: bytes, origin: Origin) -> None:
+        self.got.append(message)
+        self.sent_ns.append(origin.sent_ns)
 
     def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
         """Send a message; ``both`` as if through the middleware too."""
@@ -538,14 +544,14 @@ class Inputs:
         return self._device.encode(values), self._model.encode(self._writer.message.values)
 
 
-@pytest.fixture
-def rendering(folder: Path) -> Iterator[tuple[Process, Inputs]]:
-    peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, "")
+@pytest.fixture(params=[GAINS, ""], ids=["gains are read", "gains are not read"])
+def rendering(folder: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Process, Inputs]]:
+    peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, ""), (request.param, "")
     process = Process(TeleoperationController, "five_bar", folder, *peers)
     actor, inputs = process.actor, Inputs(process.actor.scene)
     # Samples are a millisecond apart by their stamps, whenever they come.
     actor.age_limit_ns = actor.timeout_ns = 1 << 62
-    device, analyser, _ = process.peers
+    device, analyser, *_ = process.peers
 
     def both() -> None:
         sample, model = inputs.next()
@@ -562,7 +568,7 @@ def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
     """Return what a controller remembers from one sample to the next: whose, its name, and it."""
     whose = (
         (actor, "_last_ns", "_state_ns", "_rendered_ns", "_command_stamps"),
-        (actor._outputs, "answers", "_gain_ns"),
+        (actor._outputs, "answers", "gain_from_ns"),
         (actor.path, "last"),
         (actor.motion, "stamp_ns"),
         (actor._device_pauses, "_via", "_count", "_stamp_ns"),
@@ -584,11 +590,11 @@ def test_samples_are_answered_as_python_answers_them(
     rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch, late: int
 ) -> None:
     process, inputs = rendering
-    actor, (device, analyser, mechanism) = process.actor, process.peers
+    actor, (device, analyser, mechanism, local) = process.actor, process.peers
     plain, kept = [inputs.next(late) for _ in range(40)], remembered(actor)
     arrays = [one.copy() for one in arrays_of(actor)]
-    device.answers()
-    mechanism.answers()
+    for peer in process.peers:
+        peer.answers()
     found, ended = [], []
     for by_kernel in (True, False):
         for one, name, value in kept:
@@ -597,7 +603,7 @@ def test_samples_are_answered_as_python_answers_them(
             array[:] = old
         process.exchange.lane.wait = process.wait if by_kernel else None
         codes = by_the_kernel(process, monkeypatch)
-        to_device, to_mechanism, done = [], [], actor._outputs.answers
+        to_device, to_mechanism, gains, done = [], [], [], actor._outputs.answers
         for sample, model in plain:
             received = actor._model_pauses.looked_ns
             analyser.speak(model)
@@ -606,13 +612,17 @@ def test_samples_are_answered_as_python_answers_them(
             done += 1
             to_device += process.until(lambda done=done: actor._outputs.answers == done)
             to_mechanism += mechanism.answers()
+            gains += local.answers()
         to_device += device.answers()
         to_mechanism += mechanism.answers()
+        gains += local.answers()
         assert bool(codes) == by_kernel
         monkeypatch.undo()
-        found.append((to_device, to_mechanism))
+        found.append((to_device, to_mechanism, gains))
         ended.append([one.copy() for one in arrays_of(actor)])
     assert len(found[0][0]) == len(found[0][1]) == len(plain)
+    # At 100 Hz, and by the kernel where a process on the lane reads them.
+    assert len(found[0][2]) == (4 if local.received else 0)
     assert found[0] == found[1]
     for by_kernel, by_python in zip(*ended, strict=True):
         assert by_kernel.tobytes() == by_python.tobytes()
@@ -626,7 +636,7 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
 ) -> None:
     """The controller reads CRTK's topics of drivers that have no samples; others publish both."""
     process, inputs = rendering
-    actor, (device, analyser, _) = process.actor, process.peers
+    actor, (device, analyser, *_) = process.actor, process.peers
     (sources,) = (who for topic, who in actor._crtk.streams if topic == POSES)
     numbers = iter(range(1, 1000))
 
@@ -661,9 +671,6 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     process.until(lambda: bool(actor._rivals(process.host.now_ns())))
 
 
-GAINS = "/device/local_feedback_gain Float64MultiArray"
-
-
 def driven_at(folder: Path) -> Process:
     process = Process(HapticDevice, "five_bar", folder, (DEVICE_STATES, DEVICE_COMMANDS))
     # Whatever else runs here.
@@ -683,9 +690,10 @@ class Logged:
 
     def __init__(self, process: Process) -> None:
         self.events: list[tuple[str, tuple[Any, ...], int]] = []
-        self.by_kernel = 0
+        self.by_kernel = self.gains_by_kernel = 0
         actor, note = process.actor, self.events.append
         tick, obey, take, moved = actor.tick, actor._obey, actor.loop.take, actor.moved
+        took = actor.loop.took
 
         def ticked(periods: int, deadline_ns: int) -> None:
             note(("tick", (periods, deadline_ns), process.host.now_ns()))
@@ -712,12 +720,26 @@ class Logged:
                 note(("_obey", (DEVICE_COMMAND, commands[0].copy(), stamp, received), received))
             moved(link, commands, *rest)
 
+        def kernel_took(model: Any, taken_ns: int, newest: tuple[int, int]) -> None:
+            self.gains_by_kernel += 1
+            energy = float(actor.loop.energies[0])
+            gain = LocalFeedbackGain.answering(newest[0], newest[0], energy, model)
+            given = gain.values, newest[1], False, actor.age_limit_ns
+            note(("take", given, newest[1]))
+            took(model, taken_ns, newest)
+
         actor.tick, actor._obey, actor.loop.take = ticked, obeyed, taken
-        actor.moved = kernel_moved
+        actor.moved, actor.loop.took = kernel_moved, kernel_took
         process.wait.ages = np.zeros(1, dtype=np.int64)
 
-    def replayed(self, scene: str) -> dict[int, bytes]:
-        """Return what a driver publishes by Python alone, to which the same happens; by stamp."""
+    def replayed(self, scene: str, sent: dict[int, int]) -> dict[int, bytes]:
+        """Return what a driver publishes by Python alone, to which the same happens; by stamp.
+
+        Args:
+            scene: of the driver.
+            sent: when each sample was sent, ns, by its stamp: a gain may have come just before.
+        """
+        self.events.sort(key=lambda event: sent.get(event[1][-1], event[2]))
         found: dict[int, bytes] = {}
         graph = SimpleNamespace(
             exchange=Exchange(), namespace="", now_ns=0, pushing=(), within=defaultdict(list)
@@ -757,13 +779,45 @@ def test_the_device_moves_as_pythons_does(driven: Process) -> None:
                 peer.lane.send(GAINS, 2, 0, encoder.encode(gain.values), False)
             wrench = np.array((0.5, 0.5, 0.0, 0.0, 0.0, 0.02)) * rng.normal(size=6)
             peer.speak(encode_wrench(wrench, stamp))
-    expected = log.replayed("five_bar")
+    stamps = [stamp_in(message) for message in got]
+    expected = log.replayed("five_bar", dict(zip(stamps, peer.sent_ns, strict=True)))
     assert log.by_kernel >= 300
+    assert log.gains_by_kernel >= 5
     assert all(expected[stamp_in(one)] == one for one in got)
     sample = read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(got[-1]))
     assert sample.round_trip > 0.0
     assert np.linalg.norm(sample.sample.twist) > 1e-4
     assert actor.latency.count > 100
+
+
+@pytest.mark.parametrize("spoil", [nan, old])
+def test_a_gain_that_breaks_a_rule_is_refused_once_and_named(
+    driven: Process, spoil: Callable[[Any], None]
+) -> None:
+    (peer,), log, encoder = driven.peers, Logged(driven), FlatArray(LocalFeedbackGain.layout)
+
+    def answer(spoil: Callable[[Any], None] | None = None) -> None:
+        driven.go(MS // 2)
+        for stamp in [stamp_in(message) for message in driven.answers()[-1:]]:
+            gain = LocalFeedbackGain.answering(stamp, stamp, 0.0, np.zeros(108)).values
+            if spoil is not None:
+                spoil(gain)
+            peer.lane.send(GAINS, 2, 0, encoder.prefix + gain.tobytes(), False)
+            peer.speak(encode_wrench(np.zeros(6), stamp))
+
+    def until(happened: Callable[[], bool], spoil: Callable[[Any], None] | None = None) -> None:
+        end = time.monotonic() + 20.0
+        while not happened():
+            assert time.monotonic() < end
+            answer(spoil)
+
+    until(lambda: log.gains_by_kernel > 5)
+    refused, taken = driven.host.refused, driven.actor.loop.energies.copy()
+    until(lambda: driven.host.refused > refused, spoil)
+    assert driven.host.last_refusal.startswith("device/local_feedback_gain: ")
+    assert driven.actor.loop.energies.tolist() == taken.tolist()
+    before = log.gains_by_kernel
+    until(lambda: log.gains_by_kernel > before)
 
 
 def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
