@@ -246,18 +246,12 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         self.wait_by(None)
         super().deactivate()
 
-    def plainly(self, link: own.DeviceLink, commands: Array, state: Array) -> float | None:
-        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
-
-        Args:
-            link: how things stand, to fill.
-            commands: (2, 6) to fill, N and N m.
-            state: (107,) to fill, of the device.
-        """
+    def plainly(self, link: own.DeviceLink, commands: Array, state: Array, model: Array) -> bool:
+        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes; arguments as there."""
         pushed = self._hand is None or self._hand.pushes(self.now_ns())
         # The hand is to take hold, once it need not wait.
         free = self.held is None and not self._wait_for_start
-        return None if pushed or free else super().plainly(link, commands, state)
+        return not (pushed or free) and super().plainly(link, commands, state, model)
 
     def take_hold(self) -> None:
         """Let the hand take hold, unless it has, or waits."""
