@@ -42,8 +42,9 @@ SETTLES_S = 1.0
 # other programs were there after 0.7 s beside one that takes a third of two, and 1.1 s beside 0.6.
 MOST_MISSED, MOST_USED = 0.03, 0.5
 # One that takes more of them than this and misses more keeps no deadlines, whatever it takes away
-# from others.
-TAKES_ALL, MISSES_MANY = 0.8, 0.1
+# from others; nor does one that misses every second one, while a node that is started again beside
+# it was not up within a minute.
+TAKES_ALL, MISSES_MANY, MISSES_MOST = 0.8, 0.1, 0.5
 # What is proposed would take no more than this: there are moments that are busier than a second's
 # mean.
 PROPOSED_USED = 0.4
@@ -83,8 +84,9 @@ class GraphLoad:
 
     @property
     def saturates(self) -> bool:
-        """Whether it takes the machine from all others and misses deadlines all the same."""
-        return self.missed > MISSES_MANY and self.used > TAKES_ALL * self.cores
+        """Whether it keeps no deadlines, whatever it takes away from others."""
+        takes_all = self.missed > MISSES_MANY and self.used > TAKES_ALL * self.cores
+        return takes_all or self.missed > MISSES_MOST
 
     @property
     def fitting_rate_hz(self) -> float | None:

@@ -91,7 +91,8 @@ def test_a_graph_fits_that_keeps_its_deadlines_and_leaves_something(change, fits
 
 
 @pytest.mark.parametrize(
-    ("used", "missed", "saturates"), [(1.7, 0.3, True), (1.7, 0.05, False), (1.2, 0.3, False)]
+    ("used", "missed", "saturates"),
+    [(1.7, 0.3, True), (1.7, 0.05, False), (1.2, 0.3, False), (0.8, 0.6, True)],
 )
 def test_a_graph_saturates_that_takes_all_and_misses_deadlines_all_the_same(
     used, missed, saturates
