@@ -253,6 +253,17 @@ class Exchange:
         self._delivering = False
         self._outlets = 0
 
+    @property
+    def settled(self) -> bool:
+        """Whether the process's node knows what its kernel has done."""
+        wait = None if self.lane is None else self.lane.wait
+        return wait is None or wait.settled
+
+    def settle(self) -> None:
+        """Have it know that, before a callback of its runs."""
+        if self.lane is not None and self.lane.wait is not None:
+            self.lane.wait.settle()
+
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
 

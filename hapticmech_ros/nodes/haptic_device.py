@@ -168,7 +168,9 @@ class DeviceTicks(PlainMessages):
             *(self._device.data, self._state, self._later),
             *(side.passivity.account.values, side.envelope.numbers.values),
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
-            *(actor.period_s, loop.energies, self._trips, self.ages),
+            actor.period_s,
+            loop.energies,
+            *(self._trips, self.ages),
         )
 
     def did(self, code: int, reads: int) -> None:

@@ -408,6 +408,13 @@ class Waits(Protocol):
     def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
         """Return which have something to read, and when it had to wait; see there."""
 
+    @property
+    def settled(self) -> bool:
+        """Whether the node knows what was done so far."""
+
+    def settle(self) -> None:
+        """Have the node know that; see there."""
+
 
 class Lane:
     """This process's part in the lane.
@@ -421,6 +428,8 @@ class Lane:
             collects to take.
         wait: waits in place of ``select``, and does something meanwhile; see :class:`Waits`.
         worked: whether it waited the last time.
+        between: is called where it might go on waiting, and returns until when, ns of the monotonic
+            clock; 0: no longer.
 
     Raises:
         LaneError: there can be no sockets.
@@ -431,6 +440,7 @@ class Lane:
         self.copied: list[tuple[str, bytes]] = []
         self.wait: Waits | None = None
         self.worked = False
+        self.between: Callable[[], int] = lambda: 0
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._subscriptions: dict[str, _Subscription] = {}

@@ -241,6 +241,9 @@ _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 # or the middleware brings messages of the lane's topics, as it did within the time below.
 STOPS_LOOK_NS, LOOK_NS, LATER_NS, LOOK_OFTEN_NS = 4_000_000, 8_000_000, 1_000_000, 200_000
 STRANGE_NS = NANOSECONDS // 2
+# How long a kernel waits at most before the loop notes that it goes on: nodes without deadlines
+# notice pauses of their process by that.
+LONGEST_UNSEEN_NS = 5_000_000
 # Callbacks in one look; and no more of them after so long: where much waits on the lane, one may
 # take seconds.
 MOST_CALLBACKS, MOST_LOOK_NS = 32, 50_000_000
@@ -298,14 +301,20 @@ class Inbox:
         executor: of the nodes.
         exchange: with the lane.
         look_period_ns: how often the middleware is looked at while the lane is waited for.
+        goes_on: does what the loop has to do now and then beside waiting, and returns whether it
+            goes on.
     """
 
     def __init__(
-        self, executor: Executor, exchange: Exchange, look_period_ns: int = LOOK_NS
+        self,
+        executor: Executor,
+        exchange: Exchange,
+        look_period_ns: int = LOOK_NS,
+        goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
         self._executor = executor
         self._exchange = exchange
-        self._look_period_ns = look_period_ns
+        self._look_period_ns, self._goes_on = look_period_ns, goes_on
         self._look_ns = self._latest_ns = self._answer_ns = 0
         self._marked = False
         self._late_ns = 0
@@ -320,6 +329,7 @@ class Inbox:
         if lane is None:
             wait_for_messages(self._executor, timeout_s)
             return
+        lane.between = self._between
         lane.look()
         if not lane.linked:
             exchange.publish_kept()
@@ -387,6 +397,12 @@ class Inbox:
         while now < deadline and not exchange.is_waiting:
             exchange.collect()
             now = time.monotonic_ns()
+
+    def _between(self) -> int:
+        """Look at the middleware while a kernel waits; return until when it may, ns; 0: no more."""
+        if not self._goes_on() or self.look():
+            return 0
+        return min(self._latest_ns, time.monotonic_ns() + LONGEST_UNSEEN_NS)
 
     def acted(self) -> None:
         """Note that what was sent now may be answered soon."""
@@ -459,11 +475,18 @@ def run_until(
     for node in nodes:
         executor.add_node(node)  # type: ignore[arg-type]
     period_ns = STOPS_LOOK_NS if any(node.ends_forces for node in nodes) else LOOK_NS
-    inbox = Inbox(executor, exchange or Exchange(), period_ns)
     _find_callers()
     gc.collect()
     gc.freeze()
     watchdog = Watchdog()
+
+    def goes_on() -> bool:
+        watchdog.go_round()
+        for node in nodes:
+            node.look_at_clock()
+        return rclpy.ok() and not stop.asked
+
+    inbox = Inbox(executor, exchange or Exchange(), period_ns, goes_on)
     while rclpy.ok() and not stop.asked:
         watchdog.go_round()
         inbox.wait(_wait_s(nodes))

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -227,9 +228,12 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     def __init__(
         self, actor_type: type[Actor[Any]], exchange: Exchange, pauses: OwnPauses | None = None
     ) -> None:
-        super().__init__(actor_type.name)
-        self._actor_type = actor_type
         self.exchange = exchange
+        super().__init__(actor_type.name)
+        # All that there are now, however they were made.
+        for service in self.services:
+            service.callback = self._settled(service.callback)
+        self._actor_type = actor_type
         self._listeners: list[tuple[str, Listener, str]] = []
         exchange.nodes.append(self)
         self.pauses = pauses or OwnPauses()
@@ -261,6 +265,47 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
         )
         self._start_diagnostics()
+
+    def _settled(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback before which the actor gets to know what its kernel has done."""
+
+        @wraps(callback)
+        def settled(*arguments: Any) -> Any:
+            self.exchange.settle()
+            return callback(*arguments)
+
+        return settled
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
+    ) -> Any:
+        """Create a subscription, as :meth:`rclpy.node.Node.create_subscription` does.
+
+        Returns:
+            The subscription.
+        """
+        settled = self._settled(callback)
+        return super().create_subscription(msg_type, topic, settled, *args, **kwargs)
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **kwargs: Any
+    ) -> Any:
+        """Create a service, as :meth:`rclpy.node.Node.create_service` does.
+
+        Returns:
+            The service.
+        """
+        return super().create_service(srv_type, srv_name, self._settled(callback), **kwargs)
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Callable[..., Any], *args: Any, **kwargs: Any
+    ) -> Any:
+        """Create a timer, as :meth:`rclpy.node.Node.create_timer` does.
+
+        Returns:
+            The timer.
+        """
+        return super().create_timer(timer_period_sec, self._settled(callback), *args, **kwargs)
 
     @property
     def parameters(self) -> NodeParameters:
@@ -419,6 +464,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         actor = self.actor
         if actor is None or not self.active:
             return
+        self.exchange.settle()
         self._clock_steps += 1
         self._last_step = reason
         self.get_logger().warning(f"{reason}: forces are zero, this node starts anew")
@@ -517,7 +563,9 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     def _wait_ns(self) -> int | None:
         """Return how long the node would still wait; less than nothing: it is late."""
         deadline = self.next_deadline_ns()
-        return None if deadline is None else deadline - self.now_ns()
+        # A kernel that keeps deadlines is further than is known here.
+        kept = isinstance(self.actor, ClockedActor) and not self.exchange.settled
+        return None if deadline is None or kept else deadline - self.now_ns()
 
     def _look_for_clock(self) -> None:
         """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""

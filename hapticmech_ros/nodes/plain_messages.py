@@ -26,8 +26,8 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once.
-MOST_READ = 64
+# So many messages are enough for once, and so much time, ns.
+MOST_READ, SETTLES_NS = 64, 20_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Two clocks are read at one time if they are no further apart, ns.
@@ -153,6 +153,8 @@ class PlainMessages:
         passed_over: Sequence[tuple[str, Sources]] = (),
     ) -> None:
         self._actor, self._received, self._published = actor, received, published
+        # While there is something that the actor does not know yet.
+        self._lane: Lane | None = None
         self._passed_over = passed_over
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
@@ -286,6 +288,9 @@ class PlainMessages:
     def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
 
+        Now and then the loop looks at the middleware meanwhile; only if that runs a callback, or
+        after :data:`SETTLES_NS`, the actor has to know what was done.
+
         Args:
             lane: of the process.
             waited: its connections.
@@ -293,7 +298,36 @@ class PlainMessages:
         Returns:
             Those that have something to read, and when it had to wait, ns of the monotonic clock.
         """
-        code, link = self.run(), self._shared
+        link, self._lane = self._shared, lane
+        latest_ns = time.monotonic_ns() + SETTLES_NS
+        while True:
+            code = self.run()
+            goes_on = code == kernels.TIME_IS_UP and link.reads < self.ages.size
+            goes_on = goes_on and time.monotonic_ns() < latest_ns
+            until_ns = lane.between() if goes_on else 0
+            if not until_ns or self._lane is None:
+                break
+            link.until = until_ns
+        reads = link.reads
+        self.settle(code)
+        ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
+        # Who has read what came before is not behind: one after the other is soon enough.
+        return ready, time.monotonic_ns() if reads else link.idle
+
+    @property
+    def settled(self) -> bool:
+        """Whether the actor knows what the kernel did."""
+        return self._lane is None
+
+    def settle(self, code: int = kernels.TIME_IS_UP) -> None:
+        """Have the actor, the topics' sources and the lane know what the kernel did, once.
+
+        Args:
+            code: why it returned.
+        """
+        lane, link, self._lane = self._lane, self._shared, None
+        if lane is None:
+            return
         for at, one in enumerate(self._published):
             self._send_on(lane, one, self._sending[at], self._hearers[at])
         for at, (received, row) in enumerate(zip(self._received, self.reading, strict=True)):
@@ -308,9 +342,6 @@ class PlainMessages:
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)
         self.did(code, reads)
-        ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
-        # Who has read what came before is not behind: one after the other is soon enough.
-        return ready, time.monotonic_ns() if reads else link.idle
 
     def _send_on(
         self,
