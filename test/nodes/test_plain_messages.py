@@ -343,6 +343,34 @@ def test_states_are_answered_as_python_answers_them(
     assert found[0] == found[1]
 
 
+@pytest.mark.parametrize("runs_a_callback", [False, True])
+def test_the_actor_knows_what_was_done_when_a_callback_runs_or_the_kernel_returns(
+    analysed: tuple[Process, States], runs_a_callback: bool
+) -> None:
+    process, states = analysed
+    exchange, before, known = process.exchange, process.actor.analyses, list[int]()
+
+    def between() -> int:
+        known.append(process.actor.analyses)
+        if runs_a_callback:
+            exchange.settle()
+            assert exchange.settled
+            known.append(process.actor.analyses)
+        return time.monotonic_ns() + MS
+
+    exchange.lane.between = between
+    while process.actor.analyses == before:
+        process.speak(states.next())
+        known.clear()
+        exchange.collect(0.002)
+        exchange.deliver()
+    if not process.exchange.lane.worked:
+        pytest.fail("no kernel waited")
+    assert known[0] == before
+    assert (known[-1] > before) == runs_a_callback
+    assert len(known) == 2 or not runs_a_callback
+
+
 def nan(values: Any) -> None:
     values[5] = np.nan
 

@@ -10,10 +10,16 @@ import time
 from collections.abc import Iterator
 
 import pytest
+import rclpy
 from rclpy.task import Future
 from std_msgs.msg import UInt8
 
+from hapticmech_ros.graph import private_environment
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import wait_for_messages
+from hapticmech_ros.nodes.managed import ManagedNode
+from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import RELIABLE, Peer, next_domain
 
 pytestmark = pytest.mark.ros
@@ -62,3 +68,24 @@ def test_a_future_ends_it(peer: Peer) -> None:
     assert time.monotonic() - begun < 20.0
     wait_for_messages(peer.executor, 30.0, until=done)
     assert time.monotonic() - begun < 20.0
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_every_callback_waits_for_its_actor_to_know_what_its_kernel_did(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for key, value in private_environment(next_domain()).items():
+        monkeypatch.setenv(key, value)
+    rclpy.init(args=["--ros-args", "-p", "scene:=five_bar"])
+    node = ManagedNode(actor_type(name), Exchange())
+    try:
+        node.start()
+        entities = [*node.subscriptions, *node.services, *node.timers]
+        settled = node._settled(print).__code__
+        assert [one for one in entities if one.callback.__code__ is not settled] == []
+        # The executor runs nothing else of it.
+        assert not [*node.clients, *node.guards]
+        assert len(entities) > 12
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
