@@ -400,7 +400,7 @@ class Inbox:
 
     def _between(self) -> int:
         """Look at the middleware while a kernel waits; return until when it may, ns; 0: no more."""
-        if not self._goes_on() or self.look():
+        if self._exchange.has_later or not self._goes_on() or self.look():
             return 0
         return min(self._latest_ns, time.monotonic_ns() + LONGEST_UNSEEN_NS)
 
