@@ -263,6 +263,7 @@ class Exchange:
         """Have it know that, before a callback of its runs."""
         if self.lane is not None and self.lane.wait is not None:
             self.lane.wait.settle()
+            self._note_copied(self.lane)
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
@@ -406,10 +407,13 @@ class Exchange:
         if lane is None:
             return
         self._waiting += lane.collect(timeout_s, whole, longest_s)
-        if lane.copied:
-            for topic, message in lane.copied:
-                self._line(topic.split(" ", 1)[0]).note(message)
-            lane.copied.clear()
+        self._note_copied(lane)
+
+    def _note_copied(self, lane: Lane) -> None:
+        """Note what came over the lane and the middleware brings too, to know it then."""
+        for topic, message in lane.copied:
+            self._line(topic.split(" ", 1)[0]).note(message)
+        lane.copied.clear()
 
     def deliver(self) -> None:
         """Hand over what waits, and what is published meanwhile."""

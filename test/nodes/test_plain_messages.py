@@ -349,18 +349,22 @@ def test_the_actor_knows_what_was_done_when_a_callback_runs_or_the_kernel_return
 ) -> None:
     process, states = analysed
     exchange, before, known = process.exchange, process.actor.analyses, list[int]()
+    sent: list[bytes] = []
 
     def between() -> int:
         known.append(process.actor.analyses)
         if runs_a_callback:
             exchange.settle()
             assert exchange.settled
+            # What the middleware brings of it now is known.
+            assert exchange._line(STATES.split()[0]).had(sent[-1])
             known.append(process.actor.analyses)
         return time.monotonic_ns() + MS
 
     exchange.lane.between = between
     while process.actor.analyses == before:
-        process.speak(states.next())
+        sent.append(states.next())
+        process.speak(sent[-1], both=True)
         known.clear()
         exchange.collect(0.002)
         exchange.deliver()
