@@ -53,15 +53,6 @@ def test_substeps_are_steps(document, integrator):
     assert one.account.damping_loss == pytest.approx(state.account.damping_loss, rel=1e-12)
 
 
-def test_substeps_share_the_check_of_a_loop():
-    sim = stepping(FIVE_BAR, period=1e-3, substeps=3)
-    state = sim.initial_state()
-    wrenches = np.zeros((len(sim.mechanism.point_names), 6))
-    wrenches[0, 0] = np.nan
-    with pytest.raises(InvalidInputError, match="finite"):
-        sim.step(state, wrenches)
-
-
 @pytest.mark.parametrize(("speed", "any_refused"), [(5.0, False), (40.0, True)])
 def test_steps_far_off_the_closures_are_refused(speed, any_refused):
     """A quarter of a radian in one step is coarse, two are too many: any assembly could come."""
