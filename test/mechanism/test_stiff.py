@@ -16,9 +16,9 @@ from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.closed_form import kkt
 from oracles.generator import closed_chain, random_mechanism
+from oracles.odes import solve_stiff
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.posed import apart, condition
-from oracles.reference import reference_motion
 from oracles.running import run, with_start
 from oracles.slopes import slopes
 
@@ -225,11 +225,18 @@ def test_a_closed_chain_with_a_stiff_joint_follows_the_reference(duplicated):
     if duplicated:
         pin_ = document["closures"][0]
         document["closures"] = [pin_, pin_ | {"name": "again"}]
-    expected = reference_motion(scene_from_document(document), (0.2,), tolerance=1e-9, stiff=True)
+    start = simulated(document)
+    begun, mechanism = start.initial_state(), start.mechanism
+
+    def rates(_, state):
+        terms = mechanism.evaluate(state[:4], state[4:], begun.active)
+        return np.concatenate((state[4:], terms.acceleration(np.zeros(4))[0]))
+
+    (expected,) = solve_stiff(rates, np.concatenate((begun.q, begun.v)), [0.2])
     errors = []
     for period in (1e-3, 5e-4):
         end = run(simulated(document, period), 0.2)[-1]
-        errors.append(np.abs(end.q - expected.q[0]).max())
+        errors.append(np.abs(end.q - expected[:4]).max())
         assert end.closure_error < 1e-14
     assert errors[0] < 1e-5
     assert errors[0] > 4.0 * errors[1]
