@@ -12,14 +12,13 @@ from hapticmech_ros.errors import InvalidInputError
 from oracles.analysed import terms_of
 from oracles.differences import relative
 from oracles.generator import blank, closed_chain, floats, random_inertial, unit
+from oracles.jacobians import Jacobians
 from oracles.kinematics import (
     link_poses,
     origin_in,
     place,
-    rotation_of_quaternion,
     turn,
 )
-from oracles.newton_euler import moments
 from oracles.running import run, simulator, total_energy, with_start
 
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
@@ -89,16 +88,8 @@ def two_bodies(seed, kind, flip=False, **options):
 
 
 def momentum(document, q, v):
-    """Return linear and angular momentum about the origin of free bodies; rates in body axes."""
-    total = np.zeros(6)
-    for index, link in enumerate(document["links"]):
-        at, rate = q[7 * index : 7 * index + 7], v[6 * index : 6 * index + 6]
-        r = rotation_of_quaternion(*at[3:])
-        com = np.asarray(link["inertial"]["com"])
-        linear = link["inertial"]["mass"] * r @ (rate[:3] + np.cross(rate[3:], com))
-        angular = r @ moments(link) @ rate[3:] + np.cross(at[:3] + r @ com, linear)
-        total += np.concatenate((linear, angular))
-    return total
+    """Return linear and angular momentum about the origin."""
+    return Jacobians(document, q).momenta() @ v
 
 
 @pytest.mark.parametrize("kind", ["spherical", "revolute", "weld"])
