@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A crane: the rope that is a constraint where it hangs, the swing, and the wall that is hit."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,7 +9,7 @@ import scipy.linalg
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import document_of, scene_from_document
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 TROLLEY, LOAD, MOMENT = 1.5, 0.6, 3.6e-4
 ROPE, HOOK, SIDE = 0.25, 0.03, 0.06
@@ -19,11 +17,6 @@ GRAVITY, WALL = 9.81, 0.07
 STIFFNESS, POINTS, HAND = 2.5e3, 4, 300.0
 RAIL = 0.15  # of the trolley above the load
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("crane"))
 
 
 def configuration(rope, turn, trolley=RAIL):
@@ -143,7 +136,7 @@ def lean_of(q):
 
 def test_the_wall_is_felt_at_the_load():
     """Pressed against it for a second, hand, device and wall do the same."""
-    run = whole()
+    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     assert np.abs(touching[run.time < 1.5]).max() == 0.0
     pressed = (run.time > 3.0) & (run.time < 3.7)
@@ -168,7 +161,7 @@ def test_the_wall_is_felt_at_the_load():
 
 def test_hitting_the_wall_is_felt_at_once():
     """In the tick after the first contact its wrench is in what the device does."""
-    run = whole()
+    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     hit = int(np.argmax(touching < 0.0))
     before, at = run.samples[hit - 1], run.samples[hit]
@@ -179,7 +172,7 @@ def test_hitting_the_wall_is_felt_at_once():
 
 def test_the_rope_comes_and_goes():
     """The count falls where the rope leans and rises where it hangs, and ends as it began."""
-    run = whole()
+    run = whole("crane")
     assert {(before, after) for _, before, after in run.changes} == {(0, 1), (1, 0)}
     assert np.abs(run.of(lambda s: lean_of(s.mechanism.q))).max() > 0.15
     assert run.count[0] == run.count[-1] == 1

@@ -13,15 +13,10 @@ from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians
 from oracles.kinematics import skew
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 PAYLOAD_MASS, PAYLOAD_MOMENT = 1.0, 1.1e-3
 GRIP = {"link": "payload", "origin": {"xyz": [0.04, 0.0, 0.0]}}
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("shared_payload"))
 
 
 @cache
@@ -53,7 +48,7 @@ def test_the_arms_have_more_joints_than_they_need():
 
 @pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
 def test_the_hand_feels_payload_arms_and_base(time):
-    sample = whole().at(time)
+    sample = whole("shared_payload").at(time)
     expected = inverse_inertia(Jacobians(document(), sample.mechanism.q))
     difference = np.abs(sample.analysis.inverse_inertia - expected).max()
     # 26 freedoms, D and closures of condition up to 1e4 together.
@@ -63,7 +58,7 @@ def test_the_hand_feels_payload_arms_and_base(time):
 @pytest.mark.parametrize("time", [0.0, 1.8, 3.6])
 def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
     """Inverse inertias in order: of one rigid piece, as it is, of the payload alone."""
-    sample = whole().at(time)
+    sample = whole("shared_payload").at(time)
     jacobians = Jacobians(document(), sample.mechanism.q)
     rotation, middle = jacobians.poses["payload"]
     grasp_schedule = middle + rotation @ np.array(GRIP["origin"]["xyz"])
@@ -84,7 +79,7 @@ def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
 
 
 def test_nothing_is_rigid_on_the_way():
-    run = whole()
+    run = whole("shared_payload")
     assert set(run.count) == {0}
     assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
     moved = run.of(lambda s: s.point.pose.translation)
@@ -121,7 +116,7 @@ def test_the_arms_move_the_whole_by_nothing(integrator, error):
 
 def test_the_hand_moves_the_whole_as_its_mass():
     """The centre of mass of all goes as the hand's and the channels' force, over 11.3 kg."""
-    run = whole()
+    run = whole("shared_payload")
     h = run.session.period
     # A command acts a period later.
     pushes = run.of(lambda s: s.output.mechanism[:3])[:-1]
@@ -188,7 +183,9 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     simulator = Simulator(scene_from_document(changed))
     state = simulator.initial_state()
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
-    mass, centre = Jacobians(document(), whole().samples[0].mechanism.q).centre_of_mass()
+    mass, centre = Jacobians(
+        document(), whole("shared_payload").samples[0].mechanism.q
+    ).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
     grasp_schedule = np.array([0.24, 0.0, 0.0])
     # A push without turning moment about the centre of mass moves all alike.

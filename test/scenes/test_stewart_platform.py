@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A platform on six legs: free in all directions, heavy by its legs, rigid once they are locked."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.kinematics import rotation_of_quaternion, skew
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 # Of the platform about its centre of mass, and where that and the handle are in it.
 MASS, MOMENTS, CENTRE = 0.6, np.diag([9e-4, 9e-4, 1.6e-3]), np.array([0.0, 0.0, 0.01])
@@ -24,11 +22,6 @@ YOKE_MOMENT = 2e-6
 LOWER = (0.08, 0.04, 4.5e-5, 4e-6)
 UPPER = (0.05, -0.04, 2.8e-5, 1e-6)
 X, Y = np.eye(3)[:2]
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("stewart_platform"))
 
 
 def ends():
@@ -85,7 +78,7 @@ def test_six_loops_leave_six_freedoms():
 @pytest.mark.parametrize("time", [0.0, 1.2, 2.0, 3.2])
 def test_the_hand_feels_platform_and_legs(time):
     """X of the session's own states is the inverse of what the bodies' energies give."""
-    sample = whole().at(time)
+    sample = whole("stewart_platform").at(time)
     pose = sample.mechanism.q[:7]
     expected = inertia_at_the_handle(pose[:3], rotation_of_quaternion(*pose[3:]))
     inverse = np.linalg.inv(expected)
@@ -95,7 +88,7 @@ def test_the_hand_feels_platform_and_legs(time):
 
 
 def test_nothing_is_rigid_on_the_way():
-    run = whole()
+    run = whole("stewart_platform")
     assert set(run.count) == {0}
     assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
     moved = run.of(lambda s: s.point.pose.translation)
@@ -111,7 +104,7 @@ def test_springs_carry_the_weight():
     start = simulator.initial_state()
     end = simulator.run(start, 3000).end
     assert np.abs(end.q - start.q).max() < 1e-6
-    run = whole()
+    run = whole("stewart_platform")
     early = run.of(lambda s: np.abs(s.output.device).max())[run.time < 0.25]
     assert early.max() < 1e-4
 

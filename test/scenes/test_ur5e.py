@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """An industrial arm felt at its flange: published frames, its inertia, its wrist singularity."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.scene import document_of
 from oracles.jacobians import Jacobians
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 # As the maker publishes them: a, d (m) and alpha (rad) of each joint, mass (kg) and centre of mass
 # (m) of each link in the frame behind its row.
@@ -29,11 +27,6 @@ CENTRES = np.array(
     ]
 )
 POSES = [np.random.default_rng(seed).uniform(-2.0, 2.0, 6) for seed in range(4)]
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("ur5e"))
 
 
 def frames(q):
@@ -103,7 +96,7 @@ def test_a_straight_wrist_is_a_constraint(straight):
 
 
 def test_the_constraint_comes_and_goes_with_the_wrist():
-    run = whole()
+    run = whole("ur5e")
     assert [(before, after) for _, before, after in run.changes] == [(0, 1), (1, 0)]
     wrist = run.of(lambda s: abs(s.mechanism.q[4]))
     assert wrist.max() > 1.4
