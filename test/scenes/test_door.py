@@ -8,7 +8,7 @@ import pytest
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from oracles.sessions import SessionRun, whole
 
-MASS, WIDTH, HEIGHT, THICK = 0.9, 0.2, 0.36, 0.018
+MASS, WIDTH, THICK = 0.9, 0.2, 0.018
 KNOB = np.array([0.17, -0.03, 0.0])
 # Of a plate about its edge.
 INERTIA = MASS * ((WIDTH**2 + THICK**2) / 12.0 + WIDTH**2 / 4.0)

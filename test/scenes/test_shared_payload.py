@@ -183,9 +183,8 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     simulator = Simulator(scene_from_document(changed))
     state = simulator.initial_state()
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
-    mass, centre = Jacobians(
-        document(), whole("shared_payload").samples[0].mechanism.q
-    ).centre_of_mass()
+    first = whole("shared_payload").samples[0].mechanism
+    mass, centre = Jacobians(document(), first.q).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
     grasp_schedule = np.array([0.24, 0.0, 0.0])
     # A push without turning moment about the centre of mass moves all alike.

@@ -21,7 +21,7 @@ HANDLE = np.array([0.0, 0.0, 0.03])
 YOKE_MOMENT = 2e-6
 LOWER = (0.08, 0.04, 4.5e-5, 4e-6)
 UPPER = (0.05, -0.04, 2.8e-5, 1e-6)
-X, Y = np.eye(3)[:2]
+X = np.eye(3)[0]
 
 
 def ends():
