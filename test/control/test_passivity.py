@@ -55,18 +55,6 @@ def test_work_of_held_commands_is_exact():
     assert account.hand(sample) == pytest.approx(0.0, abs=1e-14)
 
 
-def test_nothing_is_changed_while_there_is_enough_or_nothing_is_known():
-    account = controller(allowance=1.0)
-    command = np.array([5.0, 0, 0, 0, 0, 0])
-    fast = at(twist=(0.5, 0, 0, 0, 0, 0))
-    account.record(fast, np.zeros(6))
-    assert account.enforce(100.0 * command, fast) is not None
-    assert account.available == np.inf
-    account.set_mechanism_energy(0.0)
-    assert np.array_equal(account.enforce(command, fast), command)
-    assert account.changed == 0
-
-
 @pytest.mark.parametrize("speed", [0.0, 1e-3, 0.05, 0.5])
 @pytest.mark.parametrize("push", [-4.0, 0.0, 3.0])
 def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, push):
@@ -120,17 +108,6 @@ def test_a_static_force_is_left_alone():
     account.record(sample, np.zeros(6))
     account.set_mechanism_energy(0.0)
     assert np.array_equal(account.enforce(-push, sample), -push)
-
-
-def test_damping_is_the_least_that_does_it_and_leaves_what_is_across():
-    account = controller(allowance=1e-4)
-    sample = at(twist=(0.1, 0, 0, 0, 0, 0))
-    account.record(sample, np.zeros(6))
-    account.set_mechanism_energy(0.0)
-    held = account.enforce(np.array([3.0, 2.0, 0, 0, 0, 0]), sample)
-    assert held[1] == 2.0
-    assert held[0] < 3.0
-    assert given_by(account, held, sample[7:13], sample[13:]) == pytest.approx(1e-4, rel=1e-9)
 
 
 def test_bounds_follow_what_the_mechanism_got():

@@ -12,9 +12,6 @@ from hapticmech_ros.numerics.layout import Pose
 
 # Rotations are good to a few 1e-16; a logarithm is no worse conditioned than 1 + θ²/12 < 2.
 CLOSE = 1e-14
-# Pinocchio's own accuracy: it takes the angle from a trace, which loses 1e-16/(π - θ)² until it
-# changes over at π - 0.01, and its series for small angles ends at 1e-3.
-SLACK = 2e-11
 # Around the border between series and closed form too, at θ² = 1e-3.
 ANGLES = (0.0, 1e-300, 1e-12, 1e-8, 1e-5, 1e-3, 0.0316, 0.0317, 0.3, 1.0, 2.0, 3.0)
 NEAR_PI = tuple(np.pi - gap for gap in (1e-1, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12))
@@ -31,20 +28,6 @@ def quaternion(rotation):
 
 def matrix(turn):
     return pin.Quaternion(turn / np.linalg.norm(turn)).matrix()
-
-
-@pytest.mark.parametrize("angle", [*ANGLES, *NEAR_PI])
-@pytest.mark.parametrize("way", [0.0, 1e-6, 1.0, 100.0])
-def test_the_logarithm_is_pinocchios(angle, way):
-    rng = np.random.default_rng(1)
-    for _ in range(30):
-        pose = pin.SE3(np.asarray(pin.exp3(angle * axis(rng))), way * axis(rng))
-        found = np.empty(6)
-        log6(quaternion(pose.rotation), pose.translation.copy(), found)
-        expected = pin.log6(pose).vector
-        bound = SLACK if 2.5 < angle < np.pi - 0.009 else 10.0 * CLOSE
-        assert np.abs(found[3:] - expected[3:]).max() < bound
-        assert np.abs(found[:3] - expected[:3]).max() <= bound * way
 
 
 @pytest.mark.parametrize("angle", [*ANGLES, *NEAR_PI])
