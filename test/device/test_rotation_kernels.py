@@ -70,16 +70,6 @@ def test_logarithm_undoes_the_exponential():
         assert off <= ROUNDING * min(angle, 1.0) + 1e-16 * (angle > 1e-4), angle
 
 
-def test_logarithm_is_pinocchios():
-    for angle, vector in vectors():
-        rotation = pin.exp3(vector)
-        found, expected = called("log3", 3, rotation), pin.log3(rotation)
-        # Pinocchio divides by sin³ θ, down to 3.5e-3 below π, and approximates below 2.5e-3.
-        lost = 1e-15 / np.sin(angle) ** 2 if 1.0 < angle < PI - 3.5e-3 else 0.0
-        lost += angle**5 / 72.0 if angle < 2.5e-3 else 0.0
-        assert np.abs(found - expected).max() <= ROUNDING * min(angle, 1.0) + lost, angle
-
-
 def test_half_a_turn_has_the_same_axis_as_pinocchios():
     for axis in axes(1):
         rotation = 2.0 * np.outer(axis, axis) - np.eye(3)
