@@ -13,6 +13,7 @@ from hapticmech_ros.operational import Analyser, analyse
 from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
+from oracles.running import varied
 
 PUSH = 0.5
 
@@ -58,9 +59,7 @@ def test_a_direction_that_is_rigid_in_part_has_so_much_less():
     scene = against_a_wall("five_bar")
     mechanism = Simulator(scene).mechanism
     s = analyse(mechanism, Simulator(scene).initial_state().q).spectrum.s
-    limits = {"s_on": 0.9 * s[1], "s_off": 1.2 * s[1]}
-    perception = scene.perception.model_copy(update=limits)
-    sim = Simulator(scene.model_copy(update={"perception": perception}))
+    sim = Simulator(varied(scene, perception={"s_on": 0.9 * s[1], "s_off": 1.2 * s[1]}))
     terms, analyser = sim.evaluate(sim.initial_state()), Analyser(sim.mechanism)
     found, force = analyser.analyse(terms), np.cos(np.arange(4.0))
     assert 0.1 < found.weights[1] < 0.9

@@ -17,6 +17,7 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.control.passivity import corrected
 from oracles.controllers import local_model
+from oracles.running import varied
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
 NO_MEMORY = HandMemory().values
@@ -28,11 +29,8 @@ NO_MEMORY = HandMemory().values
 @pytest.mark.parametrize("name", ["five_bar", "spatial_arm", "door"])
 def test_it_is_the_answer_to_the_other_wrench(name, carried, time, beta):
     scene = load_scene(name)
-    stiffened = scene.controller.joint_constraint.model_copy(update={"feedforward": beta})
-    force = scene.controller.force_channel.model_copy(update={"device_feedback": -0.2})
-    changed = {"joint_constraint": stiffened, "force_channel": force}
-    gains = scene.controller.model_copy(update=changed)
-    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
+    gains = {"joint_constraint": {"feedforward": beta}, "force_channel": {"device_feedback": -0.2}}
+    control = ControlArchitecture(varied(scene, controller=gains))
     sample = Session(scene).tick()
     model, pose = operational_model_of(sample.analysis), sample.point.pose
     # Half of the springs at 0.03 s; after another grasp three quarters of all.

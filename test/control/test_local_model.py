@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Session, load_scene
+from hapticmech_ros.analysis.scene_variants import with_loop
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.kernels import displacement
@@ -15,6 +16,7 @@ from hapticmech_ros.control.measurements import flat_device, operational_model_o
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.numerics.layout import Pose
 from oracles.controllers import local_model
+from oracles.running import varied
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
 NO_MEMORY = HandMemory().values
@@ -60,11 +62,9 @@ def test_nothing_moved_is_nothing_to_the_bit():
 def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name, time):
     scene = load_scene(name)
     # Nothing but the joint constraint, so that nothing else answers to the motion.
-    channel = scene.controller.position_channel.model_copy(
-        update=dict.fromkeys(("stiffness", "damping", "angular_stiffness", "angular_damping"), 0.0)
-    )
-    controller = scene.controller.model_copy(update={"position_channel": channel})
-    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
+    springs = ("stiffness", "damping", "angular_stiffness", "angular_damping")
+    gains = {"position_channel": dict.fromkeys(springs, 0.0)}
+    control = ControlArchitecture(varied(scene, controller=gains))
     sample = Session(scene).tick()
     model, pose = operational_model_of(sample.analysis), sample.point.pose
     # Dampers brake first, then springs come in.
@@ -90,11 +90,7 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name, t
 
 def test_what_is_not_local_is_not_corrected():
     scene = load_scene("five_bar")
-    joint = scene.controller.joint_constraint.model_copy(update={"local": False})
-    force = scene.controller.force_channel.model_copy(update={"local": False})
-    gains = {"joint_constraint": joint, "force_channel": force}
-    controller = scene.controller.model_copy(update=gains)
-    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
+    control = ControlArchitecture(with_loop(scene, False))
     assert not control.gains.local
     sample = Session(scene).tick()
     clutch = engage(0.0, sample.point.pose, sample.point.pose)

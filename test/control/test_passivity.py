@@ -12,6 +12,7 @@ from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.device_side_kernels import predicted_transfer
 from hapticmech_ros.control.passivity import PassivityController, passivity_for
 from hapticmech_ros.scene.controller import Passivity
+from oracles.running import varied
 from sampling import sampled
 
 INERTIA = np.array([0.3] * 3 + [3e-4] * 3)
@@ -148,20 +149,10 @@ def test_what_was_given_before_anybody_told_of_the_mechanism_is_no_debt():
 
 
 def connected(name, delay, local=True, control=True):
-    scene = load_scene(name)
-    controller = scene.controller
-    gains = {
-        "passivity": controller.passivity.model_copy(update={"control": control}),
-        "joint_constraint": controller.joint_constraint.model_copy(update={"local": local}),
-        "force_channel": controller.force_channel.model_copy(update={"local": local}),
-    }
+    gains = {part: {"local": local} for part in ("joint_constraint", "force_channel")}
+    gains["passivity"] = {"control": control}
     connection = {"delay": delay, "jitter": 0.2, "loss": 0.05, "seed": 2}
-    return scene.model_copy(
-        update={
-            "controller": controller.model_copy(update=gains),
-            "connection": scene.connection.model_copy(update=connection),
-        }
-    )
+    return varied(load_scene(name), controller=gains, connection=connection)
 
 
 def lowest(scene, seconds):

@@ -15,21 +15,15 @@ from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, pin_end
-from oracles.running import run, simulator, total_energy, unaccounted, with_start
+from oracles.running import run, simulator, total_energy, unaccounted, varied, with_start
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
 
 
 def windows(gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
-    scene = n_four_bar(count)
-    changes = {
-        "simulation": scene.simulation.model_copy(update=simulation),
-        "gravity": gravity,
-    }
-    if start is not None:
-        changes["initial_state"] = scene.initial_state.model_copy(update=start)
-    return Simulator(scene.model_copy(update=changes))
+    scene = varied(n_four_bar(count), gravity=gravity, initial_state=start or {})
+    return Simulator(scene.stepped(**simulation))
 
 
 def in_line(speed=0.0, count=2):

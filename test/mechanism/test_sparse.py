@@ -281,8 +281,7 @@ def test_small_and_implicit_ones_are_dense():
     assert not small.active_set((True,)).is_sparse
     scene = n_four_bar(40)
     assert Mechanism(scene).nv > MANY_RATES
-    step = scene.simulation.model_copy(update={"integrator": "linearly_implicit"})
-    implicit = Mechanism(scene.model_copy(update={"simulation": step}))
+    implicit = Mechanism(scene.stepped(integrator="linearly_implicit"))
     assert not implicit.active_set(implicit.initially_active).is_sparse
 
 

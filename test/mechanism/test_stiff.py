@@ -204,10 +204,8 @@ def test_the_governor_at_a_millisecond():
     output = GOVERNOR.outputs[0]
     errors = []
     for period in (1e-3, 5e-4):
-        simulation = GOVERNOR.scene.simulation.model_copy(
-            update={"integrator": "linearly_implicit", "substeps": 1, "period": period}
-        )
-        sim = Simulator(GOVERNOR.scene.model_copy(update={"simulation": simulation}))
+        step = {"integrator": "linearly_implicit", "substeps": 1, "period": period}
+        sim = Simulator(GOVERNOR.scene.stepped(**step))
         states = run(sim, output.times[1])
         picked = [states[round(time / period)] for time in output.times[:2]]
         heights = [sim.mechanism.frame_pose(s.q, output.name).translation[2] for s in picked]
