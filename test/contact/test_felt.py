@@ -67,27 +67,6 @@ def test_a_direction_that_is_rigid_in_part_has_so_much_less():
     assert wrench[found.rows] == pytest.approx(by_formula(terms, found, force), rel=1e-12)
 
 
-def test_the_wrench_accelerates_the_point_as_the_contacts_do():
-    """X F_c = a_c, checked with Eq. 1's own accelerations, loops closed."""
-    scene = against_a_wall("five_bar")
-    sim = Simulator(scene)
-    state = sim.initial_state()
-    rng = np.random.default_rng(4)
-    terms = sim.evaluate(state)
-    force = rng.normal(size=sim.mechanism.nv)
-    analyser = Analyser(sim.mechanism)
-    found, wrench = analyser.analyse(terms), contact_wrench(analyser, terms, force)
-    rates = terms.acceleration(force)[0] - terms.acceleration(np.zeros_like(force))[0]
-    asked = (terms.points[0].jacobian @ rates)[found.rows]
-    assert wrench[found.rows] == pytest.approx(by_formula(terms, found, force), rel=1e-12)
-    free = found.weights == 0.0
-    # Along directions that count as rigid there is no wrench; the others are exact to rounding.
-    along = found.spectrum.wrenches[:, free].T
-    given = (found.inverse_inertia @ wrench)[found.rows]
-    assert free.sum() >= 2
-    assert along @ given == pytest.approx(along @ asked, rel=1e-8)
-
-
 def test_the_device_feels_the_contact_in_steady_state():
     """The hand's push, what the device gives back, and the contact's wrench: equal within 2 %."""
     session = Session(against_a_wall())

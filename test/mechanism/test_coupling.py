@@ -147,13 +147,6 @@ def test_a_gear_beside_a_closed_loop_counts_as_any_other_row():
     assert (found.rank, found.redundant) == (1, ("again/gear",))
 
 
-def test_baumgarte_pulls_it_as_it_pulls_closures():
-    document = geared()
-    document["simulation"] = {"stabilisation": "baumgarte", "baumgarte_rate": 50.0}
-    end = run(simulator(document), 0.3)[-1]
-    assert abs(end.q[1] - RATIO * end.q[0] - OFFSET) < 1e-6
-
-
 def test_a_switched_off_gear_lets_go():
     sim = simulator(geared())
     state = sim.switch(sim.initial_state(), {"gear": False})

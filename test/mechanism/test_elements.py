@@ -173,18 +173,6 @@ def test_dissipative_forces_take_energy_at_any_state(seed, planar):
         assert terms.dissipative_force @ rates < 0.0
 
 
-@pytest.mark.parametrize(("seed", "planar"), CASES)
-def test_accelerations_answer_to_all_forces(seed, planar):
-    mechanism, q, v = at_start(sample(seed, planar))
-    terms = mechanism.evaluate(q, v, mechanism.initially_active)
-    assert terms.effort.any()
-    force = np.cos(np.arange(v.size))
-    found, closing = terms.acceleration(force)
-    net = force + terms.effort + terms.passive_force - terms.bias_force
-    sides = terms.inertia @ found + terms.closure_jacobian.T @ closing, net
-    assert relative(*sides) < 1e-11
-
-
 @pytest.mark.parametrize("turns", [0, 3, -3])
 def test_a_spring_of_a_hinge_counts_turns(turns):
     scene = scene_from_document(one_joint(stiffness=2.0, rest=0.5))

@@ -9,7 +9,6 @@ import pytest
 
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start, plan_of
-from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -132,9 +131,3 @@ class TestErrors:
         for shape in ((points + 1, 6), (points, 3), (6,)):
             with pytest.raises(InvalidInputError, match="wrenches: must have shape"):
                 sim.step(state, np.zeros(shape))
-
-
-def test_every_rule_is_consistent():
-    for scheme in SCHEMES.values():
-        assert len(scheme.fractions) == len(scheme.weights) - 1
-        assert abs(sum(scheme.weights) - 1.0) < 1e-15
