@@ -152,12 +152,6 @@ def test_the_chain_moves_visibly_before_and_after_it_latches():
     assert np.linalg.norm(place[latch:] - place[latch], axis=1).max() > 0.011
 
 
-def test_a_serial_chain_keeps_its_one_constraint():
-    run = whole("two_link")
-    assert set(run.count) == {1}
-    assert {s.analysis.rank for s in run.samples} == {2}
-
-
 def test_the_stretched_arm_gains_a_constraint_and_loses_it_again():
     run = whole("spatial_arm")
     steps = [(before, after) for _, before, after in run.changes]

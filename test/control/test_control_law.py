@@ -10,7 +10,6 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import (
-    ControlArchitecture,
     DeviceMeasurement,
     OperationalModel,
     PointMeasurement,
@@ -314,18 +313,3 @@ def test_a_planar_scene_gets_no_wrench_out_of_its_plane():
     found = case.answer(control)
     assert np.array_equal(found[:, 2:5], np.zeros((6, 3)))
     assert found[:, [0, 1, 5]].any(axis=1).all()
-
-
-def test_a_kernel_answers_unless_answer_is_overridden():
-    class Other(ControlArchitecture):
-        """Nothing of its own."""
-
-    class Law(ControlArchitecture):
-        """One of its own."""
-
-        def answer(self, time, clutch, device, operational_model, ahead, in_flight=None):
-            return np.zeros((6, 6))
-
-    assert not ControlArchitecture.answers_in_python
-    assert not Other.answers_in_python
-    assert Law.answers_in_python

@@ -30,10 +30,6 @@ from oracles.devices import NOTHING, PERIOD, START, body_of, law_of, run
 from sampling import sampled
 
 
-def still(elapsed, pose, twist, held):
-    return np.zeros(6)
-
-
 def test_a_spring_of_ones_own_swings_a_mass_at_its_frequency():
     stiffness, mass, substeps = 120.0, 0.3, 8
     away = np.array([0.01, 0.0, 0.0])
@@ -124,15 +120,6 @@ def test_what_is_no_wrench_is_refused(wrong):
     start = body.at_rest(START, held=True)
     with pytest.raises(InvalidInputError, match=r"shape of the hand's wrench: must be \(6,\)"):
         body.step(start, NOTHING, start, 10)
-
-
-def test_kernels_alone_move_only_what_has_nothing_in_python():
-    class Own(ImpedanceDevice):
-        """A subclass, whatever it overrides."""
-
-    assert ImpedanceDevice(Device(), PERIOD, False).plain
-    assert not ImpedanceDevice(Device(), PERIOD, False, law=still).plain
-    assert not Own(Device(), PERIOD, False).plain
 
 
 def test_an_unknown_part_of_a_state_is_refused():

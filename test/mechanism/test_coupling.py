@@ -7,13 +7,11 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.redundancy import redundancy
-from hapticmech_ros.operational import analyse
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
-from oracles.closed_form import inverse_inertia
 from oracles.factorisation import factored_as_dense
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
-from oracles.posed import Posed, apart
+from oracles.posed import Posed
 from oracles.running import run, unaccounted
 
 RATIO, OFFSET = -2.5, 0.3
@@ -179,19 +177,3 @@ def test_a_joint_is_not_coupled_with_itself_or_where_it_cannot_move():
     document["links"][1]["joint"]["locked"] = True
     with pytest.raises(SceneError, match="not locked can be coupled"):
         scene_from_document(document)
-
-
-def test_what_is_felt_on_a_curve_is_the_mass_along_it():
-    mechanism = simulator(cam(4)).mechanism
-    p, v = np.polynomial.Polynomial(CURVE), np.array((0.9, 0.0, -0.7, 0.4))
-    q = np.array((0.5, p(0.5), 0.3, -0.6))
-    v[1] = p.deriv()(0.5) * v[0]
-    terms, found = mechanism.evaluate(q, v, (True,)), analyse(mechanism, q, v=v)
-    rows = found.rows
-    expected = inverse_inertia(
-        terms.inertia, terms.closure_jacobian, terms.points[0].jacobian[rows]
-    )
-    assert apart(found.inverse_inertia[np.ix_(rows, rows)], expected) < 1e-11
-    point = terms.points[0]
-    falls = point.jacobian @ terms.acceleration(np.zeros(4))[0] + point.drift
-    assert apart(found.free_acceleration, falls) < 1e-11

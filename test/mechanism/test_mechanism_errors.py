@@ -11,18 +11,12 @@ from hapticmech_ros.errors import ClosureError, HapticMechError, InvalidInputErr
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
-from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import (
-    INERTIAS,
-    LENGTHS,
-    MASSES,
-    chain,
     five_bar,
     five_bar_bent,
-    pin_end,
 )
 from oracles.running import simulator, with_start
 
@@ -85,16 +79,6 @@ def test_a_scene_in_which_nothing_moves_is_refused():
         link["joint"]["locked"] = True
     with pytest.raises(SceneError, match="at least one joint"):
         scene_from_document(document)
-
-
-def test_a_loop_that_came_apart_is_named():
-    # The pin is 55 mm out of reach: no projection can close it.
-    document = pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0]))
-    mechanism = Mechanism(scene_from_document(document))
-    with pytest.raises(ClosureError, match="came apart") as caught:
-        project(mechanism, np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
-    assert caught.value.closures == ("pin",)
-    assert caught.value.residual > 0.055 / np.sqrt(2.0)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

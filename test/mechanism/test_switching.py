@@ -137,14 +137,6 @@ def test_axes_upside_down_do_not_latch(kind):
     assert sim.step(sim.initial_state(), NO_WRENCH).active == (False,)
 
 
-def test_unknown_closure_is_refused():
-    sample = closed_chain(1, "weld")
-    sim = simulator(with_start(sample.document, sample.q))
-    with pytest.raises(InvalidInputError, match="hook") as caught:
-        sim.switch(sim.initial_state(), {"hook": True})
-    assert caught.value.what == "closure"
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_latches_by_itself_once_within_its_distance(kind):
     sample = closed_chain(2, kind)
