@@ -8,11 +8,10 @@ import pytest
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import Simulator
 from oracles.factorisation import factored_as_dense
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, chain
 from oracles.posed import Posed
-from oracles.running import run, unaccounted
+from oracles.running import run, simulator, unaccounted
 
 RATIO, OFFSET = -2.5, 0.3
 CURVE = [0.02, 0.1, -0.06, 0.04, 0.015]
@@ -36,10 +35,6 @@ def cam(links=2, sliding=True, **changes):
     kept = {key: value for key, value in gear.items() if key not in ("ratio", "offset")}
     document["couplings"] = [kept | {"polycoef": CURVE} | changes]
     return document
-
-
-def simulator(document):
-    return Simulator(scene_from_document(document))
 
 
 @pytest.mark.parametrize("sliding", [False, True])
@@ -103,9 +98,7 @@ def test_a_curve_has_the_terms_of_its_derivatives(sliding):
 
 
 def test_on_a_curve_energy_stays_for_seconds():
-    document = cam()
-    document["simulation"] = {"integrator": "rk4", "substeps": 8}
-    sim = simulator(document)
+    sim = simulator(cam(), substeps=8)
     states = run(sim, 4.0)
     p = np.polynomial.Polynomial(CURVE)
     assert max(abs(s.q[1] - p(s.q[0])) for s in states) < 1e-12
@@ -126,9 +119,8 @@ def test_a_straight_curve_is_a_gear():
 
 
 def test_baumgarte_pulls_it_onto_the_curve():
-    document = cam()
-    document["simulation"] = {"stabilisation": "baumgarte", "baumgarte_rate": 50.0}
-    end = run(simulator(document), 0.3)[-1]
+    pulled = simulator(cam(), stabilisation="baumgarte", baumgarte_rate=50.0)
+    end = run(pulled, 0.3)[-1]
     p = np.polynomial.Polynomial(CURVE)
     assert abs(end.q[1] - p(end.q[0])) < 1e-6
 

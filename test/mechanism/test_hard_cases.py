@@ -12,7 +12,6 @@ from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.errors import ClosureError, HapticMechError
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.generator import floats
@@ -71,10 +70,7 @@ def test_a_four_bar_moves_alike_however_it_lies_in_space():
 )
 def test_links_a_million_times_lighter_than_others(masses):
     loop, u, speed = four_bar(masses), np.array([1.1]), np.array([3.0])
-    scene = scene_from_document(
-        loop.document(u, speed) | {"simulation": {"period": 5e-4, "integrator": "rk4"}}
-    )
-    sim = Simulator(scene)
+    sim = simulator(loop.document(u, speed), 5e-4)
     states = run(sim, 0.1)
     angles = np.cumsum(states[-1].q)
     (expected,) = loop.motion(u, speed, [0.1])

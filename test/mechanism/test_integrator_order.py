@@ -8,8 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import Simulator
 from oracles.generator import blank, closed_chain, random_mechanism
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import run, simulator, unaccounted, with_start
@@ -82,8 +80,7 @@ def runs(document, steps, integrator, **simulation):
     """Return simulators and their states for each step, gravity and a held wrench on."""
     found = []
     for period in steps:
-        step = {"period": period, "integrator": integrator} | UNWATCHED | simulation
-        sim = Simulator(scene_from_document(document | {"simulation": step}))
+        sim = simulator(document, period, integrator, **UNWATCHED, **simulation)
         wrenches = np.zeros((len(sim.mechanism.point_names), 6))
         wrenches[0] = [0.5, -0.3, 0.0, 0.0, 0.0, 0.02]
         found.append((sim, run(sim, DURATION, wrenches)))
@@ -178,8 +175,7 @@ def test_semi_implicit_euler_moves_with_the_new_rates():
 
 def test_semi_implicit_euler_counts_work_over_the_way_that_there_is():
     document = with_start(five_bar(closed=False), five_bar_bent(1.9, 0.9), np.ones(4))
-    step = {"period": 1e-3, "integrator": "semi_implicit_euler"} | UNWATCHED
-    sim = Simulator(scene_from_document(document | {"simulation": step}))
+    sim = simulator(document, integrator="semi_implicit_euler", **UNWATCHED)
     start, force = sim.initial_state(), np.array([0.1, -0.2, 0.05, 0.02])
     wrenches = np.zeros((len(sim.mechanism.point_names), 6))
     end = sim.step(start, wrenches, joint_forces=force)

@@ -120,8 +120,7 @@ def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
 def test_a_mechanism_at_rest_without_load_is_accurate_by_a_rule_whose_account_is_only_counted():
     """Nothing is exchanged, of which any share is allowed, an infinite one too."""
     document = with_start(five_bar(), five_bar_bent(1.9, 0.6)) | {"gravity": [0.0, 0.0, 0.0]}
-    document["simulation"] = {"integrator": "semi_implicit_euler"}
-    sim = Simulator(scene_from_document(document))
+    sim = simulator(document, integrator="semi_implicit_euler")
     for state in (sim.run(sim.initial_state(), 20).end, run(sim, 0.02)[-1]):
         assert state.account.refined == state.account.inaccurate == 0
 
@@ -148,9 +147,7 @@ def test_energy_that_swings_and_comes_back_is_left_in_the_motion():
     Its crests taken out, the motion is 0.14 m behind after 10 s, ten crossings later; with them it
     is where the exact one is to the order of the rule.
     """
-    document = windows(2)
-    document["simulation"] = {"integrator": "semi_implicit_euler", "period": 1e-3}
-    sim = Simulator(scene_from_document(document))
+    sim = simulator(windows(2), integrator="semi_implicit_euler")
     end = sim.run(sim.initial_state(), 10_000).end
     mechanism = sim.mechanism
     tip = mechanism.evaluate(end.q, end.v, end.active).points[mechanism.point_index("b0")].pose

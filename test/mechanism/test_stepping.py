@@ -10,18 +10,14 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start, plan_of
 from hapticmech_ros.mechanism.stepping import Stepper
-from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import (
     five_bar,
     five_bar_bent,
 )
-from oracles.running import with_start
+from oracles.running import simulator, with_start
 from sampling import sampled
 
-# Sums of some ten products in another order; what closures carry is magnified by σ₁/σ_r.
-PERIOD = 1e-3
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
 
 
@@ -38,8 +34,7 @@ DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in documen
 
 
 def stepping(document, integrator):
-    step = {"period": PERIOD, "integrator": integrator, "accuracy": {"tolerance": 0}}
-    return Simulator(scene_from_document(document | {"simulation": step}))
+    return simulator(document, integrator=integrator, accuracy={"tolerance": 0})
 
 
 def push(sim, seed=0):

@@ -41,9 +41,11 @@ def with_start(document: Document, q: Array, v: Array | None = None) -> Document
     return document | {"initial_state": start}
 
 
-def simulator(document: Document, period: float = 1e-3, integrator: str = "rk4") -> Simulator:
-    """Return a simulator of the document with another step."""
-    step = {"period": period, "integrator": integrator}
+def simulator(
+    document: Document, period: float = 1e-3, integrator: str = "rk4", **simulation: object
+) -> Simulator:
+    """Return a simulator of the document with another step, and other keys of ``simulation``."""
+    step = {"period": period, "integrator": integrator, **simulation}
     return Simulator(scene_from_document(document | {"simulation": step}))
 
 
