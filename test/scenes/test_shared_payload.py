@@ -24,19 +24,6 @@ def document():
     return document_of(load_scene("shared_payload"))
 
 
-def closing_rows(jacobians):
-    """Return W: twists of each grasp's two frames against each other, which are at one place."""
-    closures = document()["closures"]
-    apart = [jacobians.of_frame(c["a"]) - jacobians.of_frame(c["b"]) for c in closures]
-    return np.vstack(apart)
-
-
-def inverse_inertia(jacobians):
-    """Return X at the grip from independent coordinates of both loops."""
-    rows, jacobian = closing_rows(jacobians), jacobians.of_frame(GRIP)
-    return closed_form.inverse_inertia(jacobians.inertia(), rows, jacobian)
-
-
 def test_the_arms_have_more_joints_than_they_need():
     found = check_scene(load_scene("shared_payload"))
     assert (found.nv, found.rank, found.mobility) == (26, 12, 14)
@@ -49,7 +36,7 @@ def test_the_arms_have_more_joints_than_they_need():
 @pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
 def test_the_hand_feels_payload_arms_and_base(time):
     sample = whole("shared_payload").at(time)
-    expected = inverse_inertia(Jacobians(document(), sample.mechanism.q))
+    expected = Jacobians(document(), sample.mechanism.q).inverse_inertia(GRIP)
     difference = np.abs(sample.analysis.inverse_inertia - expected).max()
     # 26 freedoms, D and closures of condition up to 1e4 together.
     assert difference < 1e-10 * np.abs(expected).max()
@@ -145,7 +132,7 @@ def test_the_base_gives_way_to_the_hand(axis):
     start = simulator.initial_state()
     jacobians = Jacobians(document(), start.q)
     force = jacobians.of_frame(GRIP).T @ push[0]
-    rows = closing_rows(jacobians)
+    rows = jacobians.closing_rows()
     rates, _ = closed_form.kkt(jacobians.inertia(), rows, force, np.zeros(len(rows)))
     found = simulator.step(start, push).v / simulator.period
     # Dampers of c = 0.02 N m s/rad take c h / (2 I) of it in a step, 1e-5 where I is 1e-3 kg m².
