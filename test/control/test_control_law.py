@@ -27,22 +27,14 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics.saturation import limited
-from oracles.controllers import FREE, control_of
+from oracles.controllers import FREE, control_of, random_pose
+from oracles.generator import unit
 
 # Sums of some twenty products of the size of the largest, each rounded to 1e-16, in another order.
 ROUNDING = 1e-12
 SCENES = {"planar": "five_bar", "spatial": "spatial_arm"}
 # Not between 3.05 and π - 0.01, where Pinocchio's logarithm loses up to 1e-11.
 TURNS = (0.0, 1e-9, 1e-3, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-7)
-
-
-def unit(rng):
-    axis = rng.normal(size=3)
-    return axis / np.linalg.norm(axis)
-
-
-def random_pose(rng):
-    return pin.SE3(pin.exp3(rng.uniform(0.0, np.pi) * unit(rng)), rng.normal(size=3))
 
 
 class Case:

@@ -15,7 +15,7 @@ from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import flat_device, operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.numerics.layout import Pose
-from oracles.controllers import local_model
+from oracles.controllers import local_model, random_pose
 from oracles.running import varied
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
@@ -30,11 +30,6 @@ def way_between(start, end):
     way = np.empty(6)
     displacement(Pose(start), Pose(end), way)
     return way
-
-
-def random_pose(rng):
-    axis = rng.normal(size=3)
-    return pin.SE3(pin.exp3(rng.uniform(0, 3.0) * axis / np.linalg.norm(axis)), rng.normal(size=3))
 
 
 def test_displacement_is_the_way_from_pose_to_pose():

@@ -111,13 +111,3 @@ def test_angular_rate_is_the_left_jacobian_times_the_rate():
         # Pinocchio has the sign of θ²/24 wrong below 1.2e-4.
         slip = angle**3 / 12.0 * np.linalg.norm(rate) if angle < 1.3e-4 else 0.0
         assert np.abs(found - pin.Jexp3(-vector) @ rate).max() < ROUNDING + slip, angle
-
-
-def test_angular_rate_is_the_derivative_of_the_exponential():
-    step = 1e-6
-    for vector in (np.zeros(3), np.array([1e-4, 0.0, -5e-5]), np.array([1.0, -2.0, 0.5])):
-        rate = np.array([0.3, -0.2, 0.5])
-        before, after = (pin.exp3(vector + sign * step * rate) for sign in (-1.0, 1.0))
-        expected = pin.log3(after @ before.T) / (2.0 * step)
-        # Rounding 1e-16 over the step.
-        assert np.abs(called("angular_rate", 3, vector, rate) - expected).max() < 1e-9

@@ -13,9 +13,14 @@ from hapticmech_ros.control.measurements import flat_operational_model
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
+from oracles.generator import unit
 
 NOTHING = np.zeros(6)
 FREE = {"force_limit": 1e12, "torque_limit": 1e12}
+
+
+def random_pose(rng):
+    return pin.SE3(pin.exp3(rng.uniform(0.0, np.pi) * unit(rng)), rng.normal(size=3))
 
 
 def control_of(name, joint=FREE, device=FREE, **gains):
