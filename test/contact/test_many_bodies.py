@@ -50,6 +50,20 @@ def test_a_stack_of_three_comes_to_rest(turn):
     assert total == pytest.approx(held(sim, states[0]), abs=1e-6)
 
 
+def test_a_box_rests_for_a_minute_where_it_is():
+    """On its own four points with friction: neither slides, nor sinks, nor turns."""
+    document = scene(
+        [body("one")],
+        [FLOOR, shape("one", SHAPES["box"])],
+        [pair("one_shape", **LAW)],
+        {"one": [0, 0, 0.0501, 0, 0, np.sin(0.2), np.cos(0.2)]},
+        period=0.005,
+    )
+    _, states = run(document, 61.0, 200)
+    # Positions are rounded, and rates solved for to 1e-8 of what gravity gives them in a step.
+    assert np.abs(states[-1].q - states[1].q).max() < 1e-7
+
+
 def test_a_box_in_a_corner_is_held_by_both_planes():
     """A V of two slopes of 45°, without friction: each carries m g / √2."""
     law = {"stiffness": 1e5, "damping": 300.0}
