@@ -16,8 +16,8 @@ from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from oracles.crossings import MECHANISMS, SPEED, Step, passed
 from oracles.generator import blank
-from oracles.planar_linkages import chain, elbow, pin_end, relative_angles
-from oracles.running import simulator, with_start
+from oracles.planar_loops import Loop
+from oracles.running import simulator
 from sampling import sampled
 
 DISTANCES = (0.0, 1e-12, 1e-10, 1e-9, -1e-8, 1e-7, -1e-6, 1e-5, 1e-4, -1e-3)
@@ -93,12 +93,10 @@ def test_no_rule_loses_more_at_a_crossing_than_elsewhere(name, period, integrato
 
 def four_bar(scale, density):
     """Return links and closure of a four-bar, and its start, at ``scale`` (m, 1)."""
-    lengths = scale * np.array([0.3, 0.8, 0.7])
+    lengths, pivot = scale * np.array([0.3, 0.8, 0.7]), scale * np.array([0.9, 0.0])
     masses = density * lengths
-    document = chain(lengths, masses, masses * lengths**2 / 12.0, gravity_y=-9.81)
-    pivot, tip = scale * np.array([0.9, 0.0]), lengths[0] * np.array([np.cos(1.0), np.sin(1.0)])
-    absolute = np.array([1.0, *elbow(tip, lengths[1], lengths[2], pivot, 1)])
-    return with_start(pin_end(document, pivot), relative_angles(absolute), np.zeros(3))
+    loop = Loop(lengths, masses, masses * lengths**2 / 12.0, pivot, gravity=-9.81)
+    return loop.document(np.array([1.0]), np.zeros(1))
 
 
 def side_by_side(*documents):

@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.element_kernels import _joint_forces
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.scene import scene_from_document
-from oracles.generator import blank, random_inertial
+from mechanism.test_elements import one_joint
 from oracles.slopes import slopes
 
 STIFFNESS, DEPTH = 400.0, 0.05
@@ -23,11 +23,8 @@ class Stop:
 
     def __init__(self, damping):
         limits = {"lower": -1.0, "upper": 0.5, "stiffness": STIFFNESS, "damping": damping}
-        joint = {"name": "slide", "type": "prismatic", "limits": limits | {"depth": DEPTH}}
-        inertial = random_inertial(np.random.default_rng(3), planar=False)
-        link = {"name": "body", "joint": joint | {"axis": [1.0, 0.0, 0.0]}, "inertial": inertial}
-        point = {"name": "tip", "link": "body"}
-        document = blank() | {"links": [link], "operational_points": [point]}
+        ends = {"axis": [1.0, 0.0, 0.0], "limits": limits | {"depth": DEPTH}}
+        document = one_joint("prismatic", **ends)
         self.mechanism = Mechanism(scene_from_document(document))
         (self.values,) = Model(*self.mechanism.active_set(()).constants).element_values
         (self.element,) = self.mechanism.elements.joints

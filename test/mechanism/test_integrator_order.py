@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from oracles.generator import blank, closed_chain, random_mechanism
-from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.planar_linkages import bar, five_bar, five_bar_bent
 from oracles.running import run, simulator, unaccounted, with_start
 
 DURATION = 0.16
@@ -29,10 +29,7 @@ FAST, SLOW = (2e-3, 1e-3, 5e-4), (16e-3, 8e-3, 4e-3)
 
 
 def pendulum_falling():
-    document = five_bar(gravity_y=-9.81, damping=0.002, closed=False)
-    document["links"] = document["links"][:1]
-    document["operational_points"] = document["operational_points"][:2]
-    return with_start(document, np.array([0.3]), np.array([2.0]))
+    return with_start(bar(-9.81, 0.002), np.array([0.3]), np.array([2.0]))
 
 
 CASES = [
@@ -150,10 +147,7 @@ def test_a_top_precesses_as_euler_says():
 
 def test_damping_loss_is_the_integral_of_damping():
     """One bar on a damped pivot: v = v0 exp(-c t / I), loss = T0 (1 - exp(-2 c t / I))."""
-    document = five_bar(damping=0.02, closed=False)
-    document["links"] = document["links"][:1]
-    document["operational_points"] = document["operational_points"][:2]
-    sim = simulator(with_start(document, np.array([0.3]), np.array([5.0])), 1e-3)
+    sim = simulator(with_start(bar(damping=0.02), np.array([0.3]), np.array([5.0])))
     states = run(sim, 0.1)
     inertia = 0.0021 + 1.0 * 0.0225**2
     decay = 0.02 * 0.1 / inertia

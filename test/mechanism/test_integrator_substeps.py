@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism.projection import project
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
-from oracles.planar_linkages import five_bar, five_bar_bent
+from oracles.planar_linkages import bar, five_bar, five_bar_bent
 from oracles.running import run, simulator, unaccounted, with_start
 
 FIVE_BAR = with_start(
@@ -84,9 +84,7 @@ def test_putting_right_more_than_half_the_step_is_a_jump():
 
 def hinge():
     """Return a bar on a ball joint whose end is held by a hinge; only its spin is free."""
-    document = five_bar(closed=False)
-    document["task_space"] = "spatial"
-    document["links"] = document["links"][:1]
+    document = bar() | {"task_space": "spatial"}
     document["links"][0]["joint"] |= {"type": "spherical"}
     document["operational_points"] = document["operational_points"][:1]
     document["closures"] = [
