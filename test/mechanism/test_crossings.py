@@ -6,6 +6,8 @@ Each mechanism's motion through its crossing is one equation for one angle. Ener
 the motion, and the branch is kept, however near a sample is.
 """
 
+import json
+import re
 from itertools import product
 
 import numpy as np
@@ -102,29 +104,16 @@ def four_bar(scale, density):
 def side_by_side(*documents):
     """Return one scene of mechanisms that have nothing to do with each other."""
     whole = blank(True, (0.0, -9.81, 0.0))
-    whole["closures"] = []
     start = {"q": {}, "v": {}}
     for index, document in enumerate(documents):
-        renamed = _renamed(document, f"m{index}_")
+        names = rf'"m{index}_\1"'
+        text = re.sub(r'"((?:link|joint|end|middle)\d+|pin)"', names, json.dumps(document))
+        renamed = json.loads(text)
         for key in ("links", "closures", "operational_points"):
             whole[key] += renamed[key]
         for key, values in renamed["initial_state"].items():
             start[key] |= values
     return whole | {"initial_state": start}
-
-
-def _renamed(value, prefix):
-    if isinstance(value, dict):
-        return {
-            (prefix + key if key.startswith("joint") and key[5:].isdigit() else key): _renamed(
-                part, prefix
-            )
-            for key, part in value.items()
-        }
-    if isinstance(value, list):
-        return [_renamed(part, prefix) for part in value]
-    named = isinstance(value, str) and value[:3] in ("lin", "joi", "end", "mid", "pin")
-    return prefix + value if named else value
 
 
 def test_parts_of_a_scene_that_are_not_connected_do_not_know_of_each_other():
