@@ -8,24 +8,16 @@ import pytest
 from contact.test_felt import against_a_wall
 from contact.test_solver import tumbling
 from hapticmech_ros.contact import memory as contact_memory
-from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.scene import document_of
 from oracles.touching import FLOOR, UPRIGHT, body, on_floor, pair, run, scene, shape
 
 INTEGRATORS = ("rk2", "rk4", "semi_implicit_euler")
 
 
-def stepped(document, count, wrench=None):
-    sim = Simulator(scene_from_document(document))
-    state = sim.initial_state()
-    pushed = np.zeros((len(sim.mechanism.point_names), 6))
-    if wrench is not None:
-        pushed[0] = wrench
-    states = [state]
-    for _ in range(count):
-        state = sim.step(state, pushed)
-        states.append(state)
-    return states
+def stepped(document, count, wrench):
+    wrenches = np.zeros((len(document["operational_points"]), 6))
+    wrenches[0] = wrench
+    return run(document, count * 1e-3, wrenches=wrenches)[1]
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -12,7 +12,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
-from oracles.touching import G, broken_law
+from oracles.touching import G, broken_law, run
 
 ROUGH = {"stiffness": 5e3, "damping": 20.0, "friction": 0.3}
 # Into the wall, which is on the side of smaller x, and along it.
@@ -23,11 +23,7 @@ def pushed(name="five_bar", duration=0.6, law=ROUGH, **simulation):
     """Return the simulator and all states of a mechanism that is pushed along a wall."""
     document = document_of(against_a_wall(name, law))
     document["simulation"] |= simulation
-    sim = Simulator(scene_from_document(document))
-    states = [sim.initial_state()]
-    for _ in range(round(duration / sim.period)):
-        states.append(sim.step(states[-1], PUSH))
-    return sim, states
+    return run(document, duration, wrenches=PUSH)
 
 
 def total(sim, state):
