@@ -198,14 +198,6 @@ def test_every_limit_cuts_the_same(kind, where, which):
     assert met > 80 * len(cut)
 
 
-@pytest.mark.parametrize("kind", SCENES)
-def test_a_wrench_of_nothing_meets_limits(kind):
-    control = control_of(SCENES[kind], joint={}, device={})
-    case = Case(np.random.default_rng(9), 0.0, 0.0, size=0.0)
-    case.model = OperationalModel(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6))
-    assert np.abs(case.answer(control) - law(control, case, 0.0)).max() < ROUNDING
-
-
 @pytest.mark.parametrize("duration", [0.0, 0.5])
 @pytest.mark.parametrize("since", [-1.0, 0.0, 0.1, 0.5, 7.0])
 def test_the_ramp_is_the_same(duration, since):
