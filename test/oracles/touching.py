@@ -93,6 +93,19 @@ def run(document, duration, every=1, wrenches=None):
     return sim, running.run(sim, duration, wrenches)[::every]
 
 
+def on_links(sim, before, after):
+    """Return what contacts do to links in a step, at their origins, by points and forces alone."""
+    links, found, wrenches = {one.name: one.link for one in sim.scene.shapes}, after.touching, {}
+    for point, force, index in zip(found.points, found.forces, found.pairs.tolist(), strict=True):
+        contact = sim.scene.contacts[index]
+        for link, sign in ((links[contact.a], 1.0), (links[contact.b], -1.0)):
+            if link != "world":
+                arm = point - sim.mechanism.frame_pose(before.q, link).translation
+                wrench = sign * np.concatenate((force, np.cross(arm, force)))
+                wrenches[link] = wrenches.get(link, np.zeros(6)) + wrench
+    return wrenches
+
+
 def held(sim, state):
     """Return kinetic, potential and contacts' energy, J."""
     return sum(sim.mechanism.energy(state.q, state.v)) + state.account.contact_energy
