@@ -8,15 +8,14 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.analysis.scene_variants import with_loop
-from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.control import ControlArchitecture, PointMeasurement
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import HandMemory
-from hapticmech_ros.control.measurements import flat_device, operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.numerics.layout import Pose
-from oracles.controllers import local_model, random_pose
-from oracles.running import varied
+from oracles.controllers import corrected_answers, local_model, random_pose
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
 NO_MEMORY = HandMemory().values
@@ -59,25 +58,13 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name, t
     # Nothing but the joint constraint, so that nothing else answers to the motion.
     springs = ("stiffness", "damping", "angular_stiffness", "angular_damping")
     gains = {"position_channel": dict.fromkeys(springs, 0.0)}
-    control = ControlArchitecture(varied(scene, controller=gains))
-    sample = Session(scene).tick()
-    model, pose = operational_model_of(sample.analysis), sample.point.pose
-    # Dampers brake first, then springs come in.
-    clutch = engage(0.0, pose, pose, 0.04)
     rng = np.random.default_rng(3)
     task = np.array([1, 1, 0, 0, 0, 1.0]) if scene.task_space == "planar" else np.ones(6)
     ways = 1e-5 * task * rng.normal(size=(2, 6))
     twists = 1e-3 * task * rng.normal(size=(2, 6))
-
-    def measured(way, twist):
-        moved = pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
-        return DeviceMeasurement(moved, twist, np.zeros(6))
-
-    seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
-    then, now = (measured(*state) for state in zip(ways, twists, strict=True))
-    old, new = (control.compute(time, clutch, one, seen, model).device for one in (then, now))
-    gains = local_model(control, time, clutch, model, seen)
-    found = corrected(old, gains, flat_device(then), flat_device(now), NO_MEMORY, 1e-3)
+    # Dampers brake first, then springs come in.
+    states = zip(ways, twists, np.zeros((2, 6)), strict=True)
+    old, new, found = corrected_answers(scene, gains, time, states)
     # log6's second order in steps of 1e-5 rad and m, on 2000 N/m.
     assert np.abs(found - new).max() < 1e-6
     assert scene.name == "spatial_arm" or np.abs(new - old).max() > 1e-3
