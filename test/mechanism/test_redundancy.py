@@ -15,6 +15,7 @@ from hapticmech_ros.mechanism.redundancy import ROW_NAMES, independent, redundan
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
 from oracles.planar_linkages import PIVOT, five_bar, five_bar_bent
+from oracles.planar_loops import Loop
 from oracles.running import with_start
 
 BENCHMARKS = {case.name: case.scene for case in cases()}
@@ -35,25 +36,11 @@ def pinned(copies):
 
 def four_bar_in_space():
     """Return a planar four-bar whose last joint is a hinge in space: three rows say nothing."""
-    document = with_start(five_bar(), five_bar_bent(1.9, 0.6))
-    links = document["links"][:3]
-    # The end of the third bar is where it is: a pivot there closes the loop as authored.
-    angles = np.cumsum(five_bar_bent(1.9, 0.6)[:3])
-    end = 0.045 * np.array([np.cos(angles).sum(), np.sin(angles).sum(), 0.0])
-    hinge = {
-        "name": "hinge",
-        "kind": "revolute",
-        "a": {"link": "link3", "origin": {"xyz": [0.045, 0.0, 0.0]}},
-        "b": {"link": "world", "origin": {"xyz": end.tolist()}},
-    }
-    q = {name: document["initial_state"]["q"][name] for name in ("joint1", "joint2", "joint3")}
-    return document | {
-        "task_space": "spatial",
-        "links": links,
-        "closures": [hinge],
-        "operational_points": document["operational_points"][:6],
-        "initial_state": {"q": q},
-    }
+    ones = np.ones(3)
+    document = Loop(ones, ones, ones, np.array([1.2, 0.1])).document(np.array([1.1]), np.zeros(1))
+    (pin,) = document["closures"]
+    hinge = pin | {"name": "hinge", "kind": "revolute"}
+    return document | {"task_space": "spatial", "closures": [hinge]}
 
 
 def test_rows_are_named_as_many_as_there_are():
