@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.loop_stability import lead_gains
@@ -62,11 +63,8 @@ def factor(scene, arm):
 @pytest.mark.parametrize("wanted", [0.95, 1.05, 1.2])
 def test_what_the_sensor_reads_follows_from_what_it_read(scene, wanted):
     """In loops that decay and that grow by so much a period, at most."""
-    low, high = 0.1, 100.0
-    for _ in range(25):
-        middle = np.sqrt(low * high)
-        low, high = (middle, high) if factor(scene, middle) < wanted else (low, middle)
-    running, law = session(scene, low), loop(scene, low)
+    arm = brentq(lambda mass: factor(scene, mass) - wanted, 0.1, 100.0)
+    running, law = session(scene, arm), loop(scene, arm)
     read = np.array([running.tick().hand_wrench[PLANE] for _ in range(40)])
     change = np.diff(read, axis=0)
     last = np.hstack((change[2:-1], change[1:-2], change[:-3]))

@@ -11,17 +11,18 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.device.kernels import SimulatedState
 from hapticmech_ros.scene.mechanism import Origin
+from oracles.running import varied
 from sampling import sampled
+
+NOBODY = {"start_delay": 100.0}
 
 
 def arm_that_moves(rate):
     """Return the shipped two-link arm with its joints turning (rad/s), and nobody's hand."""
     scene = load_scene("two_link")
     joints = tuple(joint.name for link in scene.links if (joint := link.joint).type == "revolute")
-    start = scene.initial_state.model_copy(update={"v": dict.fromkeys(joints, rate)})
-    hand = scene.hand.model_copy(update={"start_delay": 100.0})
-    changes = {"initial_state": start, "gravity": (0.0, 0.0, 0.0), "hand": hand}
-    return scene.model_copy(update=changes)
+    start = {"v": dict.fromkeys(joints, rate)}
+    return varied(scene, initial_state=start, gravity=(0.0, 0.0, 0.0), hand=NOBODY)
 
 
 def felt(scene, at_once=False, ticks=1000):
@@ -48,9 +49,7 @@ def test_a_mechanism_that_moves_is_taken_hold_of_without_a_blow(rate):
 
 def coupled_at_1_m_per_s(direction, at_once):
     """Return the largest force (N) of a free device that is coupled to the five-bar at rest."""
-    scene = load_scene("five_bar")
-    hand = scene.hand.model_copy(update={"start_delay": 100.0})
-    session = Session(scene.model_copy(update={"hand": hand}))
+    session = Session(varied(load_scene("five_bar"), hand=NOBODY))
     sample = session.tick()
     state, twist = SimulatedState(session._parts.state), np.zeros(6)
     twist[:2] = np.cos(direction), np.sin(direction)
@@ -74,9 +73,7 @@ def test_a_device_that_moves_is_slowed_by_dampers_as_documented():
 )
 def test_a_ramp_is_as_long_as_the_device_s_speed_needs(speed, wanted):
     """2 * 1.2 m v / 0.08 N for 0.3 kg, from 0.5 s up to 3 s; nothing counts but the difference."""
-    scene = load_scene("five_bar")
-    hand = scene.hand.model_copy(update={"start_delay": 100.0})
-    session = Session(scene.model_copy(update={"hand": hand}))
+    session = Session(varied(load_scene("five_bar"), hand=NOBODY))
     session.tick()
     state, twist = SimulatedState(session._parts.state), (speed, 0.0, 0.0, 0.0, 0.0, 0.0)
     state.twist[:] = state.body.twist[:] = twist
@@ -105,10 +102,7 @@ def test_a_hand_that_presses_against_a_constraint_is_caught_with_little_more_tha
 @pytest.mark.parametrize("delay", [0.0, 0.01, 0.05])
 def test_who_engages_anew_in_motion_feels_what_is_felt_without_an_interruption(delay):
     """Whatever the connection's delay; springs before forces would let both sides run apart."""
-    scene = load_scene("five_bar")
-    if delay > 0.0:
-        connection = scene.connection.model_copy(update={"delay": delay})
-        scene = scene.model_copy(update={"connection": connection})
+    scene = varied(load_scene("five_bar"), connection={"delay": delay})
     uninterrupted = np.linalg.norm(Session(scene).run(3500)["on_hand"][:, :3], axis=1).max()
     for start in (800, 1400, 2000, 2300):
         session = Session(scene)
@@ -136,9 +130,8 @@ def test_who_pushed_while_rendering_failed_is_slowed_evenly(milliseconds, most):
     """0.5 N on 0.3 kg; what it has got is braked with 0.08 N, or in 1.5 s at most."""
     scene = load_scene("five_bar")
     # With loops in the device the last answer would go on.
-    controller = with_loop(scene, False).controller
-    controller = controller.model_copy(update={"engagement_ramp": scene.controller.engagement_ramp})
-    scene = scene.model_copy(update={"controller": controller})
+    ramp = {"engagement_ramp": scene.controller.engagement_ramp}
+    scene = varied(with_loop(scene, False), controller=ramp)
     for start in (800, 1400, 2300):
         control = Failing(scene)
         session = Session(scene, control=control)
@@ -153,11 +146,9 @@ def test_who_pushed_while_rendering_failed_is_slowed_evenly(milliseconds, most):
 
 def test_a_clutch_that_has_slipped_lets_all_through_whatever_the_first_ramp_was():
     """The ramp of a start is longer than that of a grasp: nothing falls back to it."""
-    scene = load_scene("five_bar")
-    slow = scene.controller.model_copy(update={"engagement_ramp": 2.0, "grasp_ramp": 0.1})
-    session = Session(scene.model_copy(update={"controller": slow}))
-    for _ in range(2200):
-        session.tick()
+    slow = {"engagement_ramp": 2.0, "grasp_ramp": 0.1}
+    session = Session(varied(load_scene("five_bar"), controller=slow))
+    session.run(2200)
     link = session.simulator.scene.operational_points[0].link
     session.set_operational_point(link, Origin(xyz=(0.0, 0.0, 0.0)))
     forces = [np.linalg.norm(session.tick().output.device[:3]) for _ in range(400)]

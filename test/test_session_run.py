@@ -20,6 +20,7 @@ from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import CONTROL
 from hapticmech_ros.simulation import Simulator
 from oracles.devices import law_of
+from oracles.running import varied
 
 PUSH = np.array([0.4, -0.2, 0.1, 0.0, 0.01, 0.02])
 UNEVEN = Connection(delay=0.004, jitter=0.5, loss=0.1, seed=2)
@@ -240,8 +241,8 @@ def test_a_law_of_ones_own_is_asked_for_each_sample_with_the_gains_of_the_time()
     assert not any(first[name].any() for name in (*CONTROL, "pose_error"))
     assert first["device_hand_wrench"].any()
     assert first["inverse_inertia"].any()
-    position = scene.controller.position_channel.model_copy(update={"stiffness": 50.0})
-    session.tune(scene.controller.model_copy(update={"position_channel": position, "gain_ramp": 0}))
+    stiffness = {"stiffness": 50.0}
+    session.tune(varied(scene.controller, position_channel=stiffness, gain_ramp=0))
     session.run(2)
     assert seen[-1][1] == 50.0 != seen[0][1]
 

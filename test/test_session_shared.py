@@ -15,6 +15,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coupling, transmission
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.closed_form import kkt
+from oracles.running import varied
 from oracles.users import MASS, REACH, inverse_inertia, two_points
 from sampling import only_long, sampled
 
@@ -141,9 +142,8 @@ def felt(scene, direction, exchange=True):
     fine = fine_times(period, round(3.0 / period))
     push = faded_in(fine, 0.5) * multisine(fine, FREQUENCIES, 5e-4 * FREQUENCIES)
     with scripted(fine, push[:, None] * direction) as hand:
-        pushes, holds = (one.model_copy() for one in scene.hands)
-        pushes = pushes.model_copy(update={"hand": hand})
-        session = SharedSession(scene.model_copy(update={"hands": (pushes, holds)}))
+        pushes, holds = scene.hands
+        session = SharedSession(varied(scene, hands=(varied(pushes, hand=hand), holds)))
     if not exchange:
         session._direct = {point: {} for point in "ab"}
     twists = session.run(round(3.0 / period))["a"]["device_twist"] @ direction

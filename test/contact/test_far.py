@@ -8,24 +8,16 @@ import pytest
 from contact.test_felt import against_a_wall
 from contact.test_solver import tumbling
 from hapticmech_ros.contact import memory as contact_memory
-from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.simulation import Simulator
+from hapticmech_ros.scene import document_of
 from oracles.touching import FLOOR, UPRIGHT, body, on_floor, pair, run, scene, shape
 
 INTEGRATORS = ("rk2", "rk4", "semi_implicit_euler")
 
 
-def stepped(document, count, wrench=None):
-    sim = Simulator(scene_from_document(document))
-    state = sim.initial_state()
-    pushed = np.zeros((len(sim.mechanism.point_names), 6))
-    if wrench is not None:
-        pushed[0] = wrench
-    states = [state]
-    for _ in range(count):
-        state = sim.step(state, pushed)
-        states.append(state)
-    return states
+def stepped(document, count, wrench):
+    wrenches = np.zeros((len(document["operational_points"]), 6))
+    wrenches[0] = wrench
+    return run(document, count * 1e-3, wrenches=wrenches)[1]
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -45,11 +37,11 @@ def test_out_of_reach_the_step_is_the_ordinary_one_to_the_bit(name, substeps, in
     assert not far.touching.pairs.size
 
 
-def always_searched(monkeypatch, document, duration):
+def always_searched(monkeypatch, document, duration, wrenches=None):
     """Return states of a run that searches for points in every step, however far shapes are."""
     with monkeypatch.context() as patched:
         patched.setattr(contact_memory, "FAR", 1e9)
-        return run(document, duration)[1]
+        return run(document, duration, wrenches=wrenches)[1]
 
 
 def fast():
@@ -87,10 +79,8 @@ def test_nothing_that_comes_near_is_missed(monkeypatch, make, duration):
 def test_what_a_push_brings_near_within_a_step_is_not_missed(monkeypatch):
     """From rest, 0.1 kg under 3e5 N: 3 m in a step, towards a floor 0.5 m below."""
     document = on_floor("sphere", 0.55, mass=0.1, law={"stiffness": 1e6})
-    pushed = [0.0, 0.0, -3e5, 0.0, 0.0, 0.0]
-    found = stepped(document, 1, pushed)[-1]
-    with monkeypatch.context() as patched:
-        patched.setattr(contact_memory, "FAR", 1e9)
-        wanted = stepped(document, 1, pushed)[-1]
-    assert found.touching.pairs.size == 1
-    assert (found.v == wanted.v).all()
+    pushed = np.array([[0.0, 0.0, -3e5, 0.0, 0.0, 0.0]])
+    _, found = run(document, 1e-3, wrenches=pushed)
+    wanted = always_searched(monkeypatch, document, 1e-3, pushed)
+    assert found[-1].touching.pairs.size == 1
+    assert (found[-1].v == wanted[-1].v).all()

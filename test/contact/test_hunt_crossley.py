@@ -55,11 +55,6 @@ def test_rebound_is_the_exact_one_to_first_order(dissipation, speed):
         assert abs(fine) < 0.65 * abs(coarse)
 
 
-def test_rebound_does_not_ask_for_mass_or_stiffness():
-    for mass, stiffness in ((0.1, 1e3), (10.0, 1e5)):
-        assert thrown(1.0, 0.5, 5e-5, mass, stiffness) == pytest.approx(rebound(1.0, 0.5), abs=0.02)
-
-
 @pytest.mark.parametrize("dissipation", [1.0, 1e3])
 @pytest.mark.parametrize("stiffness", [1e4, 1e8])
 def test_it_rests_where_springs_carry_it_and_is_stable(dissipation, stiffness):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contacts of mechanisms: planar ones, with closed loops in motion, and links on links."""
 
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,9 +12,7 @@ from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
-from oracles.contact_loop import ContactLoop
-from oracles.touching import G, broken_law
-from sampling import sampled
+from oracles.touching import G, broken_law, run
 
 ROUGH = {"stiffness": 5e3, "damping": 20.0, "friction": 0.3}
 # Into the wall, which is on the side of smaller x, and along it.
@@ -25,11 +23,7 @@ def pushed(name="five_bar", duration=0.6, law=ROUGH, **simulation):
     """Return the simulator and all states of a mechanism that is pushed along a wall."""
     document = document_of(against_a_wall(name, law))
     document["simulation"] |= simulation
-    sim = Simulator(scene_from_document(document))
-    states = [sim.initial_state()]
-    for _ in range(round(duration / sim.period)):
-        states.append(sim.step(states[-1], PUSH))
-    return sim, states
+    return run(document, duration, wrenches=PUSH)
 
 
 def total(sim, state):
@@ -100,7 +94,7 @@ def test_the_wrench_is_the_consistent_map_of_contacts_in_motion():
     assert checked > 10
 
 
-def pendulums(joint="revolute", planar=True):
+def pendulums(planar=True):
     """Return two arms of one mechanism that swing into each other, a capsule on each."""
     arm = {"kind": "capsule", "radius": 0.01, "length": 0.2}
     inertia = {"ixx": 4e-4, "iyy": 4e-4, "izz": 4e-4}
@@ -109,7 +103,7 @@ def pendulums(joint="revolute", planar=True):
             "name": name,
             "joint": {
                 "name": f"of_{name}",
-                "type": joint,
+                "type": "revolute",
                 "axis": [0.0, 0.0, 1.0] if planar else [0.0, 1.0, 0.0],
                 "origin": {"xyz": [at, 0.0, 0.0]},
             },
@@ -174,27 +168,3 @@ def test_links_of_one_mechanism_hit_each_other(planar):
     assert touched > 10
     assert most <= start + 1e-7
     assert state.account.contact_loss > 1e-3
-
-
-@pytest.mark.parametrize(
-    ("name", "substeps"), sampled([*product(["five_bar", "spatial_arm"], [1, 3])], every=3)
-)
-def test_steps_around_the_kernel_lead_to_the_same(name, substeps):
-    """With contacts as without: Pinocchio's kinematics, and contacts as wrenches on links."""
-    document = document_of(against_a_wall(name, ROUGH))
-    document["simulation"] |= {"substeps": substeps}
-    sim, loop = Simulator(scene_from_document(document)), ContactLoop(scene_from_document(document))
-    fast, around = sim.initial_state(), loop.alone.initial_state()
-    for _ in range(200):
-        fast = sim.step(fast, PUSH)
-        for _ in range(substeps):
-            around = loop.step(around, PUSH)
-    assert fast.touching.pairs.size == 1
-    assert fast.q == pytest.approx(around.q, abs=1e-10)
-    assert fast.v == pytest.approx(around.v, abs=1e-8)
-    assert fast.touching.forces == pytest.approx(loop.forces, abs=1e-6)
-    account = fast.account
-    assert account.contact_energy == pytest.approx(loop.held, abs=1e-10)
-    # What moves without contacts counts all that wrenches do, those of contacts too.
-    by_contacts = -account.contact_energy - account.contact_loss
-    assert account.work_in + by_contacts == pytest.approx(around.account.work_in, abs=1e-10)

@@ -16,7 +16,18 @@ from hapticmech_ros.mechanism.kernels.model import RunPlan
 from hapticmech_ros.mechanism.kernels.run_kernels import INACCURATE
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
-from oracles.touching import FLOOR, SHAPES, UPRIGHT, body, on_floor, pair, run, scene, shape
+from oracles.touching import (
+    FLOOR,
+    SHAPES,
+    UPRIGHT,
+    body,
+    on_floor,
+    on_links,
+    pair,
+    run,
+    scene,
+    shape,
+)
 
 ROUNDING = 1e-12
 
@@ -39,20 +50,6 @@ def stack(**simulation):
     )
 
 
-def on_links(sim, state):
-    """Return what contacts do to links, about the world's origin, from points and forces alone."""
-    links = {one.name: one.link for one in sim.scene.shapes}
-    wrenches = {}
-    found = state.touching
-    for point, force, index in zip(found.points, found.forces, found.pairs.tolist(), strict=True):
-        contact = sim.scene.contacts[index]
-        for link, sign in ((links[contact.a], 1.0), (links[contact.b], -1.0)):
-            if link != "world":
-                wrench = sign * np.concatenate((force, np.cross(point, force)))
-                wrenches[link] = wrenches.get(link, np.zeros(6)) + wrench
-    return wrenches
-
-
 @pytest.mark.parametrize("integrator", ["rk2", "rk4", "semi_implicit_euler"])
 @pytest.mark.parametrize("name", ["five_bar", "two_link", "stack"])
 def test_it_is_the_step_without_contacts_under_their_wrenches(name, integrator):
@@ -70,12 +67,7 @@ def test_it_is_the_step_without_contacts_under_their_wrenches(name, integrator):
         if not after.touching.pairs.size or after.touching.divided > 1:
             continue
         seen += 1
-        wrenches = {}
-        for link, wrench in on_links(sim, after).items():
-            origin = sim.mechanism.frame_pose(before.q, link).translation
-            force, moment = wrench[:3], wrench[3:]
-            wrenches[link] = np.concatenate((force, moment - np.cross(origin, force)))
-        expected = alone.step(before, push, wrenches)
+        expected = alone.step(before, push, on_links(sim, before, after))
         scale = 1.0 + np.abs(expected.v).max()
         assert np.abs(after.q - expected.q).max() < ROUNDING
         assert np.abs(after.v - expected.v).max() < 1e-11 * scale

@@ -18,6 +18,7 @@ from oracles.touching import (
     G,
     body,
     broken_law,
+    on_links,
     pair,
     run,
     scene,
@@ -180,18 +181,14 @@ def test_what_forces_do_in_joints_is_what_they_do_on_links(name):
     """Σ J_cᵀ λ of the kernel, beside Jacobians and wrenches of links."""
     make, duration = HARD[name]
     sim, states = run(make(), duration)
-    shapes = {one.name: one.link for one in sim.scene.shapes}
     for before, after in zip(states[-5:-1], states[-4:], strict=True):
-        found, wanted = after.touching, np.zeros(sim.mechanism.nv)
-        for index, contact in enumerate(sim.scene.contacts):
-            for side, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-                link = shapes[side]
-                if link != "world":
-                    origin = sim.mechanism.frame_pose(before.q, link).translation
-                    wrench = sign * found.wrench(index, origin)
-                    wanted += wrench @ sim.mechanism.link_jacobian(before.q, link)
-        assert np.abs(found.joint_force).max() > 0.1
-        assert found.joint_force == pytest.approx(wanted, abs=1e-11)
+        found = after.touching.joint_force
+        wanted = sum(
+            wrench @ sim.mechanism.link_jacobian(before.q, link)
+            for link, wrench in on_links(sim, before, after).items()
+        )
+        assert np.abs(found).max() > 0.1
+        assert found == pytest.approx(wanted, abs=1e-11)
 
 
 def test_points_of_a_pair_are_on_one_plane():

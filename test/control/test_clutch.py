@@ -5,24 +5,13 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.linalg import expm, logm
+from scipy.linalg import logm
 
 from hapticmech_ros.control.clutch import engage, pose_error
 
 
-def hat(twist):
-    (vx, vy, vz), (x, y, z) = twist[:3], twist[3:]
-    return np.array([[0, -z, y, vx], [z, 0, -x, vy], [-y, x, 0, vz], [0, 0, 0, 0.0]])
-
-
 def random_pose(rng):
     return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-
-
-def moved(pose, twist, time):
-    """Return a pose after moving with a constant twist at its origin, world axes."""
-    turned = pin.exp3(time * twist[3:]) @ pose.rotation
-    return pin.SE3(turned, pose.translation + time * twist[:3])
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -88,41 +77,3 @@ def test_the_error_is_the_log_map_in_world_axes(seed):
     expected = np.concatenate((point.rotation @ body[:3], point.rotation @ body[3:]))
     # logm is good to some 1e-14 of its size.
     assert np.abs(pose_error(point, device) - expected).max() < 1e-12
-
-
-def test_exp_of_the_error_takes_the_point_to_the_device():
-    rng = np.random.default_rng(7)
-    point, device = random_pose(rng), random_pose(rng)
-    error = pose_error(point, device)
-    back = point.rotation.T
-    body = np.concatenate((back @ error[:3], back @ error[3:]))
-    reached = point.homogeneous @ expm(hat(body))
-    assert np.abs(reached - device.homogeneous).max() < 1e-13
-
-
-def rate_of_error(point, device, point_twist, device_twist):
-    step = 1e-5
-    after = pose_error(moved(point, point_twist, step), moved(device, device_twist, step))
-    before = pose_error(moved(point, point_twist, -step), moved(device, device_twist, -step))
-    return (after - before) / (2.0 * step)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_at_zero_error_its_rate_is_the_difference_of_the_twists(seed):
-    rng = np.random.default_rng(seed)
-    pose, twists = random_pose(rng), rng.normal(size=(2, 6))
-    rate = rate_of_error(pose, pose, *twists)
-    # Central difference: step² times third derivatives (cubes of rates up to 3), plus 1e-16 / step.
-    assert np.abs(rate - (twists[1] - twists[0])).max() < 1e-8
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_near_zero_error_the_difference_of_twists_is_off_by_the_first_order_at_most(seed):
-    rng = np.random.default_rng(seed)
-    point, twists = random_pose(rng), rng.normal(size=(2, 6))
-    size = 1e-3
-    offset = rng.normal(size=6)
-    device = moved(point, size * offset / np.linalg.norm(offset), 1.0)
-    miss = rate_of_error(point, device, *twists) - (twists[1] - twists[0])
-    # ½ ad(e) of the difference, and e × ω of the point: each at most |e| (|twists|).
-    assert 0.0 < np.linalg.norm(miss) < 2.0 * size * np.abs(twists).sum()

@@ -53,13 +53,6 @@ def test_a_parabola_is_carried_on_as_it_is(spacings, start):
     assert change(memory, start) == pytest.approx(np.full(6, mean - curve(0.0)), rel=1e-12)
 
 
-def test_evenly_spaced_it_has_the_weights_of_adams_and_bashforth():
-    wrenches = np.random.default_rng(1).normal(size=(5, 6))
-    found = change(remembered(wrenches, [PERIOD] * 4))
-    weights = np.array([5.0, -16.0, 23.0]) / 12.0
-    assert found + wrenches[-1] == pytest.approx(weights @ wrenches[-3:], rel=1e-12)
-
-
 def test_what_is_not_known_is_not_carried_on():
     wrenches = np.random.default_rng(2).normal(size=(MOST, 6))
     assert not change(HandMemory().values).any()
@@ -69,22 +62,6 @@ def test_what_is_not_known_is_not_carried_on():
     # Two samples that come at nearly the same time: their noise is not made more of.
     close = change(remembered(wrenches[:2], [1e-9]))
     assert close == pytest.approx(two, rel=1e-12)
-
-
-@pytest.mark.parametrize("mass", [0.02, 0.3, 5.0, 300.0])
-def test_a_device_carries_on_the_parabola_where_the_mechanism_is_heavy(mass):
-    """Of a mass m on m_d: G = m_d / m - 1; W is below 0 from m = 1.3 m_d down."""
-    device = np.diag([0.3] * 3 + [3e-4] * 3)
-    gain = force_gain(device, np.diag([1.0 / mass] * 3 + [0.0] * 3), np.zeros((6, 6)), 1.0)
-    ratio = 0.3 / mass
-    line, bend = lead_gains(gain)
-    assert line == pytest.approx(np.diag([ratio - 1.0] * 3 + [-1.0] * 3), rel=1e-12)
-    weight = [(ratio - 1.0) * bend_weight(ratio)] * 3 + [-1.0] * 3
-    assert bend == pytest.approx(np.diag(weight), rel=1e-12)
-    # What alternates from sample to sample is not amplified where the mechanism is light.
-    if ratio >= 2.0:
-        alternating = gain + 2.0 * 0.5 * line + 4.0 * 5.0 / 12.0 * bend
-        assert abs(alternating[0, 0]) <= gain[0, 0]
 
 
 @pytest.mark.parametrize("others", [0, 1, 3])
@@ -120,6 +97,7 @@ def test_what_is_added_is_the_gain_s_function_by_its_eigenvectors(others, lighte
         size = np.abs(expected).max()
         assert found - command == pytest.approx(expected, abs=rounding * size + 1e-14)
         if lightest == 1.0 and not others:
+            assert lead_gains(gain)[0] == pytest.approx(of(own), abs=1e-9)
             assert lead_gains(gain)[1] == pytest.approx(of(own * weight), abs=1e-9)
 
 

@@ -8,6 +8,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from oracles.running import varied
 
 PERIOD = 1e-3
 PUSHES = (0.3, -0.2, 0.5, 0.1, 0.4)
@@ -21,11 +22,9 @@ def answers(delay, late=0.0, known=5):
         late: of the last sample's state, s.
         known: how many samples there are.
     """
-    scene = load_scene("five_bar")
     # What the mechanism is told is F_h alone, whatever was predicted before.
-    channel = scene.controller.position_channel.model_copy(update={"to_mechanism": 0.0})
-    gains = scene.controller.model_copy(update={"position_channel": channel})
-    scene = scene.model_copy(update={"controller": gains})
+    gains = {"position_channel": {"to_mechanism": 0.0}}
+    scene = varied(load_scene("five_bar"), controller=gains)
     side = RenderingController(ControlArchitecture(scene), PERIOD, scene.connection, delay)
     model = np.zeros(OPERATIONAL_MODEL.size)
     model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0

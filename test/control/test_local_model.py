@@ -7,14 +7,15 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
+from hapticmech_ros.analysis.scene_variants import with_loop
+from hapticmech_ros.control import ControlArchitecture, PointMeasurement
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.kernels import displacement
 from hapticmech_ros.control.loop_layout import HandMemory
-from hapticmech_ros.control.measurements import flat_device, operational_model_of
+from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.numerics.layout import Pose
-from oracles.controllers import local_model
+from oracles.controllers import corrected_answers, local_model, random_pose
 
 # Of a hand whose wrench was never measured before: nothing is carried on.
 NO_MEMORY = HandMemory().values
@@ -28,11 +29,6 @@ def way_between(start, end):
     way = np.empty(6)
     displacement(Pose(start), Pose(end), way)
     return way
-
-
-def random_pose(rng):
-    axis = rng.normal(size=3)
-    return pin.SE3(pin.exp3(rng.uniform(0, 3.0) * axis / np.linalg.norm(axis)), rng.normal(size=3))
 
 
 def test_displacement_is_the_way_from_pose_to_pose():
@@ -60,29 +56,15 @@ def test_nothing_moved_is_nothing_to_the_bit():
 def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name, time):
     scene = load_scene(name)
     # Nothing but the joint constraint, so that nothing else answers to the motion.
-    channel = scene.controller.position_channel.model_copy(
-        update=dict.fromkeys(("stiffness", "damping", "angular_stiffness", "angular_damping"), 0.0)
-    )
-    controller = scene.controller.model_copy(update={"position_channel": channel})
-    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
-    sample = Session(scene).tick()
-    model, pose = operational_model_of(sample.analysis), sample.point.pose
-    # Dampers brake first, then springs come in.
-    clutch = engage(0.0, pose, pose, 0.04)
+    springs = ("stiffness", "damping", "angular_stiffness", "angular_damping")
+    gains = {"position_channel": dict.fromkeys(springs, 0.0)}
     rng = np.random.default_rng(3)
     task = np.array([1, 1, 0, 0, 0, 1.0]) if scene.task_space == "planar" else np.ones(6)
     ways = 1e-5 * task * rng.normal(size=(2, 6))
     twists = 1e-3 * task * rng.normal(size=(2, 6))
-
-    def measured(way, twist):
-        moved = pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
-        return DeviceMeasurement(moved, twist, np.zeros(6))
-
-    seen = PointMeasurement(pose, np.zeros(6), np.zeros(6))
-    then, now = (measured(*state) for state in zip(ways, twists, strict=True))
-    old, new = (control.compute(time, clutch, one, seen, model).device for one in (then, now))
-    gains = local_model(control, time, clutch, model, seen)
-    found = corrected(old, gains, flat_device(then), flat_device(now), NO_MEMORY, 1e-3)
+    # Dampers brake first, then springs come in.
+    states = zip(ways, twists, np.zeros((2, 6)), strict=True)
+    old, new, found = corrected_answers(scene, gains, time, states)
     # log6's second order in steps of 1e-5 rad and m, on 2000 N/m.
     assert np.abs(found - new).max() < 1e-6
     assert scene.name == "spatial_arm" or np.abs(new - old).max() > 1e-3
@@ -90,11 +72,7 @@ def test_along_constrained_directions_it_is_the_answer_to_the_other_pose(name, t
 
 def test_what_is_not_local_is_not_corrected():
     scene = load_scene("five_bar")
-    joint = scene.controller.joint_constraint.model_copy(update={"local": False})
-    force = scene.controller.force_channel.model_copy(update={"local": False})
-    gains = {"joint_constraint": joint, "force_channel": force}
-    controller = scene.controller.model_copy(update=gains)
-    control = ControlArchitecture(scene.model_copy(update={"controller": controller}))
+    control = ControlArchitecture(with_loop(scene, False))
     assert not control.gains.local
     sample = Session(scene).tick()
     clutch = engage(0.0, sample.point.pose, sample.point.pose)

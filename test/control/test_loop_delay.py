@@ -27,13 +27,12 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Connection
+from oracles.running import varied
 
 
 def over(connection, local=True, name="five_bar"):
-    scene = load_scene(name)
-    joint = scene.controller.joint_constraint.model_copy(update={"local": local})
-    controller = scene.controller.model_copy(update={"joint_constraint": joint})
-    return scene.model_copy(update={"connection": connection, "controller": controller})
+    gains = {"joint_constraint": {"local": local}}
+    return varied(load_scene(name), connection=connection, controller=gains)
 
 
 def test_what_is_declared_counts_in_design_as_what_is_simulated():
@@ -111,8 +110,7 @@ def test_the_admissible_round_trip_follows_from_loops_over_the_connection():
     assert local == pytest.approx(0.3 * 0.3 / position.damping - 1.5 * period)
     late = admissible_round_trip(over(Connection(), local=False).controller, inertia, period)
     assert late < local
-    channels = position.model_copy(update={"to_device": 0.0})
-    none = scene.controller.model_copy(update={"position_channel": channels})
+    none = varied(scene.controller, position_channel={"to_device": 0.0})
     assert admissible_round_trip(none, inertia, period) == np.inf
 
 

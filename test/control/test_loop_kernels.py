@@ -17,6 +17,7 @@ from hapticmech_ros.control.rendering_controller import ControllerInput, Renderi
 from hapticmech_ros.device.safety import Reason
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection, Passivity
+from oracles.running import varied
 
 PERIOD = 1e-3
 INERTIA = np.array([0.2] * 3 + [4e-4] * 3)
@@ -52,9 +53,7 @@ def model_of(rng):
 
 def rendering(delay, slack=0.0):
     scene = load_scene("five_bar")
-    bounds = scene.controller.passivity.model_copy(update={"slack": slack})
-    gains = scene.controller.model_copy(update={"passivity": bounds})
-    control = ControlArchitecture(scene.model_copy(update={"controller": gains}))
+    control = ControlArchitecture(varied(scene, controller={"passivity": {"slack": slack}}))
     return RenderingController(control, PERIOD, scene.connection, delay)
 
 
@@ -262,15 +261,10 @@ class Composed(Session):
 @pytest.mark.parametrize("local", [False, True])
 @pytest.mark.parametrize("connection", [{}, {"delay": 0.03, "jitter": 0.3, "loss": 0.1, "seed": 3}])
 def test_a_session_is_its_parts_put_together(delay, local, connection):
-    scene = load_scene("five_bar")
-    gains, bounds = scene.controller, {"allowance": 1e-5, "slack": 1e-3}
-    parts = {
-        "passivity": gains.passivity.model_copy(update=bounds),
-        "joint_constraint": gains.joint_constraint.model_copy(update={"local": local}),
-        "force_channel": gains.force_channel.model_copy(update={"local": local}),
-    }
-    changed = {"controller": gains.model_copy(update=parts), "connection": Connection(**connection)}
-    session = Composed(scene.model_copy(update=changed), delay)
+    gains = {part: {"local": local} for part in ("joint_constraint", "force_channel")}
+    gains["passivity"] = {"allowance": 1e-5, "slack": 1e-3}
+    scene = varied(load_scene("five_bar"), controller=gains, connection=Connection(**connection))
+    session = Composed(scene, delay)
     push = np.array([0.8, -0.3, 0.1, 0.01, 0.0, 0.02])
     for tick in range(500):
         session.tick(hand_wrench=push if tick % 200 < 100 else -push)

@@ -11,6 +11,7 @@ from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import LoopTerms, loop_margins, spectral_radius
 from hapticmech_ros.control.measurements import operational_model_of
 from hapticmech_ros.plan.scene_plan import check_scene
+from oracles.running import varied
 
 T = 1e-3
 
@@ -50,25 +51,19 @@ def test_what_is_closed_in_the_device_does_not_mind_the_delay(delay):
 
 def with_gains(scene, factor, local=True):
     """Return a scene with springs and dampers so many times as strong, and nothing that bounds."""
-    controller = scene.controller
-    joint = controller.joint_constraint
-    channel = controller.position_channel
-    joint = joint.model_copy(
-        update={
-            "stiffness": factor * joint.stiffness,
-            "damping": factor * joint.damping,
-            "force_limit": 1e3,
-            "torque_limit": 1e3,
-            "local": local,
-        }
-    )
-    names = ("stiffness", "damping", "angular_stiffness", "angular_damping")
-    channel = channel.model_copy(update={name: factor * getattr(channel, name) for name in names})
-    unbounded = controller.passivity.model_copy(update={"control": False})
-    gains = {"joint_constraint": joint, "position_channel": channel, "passivity": unbounded}
-    device = scene.device.model_copy(update={"force_limit": 1e3, "torque_limit": 1e3})
-    controller = controller.model_copy(update=gains)
-    return scene.model_copy(update={"controller": controller, "device": device})
+    free = {"force_limit": 1e3, "torque_limit": 1e3}
+    joint, channel = scene.controller.joint_constraint, scene.controller.position_channel
+    springs = ("stiffness", "damping")
+    gains = {
+        "joint_constraint": {name: factor * getattr(joint, name) for name in springs}
+        | {"local": local, **free},
+        "position_channel": {
+            name: factor * getattr(channel, name)
+            for name in (*springs, "angular_stiffness", "angular_damping")
+        },
+        "passivity": {"control": False},
+    }
+    return varied(scene, controller=gains, device=free)
 
 
 def errors_after_a_touch(scene, delay):

@@ -16,14 +16,9 @@ RUNS = {"five_bar": 3.0, "four_bar_closing": 2.2, "spatial_arm": 5.0}
 @pytest.mark.parametrize("name", RUNS)
 def test_a_change_of_the_rank_is_no_bump_and_brings_no_energy(name):
     session = Session(load_scene(name))
-    forces, torques, counts, injected = [], [], [], []
-    for _ in range(round(RUNS[name] / session.period)):
-        sample = session.tick()
-        forces.append(sample.device.applied[:3])
-        torques.append(sample.device.applied[3:])
-        counts.append(sample.count)
-        injected.append(session.energies.injected)
-    changes = np.flatnonzero(np.diff(counts))
+    run = session.run(round(RUNS[name] / session.period))
+    forces, torques = np.split(run["device_applied"], 2, axis=1)
+    injected, changes = run["injected"], np.flatnonzero(np.diff(run["count"]))
     assert len(changes) >= (2 if name == "spatial_arm" else 1)
     for change in changes:
         near = slice(change - AROUND, change + AROUND)

@@ -8,13 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hapticmech_ros import load_scene
-from hapticmech_ros.device import ImpedanceDevice
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, Waypoint
+from oracles.devices import START, body_of
+from oracles.devices import run as states_of
 
-PERIOD = 1e-3
-START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
 COMMAND = np.array([0.4, -0.3, 0.2, 0.004, -0.002, 0.003])
 GRIP = {"stiffness": 800.0, "damping": 8.0, "angular_stiffness": 0.7, "angular_damping": 7e-3}
 # Where the arm's target is from the start on: some centimetres and half a radian away.
@@ -28,12 +27,7 @@ def arm(grip=GRIP, waypoints=(GOAL,), **more):
 
 def run(hand, ticks, substeps=8, command=COMMAND, planar=False, **device):
     """Return the states at 0, 1, ... ``ticks`` periods of a device that a hand holds."""
-    body = ImpedanceDevice(Device(substeps=substeps, **device), PERIOD, planar, hand)
-    state = body.at_rest(START, held=True)
-    states, held = [state], state
-    for tick in range(ticks):
-        states.append(body.step(states[-1], command, held, tick))
-    return states
+    return states_of(body_of(Device(substeps=substeps, **device), hand, planar), ticks, command)
 
 
 def six(linear, angular):

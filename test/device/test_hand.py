@@ -6,10 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.device import ImpedanceDevice
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ConstantWrenchHand, SpringDamperHand, Waypoint
-from oracles.devices import law_of
+from oracles.devices import body_of, law_of, run
 
 HELD = pin.SE3(pin.exp3(np.array([0.2, 0.1, -0.4])), np.array([0.3, 0.0, 0.1]))
 STILL = np.zeros(6)
@@ -113,10 +112,8 @@ def test_a_held_device_settles_at_the_last_waypoint():
         waypoints=(Waypoint(time=0.5, xyz=(0.02, -0.01, 0.03), rotation=(0.3, -0.2, 0.5)),),
         start_delay=0.1,
     )
-    body = ImpedanceDevice(Device(mass=0.3, inertia=3e-4), 1e-3, False, hand)
-    state = start = body.at_rest(HELD, held=True)
-    for tick in range(2500):
-        state = body.step(state, np.zeros(6), start, tick)
+    body = body_of(Device(mass=0.3, inertia=3e-4), hand)
+    state = run(body, 2500, start=body.at_rest(HELD, held=True))[-1]
     # Both decay with 10/(2 · 0.3) = 17 1/s; 1.9 s after the move that is e^-32 of some mm.
     goal = HELD.translation + np.array([0.02, -0.01, 0.03])
     assert np.abs(state.pose.translation - goal).max() < 1e-12

@@ -10,10 +10,8 @@ import pytest
 
 from hapticmech_ros.device import GraspSchedule, ImpedanceDevice
 from hapticmech_ros.scene.device import Device
-
-PERIOD = 1e-3
-START = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
-NO_COMMAND = np.zeros(6)
+from oracles.devices import NOTHING, PERIOD, START
+from oracles.devices import run as states_of
 
 
 def no_hand(elapsed, pose, twist, held):
@@ -24,14 +22,13 @@ def pushing(wrench):
     return lambda elapsed, pose, twist, held: np.asarray(wrench, dtype=float)
 
 
-def run(device, ticks, hand=no_hand, command=NO_COMMAND, twist=None):
-    """Return the states at 0, 1, ..., ``ticks`` periods."""
+def run(device, ticks, hand=no_hand, command=NOTHING, twist=None):
+    """Return the states at 0, 1, ..., ``ticks`` periods, of a hand that is a law."""
     body = ImpedanceDevice(device, PERIOD, False, law=hand)
     start = body.at_rest(START, held=True)
-    states = [start if twist is None else start.replaced(twist=twist)]
-    for tick in range(ticks):
-        states.append(body.step(states[-1], command, start, tick))
-    return states
+    return states_of(
+        body, ticks, command, start=start if twist is None else start.replaced(twist=twist)
+    )
 
 
 def test_a_free_device_under_a_constant_force_falls_by_the_book():
@@ -79,15 +76,6 @@ def test_hand_and_actuators_add_up():
     assert np.abs(together.twist - alone.twist).max() < 1e-15
 
 
-def test_saturated_actuators_keep_the_direction():
-    device = Device(mass=1.0, inertia=1.0, force_limit=2.0, torque_limit=0.5)
-    command = np.array([30.0, 0, -40.0, 0, 6.0, 8.0])
-    end = run(device, 1, command=command)[-1]
-    pushed = end.twist / PERIOD
-    assert np.abs(pushed[:3] - 2.0 * np.array([0.6, 0, -0.8])).max() < 1e-12
-    assert np.abs(pushed[3:] - 0.5 * np.array([0, 0.6, 0.8])).max() < 1e-12
-
-
 def test_the_hand_is_not_saturated():
     device = Device(mass=1.0, force_limit=2.0)
     end = run(device, 1, pushing([50.0, 0, 0, 0, 0, 0]))[-1]
@@ -130,9 +118,7 @@ def test_what_a_hand_does_within_a_period_acts_by_its_mean_and_is_told_in_time(m
     for substeps in (1, 2, 4):
         device = Device(mass=0.5, substeps=substeps)
         body = ImpedanceDevice(device, PERIOD, False, law=swinging, schedule=schedule)
-        state = held = body.at_rest(START, held=True)
-        for tick in range(periods):
-            state = body.step(state, np.zeros(6), held, tick)
+        state = states_of(body, periods)[-1]
         acceleration = size * np.cos(rate * time) / (0.5 + mass)
         speed = size / rate * np.sin(rate * time) / (0.5 + mass)
         found = np.array([state.twist[0], state.hand_wrench[0]])
@@ -142,17 +128,6 @@ def test_what_a_hand_does_within_a_period_acts_by_its_mean_and_is_told_in_time(m
         # What is told of a hand without a mass is exact.
         assert coarse[0] / fine[0] == pytest.approx(4.0, rel=0.02)
         assert fine[1] < max(0.3 * coarse[1], 1e-14)
-
-
-def test_a_step_leaves_the_state_it_started_from_alone():
-    body = ImpedanceDevice(Device(), PERIOD, planar=False)
-    state = body.at_rest(START)
-    first = body.step(state, np.ones(6), None, 0)
-    again = body.step(state, np.ones(6), None, 0)
-    assert np.array_equal(first.twist, again.twist)
-    assert np.array_equal(first.pose.homogeneous, again.pose.homogeneous)
-    assert np.array_equal(state.twist, np.zeros(6))
-    assert np.array_equal(state.pose.homogeneous, START.homogeneous)
 
 
 def test_ideal_encoders_say_the_truth_to_the_bit():
@@ -219,11 +194,11 @@ def test_others_push_besides_the_hand_and_are_no_part_of_its_wrench():
     own, others = np.array([0.3, 0, 0, 0, 0.01, 0]), np.array([-0.1, 0.2, 0, 0.01, 0, 0])
     body = ImpedanceDevice(Device(), PERIOD, False, law=pushing(own))
     start = body.at_rest(START, held=True)
-    state = body.step(start, NO_COMMAND, start, 0, others)
+    state = body.step(start, NOTHING, start, 0, others)
     expected = run(Device(), 1, pushing(own + others))[-1]
     assert np.abs(state.twist - expected.twist).max() < 1e-15
     assert np.array_equal(state.hand_wrench, own)
-    alone = body.step(start, NO_COMMAND, None, 0, others)
+    alone = body.step(start, NOTHING, None, 0, others)
     assert np.abs(alone.twist - run(Device(), 1, pushing(others))[-1].twist).max() < 1e-15
     assert np.array_equal(alone.hand_wrench, np.zeros(6))
 
@@ -233,15 +208,3 @@ def test_a_state_tells_what_the_actuators_gave():
     end = run(device, 1, command=np.array([30.0, 0, -40.0, 0.1, 0, 0]))[-1]
     assert np.abs(end.applied - [1.2, 0, -1.6, 0.1, 0, 0]).max() < 1e-15
     assert np.array_equal(run(device, 0)[-1].applied, np.zeros(6))
-
-
-def test_what_is_published_is_what_was_measured():
-    device = Device(position_resolution=1e-4, angle_resolution=2e-3)
-    command = np.array([0.1, 0, 0, 0, 0, 1e-3])
-    state = run(device, 50, pushing([0.2, -0.1, 0.3, 1e-4, 0, 2e-4]), command)[-1]
-    place, rest = state.published[:7], state.published[7:]
-    assert np.abs(pin.XYZQUATToSE3(place).homogeneous - state.measured_pose.homogeneous).max() < (
-        1e-15
-    )
-    parts = (state.measured_twist, state.hand_wrench, state.applied)
-    assert np.array_equal(rest, np.concatenate(parts))

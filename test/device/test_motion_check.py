@@ -36,6 +36,14 @@ def swung(seed, count=1000, period=1e-3):
     return [swing.sample(period * index) for index in range(count)]
 
 
+def along_x(speed, places):
+    """Return samples at places (m) along x, with one and the same speed (m/s)."""
+    samples = np.zeros((len(places), DEVICE_SAMPLE.size))
+    samples[:, QUATERNION.stop - 1] = 1.0
+    samples[:, TWIST.start], samples[:, POSITION.start] = speed, places
+    return samples
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_motions_of_a_hand_pass(seed):
     assert faults(swung(seed)) == ([], [])
@@ -65,8 +73,6 @@ def test_a_twist_with_the_lag_of_a_filter_passes(cut_off):
     for sample in samples:
         known += share * (sample[TWIST] - known)
         sample[TWIST] = known
-    lags = 1.0 / (2.0 * math.pi * cut_off)
-    assert lags < 0.016
     assert faults(samples) == ([], [])
 
 
@@ -135,24 +141,15 @@ def test_one_wild_sample_is_one_fault_that_ends():
 
 @pytest.mark.parametrize("speed", [0.003, 0.03, 0.3, 3.0])
 def test_a_pose_that_stands_still_while_its_twist_does_not_is_found(speed):
-    samples = [np.zeros(DEVICE_SAMPLE.size) for _ in range(6000)]
-    for index, sample in enumerate(samples):
-        sample[QUATERNION][3] = 1.0
-        sample[TWIST][0] = speed
-        sample[POSITION][0] = 1e-3 * speed * min(index, 1000)
-    begun, _ = faults(samples)
+    begun, _ = faults(along_x(speed, 1e-3 * speed * np.minimum(np.arange(6000), 1000)))
     found = begun[0] - 1000
     # Slow ones add up; else the pose lacks less than 0.3 mm by then, or three samples.
     assert 0 < found <= (2500 if speed < 0.01 else max(3, 3e-4 / (1e-3 * speed)))
 
 
 def test_a_fault_that_lasts_lasts():
-    samples = [np.zeros(DEVICE_SAMPLE.size) for _ in range(3000)]
-    for sample in samples:
-        sample[QUATERNION][3] = 1.0
-        sample[TWIST][0] = 0.3
     check = MotionCheck(Device(), 1e-3)
-    for index, sample in enumerate(samples):
+    for index, sample in enumerate(along_x(0.3, np.zeros(3000))):
         check.look(sample, PERIOD_NS * (index + 1))
         assert bool(check.fault) == (index >= 3)
     assert check.faults == 1
@@ -193,10 +190,7 @@ def test_twists_that_jump_are_told():
 
 def test_a_device_is_not_further_than_its_workspace_is_wide():
     device = Device(workspace=Workspace(radius=0.075))
-    samples = [np.zeros(DEVICE_SAMPLE.size) for _ in range(2000)]
-    for index, sample in enumerate(samples):
-        sample[QUATERNION][3] = 1.0
-        sample[TWIST][0], sample[POSITION][0] = 0.2, 0.2e-3 * index
+    samples = along_x(0.2, 0.2e-3 * np.arange(2000))
     begun, sentences = faults(samples, device=device)
     assert begun == [1125]
     assert "3 times device.workspace.radius is 0.225 m; are these millimetres?" in sentences[0]

@@ -30,10 +30,6 @@ from oracles.devices import NOTHING, PERIOD, START, body_of, law_of, run
 from sampling import sampled
 
 
-def still(elapsed, pose, twist, held):
-    return np.zeros(6)
-
-
 def test_a_spring_of_ones_own_swings_a_mass_at_its_frequency():
     stiffness, mass, substeps = 120.0, 0.3, 8
     away = np.array([0.01, 0.0, 0.0])
@@ -124,15 +120,6 @@ def test_what_is_no_wrench_is_refused(wrong):
     start = body.at_rest(START, held=True)
     with pytest.raises(InvalidInputError, match=r"shape of the hand's wrench: must be \(6,\)"):
         body.step(start, NOTHING, start, 10)
-
-
-def test_kernels_alone_move_only_what_has_nothing_in_python():
-    class Own(ImpedanceDevice):
-        """A subclass, whatever it overrides."""
-
-    assert ImpedanceDevice(Device(), PERIOD, False).plain
-    assert not ImpedanceDevice(Device(), PERIOD, False, law=still).plain
-    assert not Own(Device(), PERIOD, False).plain
 
 
 def test_an_unknown_part_of_a_state_is_refused():
@@ -334,17 +321,6 @@ def test_a_step_leaves_earlier_states_alone():
     assert np.array_equal(compiled.step(start, np.ones(6), start, 0).flat, first.flat)
 
 
-def test_same_bits_on_every_run():
-    ends = []
-    for _ in range(2):
-        compiled = body_of(DEVICES["quantised"], SPRING)
-        state = start = compiled.at_rest(pin.SE3.Identity(), held=True)
-        for tick in range(300):
-            state = compiled.step(state, np.sin(tick + np.arange(6.0)), start, tick)
-        ends.append(state.flat.tobytes())
-    assert ends[0] == ends[1]
-
-
 def test_arrays_that_cannot_be_written_are_taken():
     compiled = body_of(DEVICES["ideal"], None)
     start = compiled.at_rest(pin.SE3.Identity())
@@ -354,16 +330,6 @@ def test_arrays_that_cannot_be_written_are_taken():
     assert np.array_equal(compiled.step(start, command, None, 0, command).flat, expected)
     apart = np.column_stack((command, np.full(6, 7.0)))[:, 0]
     assert np.array_equal(compiled.step(start, apart, None, 0, apart).flat, expected)
-
-
-def test_a_planar_device_stays_in_the_plane_to_the_bit():
-    compiled = body_of(DEVICES["ideal"], PUSHING, planar=True)
-    state = start = compiled.at_rest(pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.zeros(3)), True)
-    for tick in range(400):
-        state = compiled.step(state, np.full(6, 0.1), start, tick, np.ones(6))
-        assert np.array_equal(state.twist[2:5], np.zeros(3))
-        assert np.array_equal(state.pose.rotation[:, 2], [0.0, 0.0, 1.0])
-    assert state.twist[0] > 0.0
 
 
 def test_a_scene_has_its_device_and_its_hand():

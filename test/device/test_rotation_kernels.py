@@ -70,16 +70,6 @@ def test_logarithm_undoes_the_exponential():
         assert off <= ROUNDING * min(angle, 1.0) + 1e-16 * (angle > 1e-4), angle
 
 
-def test_logarithm_is_pinocchios():
-    for angle, vector in vectors():
-        rotation = pin.exp3(vector)
-        found, expected = called("log3", 3, rotation), pin.log3(rotation)
-        # Pinocchio divides by sin³ θ, down to 3.5e-3 below π, and approximates below 2.5e-3.
-        lost = 1e-15 / np.sin(angle) ** 2 if 1.0 < angle < PI - 3.5e-3 else 0.0
-        lost += angle**5 / 72.0 if angle < 2.5e-3 else 0.0
-        assert np.abs(found - expected).max() <= ROUNDING * min(angle, 1.0) + lost, angle
-
-
 def test_half_a_turn_has_the_same_axis_as_pinocchios():
     for axis in axes(1):
         rotation = 2.0 * np.outer(axis, axis) - np.eye(3)
@@ -121,13 +111,3 @@ def test_angular_rate_is_the_left_jacobian_times_the_rate():
         # Pinocchio has the sign of θ²/24 wrong below 1.2e-4.
         slip = angle**3 / 12.0 * np.linalg.norm(rate) if angle < 1.3e-4 else 0.0
         assert np.abs(found - pin.Jexp3(-vector) @ rate).max() < ROUNDING + slip, angle
-
-
-def test_angular_rate_is_the_derivative_of_the_exponential():
-    step = 1e-6
-    for vector in (np.zeros(3), np.array([1e-4, 0.0, -5e-5]), np.array([1.0, -2.0, 0.5])):
-        rate = np.array([0.3, -0.2, 0.5])
-        before, after = (pin.exp3(vector + sign * step * rate) for sign in (-1.0, 1.0))
-        expected = pin.log3(after @ before.T) / (2.0 * step)
-        # Rounding 1e-16 over the step.
-        assert np.abs(called("angular_rate", 3, vector, rate) - expected).max() < 1e-9

@@ -57,32 +57,18 @@ def test_tremor_sways_a_target_at_the_rate_it_moves():
         assert np.abs(pin.exp3(offset[3:]) - turned).max() < 1e-12
 
 
-@pytest.mark.parametrize("interpolation", ["linear", "held"])
-def test_a_script_is_followed(interpolation, tmp_path):
+def test_a_script_is_held_between_its_rows(tmp_path):
     file = tmp_path / "push.csv"
     file.write_text(HEADING + "0.01,1,0,0,0,0,0.1\n0.03,3,0,-2,0,0,0\n\n0.031,0,0,0,0,0,0\n")
-    hand = ScriptedHand(
-        kind="scripted", file=str(file), interpolation=interpolation, start_delay=0.005
-    )
-    states = run(body_of(HEAVY, hand), 50)
-    for tick, state in enumerate(states):
-        time = (tick - 5) * PERIOD
-        if interpolation == "linear":
-            times = [0.01, 0.03, 0.031]
-            expected = [
-                np.interp(time, times, column) for column in ([1, 3, 0], [0, -2, 0], [0.1, 0, 0])
-            ]
-        else:
-            row = int(round(time / PERIOD) >= 10) + int(round(time / PERIOD) >= 30)
-            row += int(round(time / PERIOD) >= 31)
-            expected = [[0, 0, 0], [1, 0, 0.1], [3, -2, 0], [0, 0, 0]][row]
-        if round(time / PERIOD) < 10:
-            expected = [0.0, 0.0, 0.0]
+    hand = ScriptedHand(kind="scripted", file=str(file), interpolation="held", start_delay=0.005)
+    rows = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [3.0, -2.0, 0.0], [0.0, 0.0, 0.0]]
+    for tick, state in enumerate(run(body_of(HEAVY, hand), 50)):
+        expected = rows[np.searchsorted([10, 30, 31], tick - 5, side="right")]
         assert np.abs(state.hand_wrench[[0, 2, 5]] - expected).max() < 1e-9
         assert np.array_equal(state.hand_wrench[[1, 3, 4]], np.zeros(3))
 
 
-def test_a_long_script_of_random_rows_is_followed(tmp_path):
+def test_a_long_script_of_random_rows_is_followed_in_lines(tmp_path):
     rng = np.random.default_rng(3)
     times = np.cumsum(rng.uniform(1e-5, 2e-3, size=300))
     rows = np.column_stack((times, rng.normal(size=(300, 6))))

@@ -26,16 +26,6 @@ def away(state):
     return np.linalg.norm(state.pose.translation - START.translation), np.linalg.norm(turn)
 
 
-def energy(state, device=BOXED):
-    """Return kinetic energy and that of the stops' springs, J."""
-    distance, angle = away(state)
-    beyond = max(distance - SPACE.radius, 0.0), max(angle - SPACE.angle, 0.0)
-    springs = SPACE.stiffness * beyond[0] ** 2 + SPACE.angular_stiffness * beyond[1] ** 2
-    linear, angular = state.twist[:3], state.twist[3:]
-    kinetic = device.mass * linear @ linear + device.inertia * angular @ angular
-    return 0.5 * (kinetic + springs)
-
-
 def test_a_push_against_the_stop_is_held_where_its_spring_balances():
     push = np.array([0.0, 3.0, -4.0, 0.06, 0.0, 0.08])
     end = run(body_of(BOXED), 3000, push=push)[-1]

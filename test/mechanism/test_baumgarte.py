@@ -8,10 +8,8 @@ import pytest
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Plan, Start
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
-from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import Simulator
 from oracles.planar_linkages import five_bar, five_bar_bent
-from oracles.running import run, with_start
+from oracles.running import run, simulator, with_start
 
 FIVE_BAR = with_start(
     five_bar(-9.81, 0.002), five_bar_bent(1.9, 0.9), np.array([0.9, -1.0, 1.0, 0.5])
@@ -19,8 +17,7 @@ FIVE_BAR = with_start(
 
 
 def held(document, period=1e-3, **simulation):
-    step = {"period": period, "stabilisation": "baumgarte"} | simulation
-    return Simulator(scene_from_document(document | {"simulation": step}))
+    return simulator(document, period, **{"stabilisation": "baumgarte", **simulation})
 
 
 def off_the_closures(mechanism, state, size):

@@ -14,34 +14,41 @@ from oracles.generator import random_mechanism, random_origin
 from oracles.kinematics import closure_residual, frame_pose, link_poses, origin_in
 from sampling import sampled
 
-KINDS = ("spherical", "revolute", "weld", "planar_pin")
+# Kinds of closures, and whether in a plane.
+KINDS = [(kind, False) for kind in ("spherical", "revolute", "weld", "rod")]
+KINDS += [("planar_pin", True), ("rod", True)]
 
 
-def sample_with(kind, seed, opened):
-    """Return a tree with one closure of ``kind``; opened: frame b moved and turned by ~0.5."""
-    planar = kind == "planar_pin"
+def sample_with(kind, planar, seed, off):
+    """Return a tree with one closure of ``kind``, open if ``off``.
+
+    Frame b is then moved and turned by about 0.5; a rod is longer than the distance by ``off`` (m).
+    """
     sample = random_mechanism(seed, planar, closed=False)
     rng = np.random.default_rng(seed)
     document = copy.deepcopy(sample.document)
     a = {"link": "link4", "origin": random_origin(rng, planar)}
     b = {"link": ("world", "link0", "link1")[seed % 3], "origin": random_origin(rng, planar)}
-    if not opened:
-        poses = link_poses(document, sample.q)
+    poses, closure = link_poses(document, sample.q), {"name": "loop", "kind": kind}
+    if kind == "rod":
+        gap = frame_pose(poses, a)[1] - frame_pose(poses, b)[1]
+        closure["length"] = float(np.linalg.norm(gap)) + off
+    elif not off:
         b["origin"] = origin_in(poses[b["link"]], frame_pose(poses, a))
-    document["closures"] = [{"name": "loop", "kind": kind, "a": a, "b": b}]
+    document["closures"] = [closure | {"a": a, "b": b}]
     return document, sample.q, sample.v
 
 
 CASES = [
-    (kind, seed, opened)
-    for kind, opened in product(KINDS, (False, True))
-    for seed in sampled(range(6), (kind, opened))
+    (*kind, seed, off)
+    for kind, off in product(KINDS, (0.0, 0.2))
+    for seed in sampled(range(6), (kind, off))
 ]
 
 
-@pytest.mark.parametrize(("kind", "seed", "opened"), CASES)
-def test_residual_jacobian_and_bias(kind, seed, opened):
-    document, q, v = sample_with(kind, seed, opened)
+@pytest.mark.parametrize(("kind", "planar", "seed", "off"), CASES)
+def test_residual_jacobian_and_bias(kind, planar, seed, off):
+    document, q, v = sample_with(kind, planar, seed, off)
     terms = terms_of(document, q, v)
 
     def residual(change):
@@ -49,12 +56,14 @@ def test_residual_jacobian_and_bias(kind, seed, opened):
 
     found = terms.evaluation
     here = residual(np.zeros(v.size))
+    # A rod's is one of squares over its length.
+    lost = 10.0 if kind == "rod" else 1.0
     # Lengths below 2 m and unit axes, ten products of rotations: 1e-14 of length 1.
-    assert relative(found.closure_residual, here, scale=1.0) < 1e-14
-    assert (np.linalg.norm(here) > 0.02) == opened
+    assert relative(found.closure_residual, here, scale=1.0) < lost * 1e-14
+    assert (np.linalg.norm(here) > 0.02) == (off > 0.0)
     # h = 1e-3: eps/h = 2e-13, truncation h^4/30 per unit of scale.
     jacobian = columns(residual, v.size)
-    assert relative(found.closure_jacobian, jacobian) < 1e-10
+    assert relative(found.closure_jacobian, jacobian) < lost * 1e-10
     # Along q (+) t v the rates stay v: phi'' = W' v.
     # h = 4e-3: rounding eps/h^2 = 1e-11, truncation h^4 |v|^6/90 = 1e-8.
     expected = second_derivative(lambda t: residual(t * v))
@@ -62,9 +71,9 @@ def test_residual_jacobian_and_bias(kind, seed, opened):
     assert relative(found.closure_bias, expected, scale) < 1e-6
 
 
-@pytest.mark.parametrize(("kind", "seed", "opened"), CASES)
-def test_bias_is_the_rate_of_the_jacobian_along_a_motion(kind, seed, opened):
-    document, q, v = sample_with(kind, seed, opened)
+@pytest.mark.parametrize(("kind", "planar", "seed", "off"), CASES)
+def test_bias_is_the_rate_of_the_jacobian_along_a_motion(kind, planar, seed, off):
+    document, q, v = sample_with(kind, planar, seed, off)
     terms = terms_of(document, q, v)
     active = terms.mechanism.initially_active
 

@@ -132,7 +132,8 @@ def test_a_massless_link_that_carries_mass_is_no_problem():
     document = chain(LENGTHS, MASSES, INERTIAS)
     document["links"][0]["inertial"] = NOTHING
     document["operational_points"] = document["operational_points"][2:]
-    Mechanism(scene_from_document(document))
+    mechanism = Mechanism(scene_from_document(document))
+    assert np.linalg.eigvalsh(mechanism.evaluate(np.zeros(4), np.zeros(4), ()).inertia)[0] > 0.0
 
 
 def test_a_point_mass_on_the_axis_is_not_moved_by_it():

@@ -10,7 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles.planar_linkages import five_bar, five_bar_bent
-from oracles.running import total_energy, with_start
+from oracles.running import total_energy, varied, with_start
 from sampling import sampled
 
 CASES = {case.name: case for case in cases()}
@@ -28,16 +28,9 @@ def swinging_five_bar():
 def thrown_arm():
     """Return the shipped spatial arm without damping, thrown by its joints under gravity."""
     scene = load_scene("spatial_arm")
-    links = tuple(
-        link.model_copy(update={"joint": link.joint.model_copy(update={"damping": 0.0})})
-        for link in scene.links
-    )
-    speeds = dict.fromkeys(scene.initial_state.q, 0.5)
-    start = scene.initial_state.model_copy(update={"v": speeds})
-    simulation = scene.simulation.model_copy(update={"integrator": "rk4"})
-    return scene.model_copy(
-        update={"links": links, "initial_state": start, "simulation": simulation}
-    )
+    links = tuple(varied(link, joint={"damping": 0.0}) for link in scene.links)
+    start = {"v": dict.fromkeys(scene.initial_state.q, 0.5)}
+    return varied(scene, links=links, initial_state=start).stepped(integrator="rk4")
 
 
 SCENES = {

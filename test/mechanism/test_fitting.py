@@ -87,10 +87,7 @@ def rank_and_mobility(mechanism):
 
 def after(scene, steps=200):
     sim = Simulator(scene)
-    state = sim.initial_state()
-    for _ in range(steps):
-        state = sim.step(state, np.zeros((1, 6)))
-    return state
+    return sim.run(sim.initial_state(), steps).end
 
 
 @pytest.mark.parametrize("kind", ["revolute", "spherical"])

@@ -12,11 +12,9 @@ from benchmarks.accuracy import cases, n_four_bar
 from hapticmech_ros.errors import ClosureError, HapticMechError
 from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES
-from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
-from oracles.generator import floats
-from oracles.kinematics import rpy_of_rotation
+from oracles.frames import placed
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.planar_loops import Loop
 from oracles.running import run, simulator, total_energy, unaccounted, with_start
@@ -33,21 +31,9 @@ def four_bar(masses=(0.5, 1.5, 1.0), gravity=-9.81):
 
 def turned(document, rotation):
     """Return a planar four-bar in space, all of it turned, its last pin a hinge: 5 rows, rank 2."""
-    rpy = rpy_of_rotation(rotation)
     (pin,) = document["closures"]
-    pivot = rotation @ np.array(pin["b"]["origin"]["xyz"])
-    hinge = pin | {
-        "kind": "revolute",
-        "b": {"link": "world", "origin": {"xyz": floats(pivot), "rpy": rpy}},
-    }
-    first, *others = document["links"]
-    joint = first["joint"] | {"origin": {"xyz": [0.0, 0.0, 0.0], "rpy": rpy}}
-    return document | {
-        "task_space": "spatial",
-        "gravity": floats(rotation @ np.array(document["gravity"])),
-        "links": [first | {"joint": joint}, *others],
-        "closures": [hinge],
-    }
+    spatial = {"task_space": "spatial", "closures": [pin | {"kind": "revolute"}]}
+    return placed(document | spatial, (rotation, np.zeros(3)))
 
 
 def test_a_four_bar_moves_alike_however_it_lies_in_space():
@@ -71,10 +57,7 @@ def test_a_four_bar_moves_alike_however_it_lies_in_space():
 )
 def test_links_a_million_times_lighter_than_others(masses):
     loop, u, speed = four_bar(masses), np.array([1.1]), np.array([3.0])
-    scene = scene_from_document(
-        loop.document(u, speed) | {"simulation": {"period": 5e-4, "integrator": "rk4"}}
-    )
-    sim = Simulator(scene)
+    sim = simulator(loop.document(u, speed), 5e-4)
     states = run(sim, 0.1)
     angles = np.cumsum(states[-1].q)
     (expected,) = loop.motion(u, speed, [0.1])

@@ -15,21 +15,15 @@ from hapticmech_ros.mechanism.redundancy import redundancy
 from hapticmech_ros.simulation import Simulator
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, pin_end
-from oracles.running import run, simulator, total_energy, unaccounted, with_start
+from oracles.running import run, simulator, total_energy, unaccounted, varied, with_start
 
 UPRIGHTS = [0, 2, 4]
 CLOSED = 1e-11
 
 
 def windows(gravity=(0.0, -9.81, 0.0), start=None, count=2, **simulation):
-    scene = n_four_bar(count)
-    changes = {
-        "simulation": scene.simulation.model_copy(update=simulation),
-        "gravity": gravity,
-    }
-    if start is not None:
-        changes["initial_state"] = scene.initial_state.model_copy(update=start)
-    return Simulator(scene.model_copy(update=changes))
+    scene = varied(n_four_bar(count), gravity=gravity, initial_state=start or {})
+    return Simulator(scene.stepped(**simulation))
 
 
 def in_line(speed=0.0, count=2):
@@ -100,14 +94,6 @@ def test_it_hangs_at_a_singular_position_under_its_weight():
     assert max(np.abs(state.q).max() for state in states) < 1e-12
     assert max(np.abs(state.v).max() for state in states) < 1e-12
     assert max(state.closure_error for state in states) < 1e-13
-
-
-@pytest.mark.parametrize("force", [1.0, 100.0])
-def test_pulled_along_the_line_it_stays_there(force):
-    sim = windows(gravity=(0.0, 0.0, 0.0), start=in_line())
-    states = run(sim, 0.2, np.array([[force, 0.0, 0.0, 0.0, 0.0, 0.0]]))
-    assert max(np.abs(state.q).max() for state in states) < 1e-12
-    assert abs(states[-1].account.work_in) < 1e-12
 
 
 def pushed_off(count, force):
@@ -210,12 +196,17 @@ def test_it_leaves_by_the_branch_that_takes_up_most(push):
 def test_two_windows_keep_their_branch_for_ten_seconds():
     sim = windows()
     state, nothing = sim.initial_state(), np.zeros((1, 6))
-    apart = worst = 0.0
-    for _ in range(10_000):
+    apart, worst, tips = 0.0, 0.0, []
+    for step in range(1, 10_001):
         state = sim.step(state, nothing)
         apart = max(apart, float(np.ptp(state.q[UPRIGHTS])))
         worst = max(worst, state.closure_error)
+        if step % 1000 == 0:
+            tips.append(sim.evaluate(state).points[0].pose.translation[:2])
     # Two branches are radians apart; nearest to a singular position rounding counts 1 / sigma^2.
     assert apart < 1e-9
     assert worst < CLOSED
+    # rk4 at 1 ms and 5 rad/s: (5e-3)^4 = 6e-10 of a step's share, summed over some 5 rad a second,
+    # comes to 1e-10 m; a lost branch is off by metres, a projection that stops early by 1e-6 m.
+    assert np.abs(np.array(tips) - pendulum.windows(2, np.arange(1.0, 10.5))).max() < 1e-10
     assert abs(total_energy(sim, state) - 35.835) < 1e-8

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hapticmech_ros.scene import scene_from_document
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.planar_loops import Loop
 from oracles.running import run, simulator, total_energy, with_start
@@ -92,9 +91,3 @@ def test_a_loop_that_latches_at_a_metre_a_second_creates_no_energy(seed):
     # The pin stays closed, and no energy comes back.
     assert all(state.active == (True,) for state in states[latched:])
     assert np.ptp(energies[latched:]) < 1e-9 * energies[0]
-
-
-def test_scene_without_latch_is_the_same_scene():
-    latching = scene_from_document(approaching(0, 2e-3))
-    free = scene_from_document(approaching(0, None))
-    assert latching.initial_state == free.initial_state

@@ -5,70 +5,15 @@
 Rows that are zero but for rounding are no constraints, whatever rounding makes of them there.
 """
 
-import copy
-import json
-
 import numpy as np
 import pytest
 
 from hapticmech_ros.operational import Analyser
+from oracles.frames import in_units, placed
 from oracles.generator import blank, floats, random_mechanism
 from oracles.kinematics import place, rotation_of_rpy, rpy_of_rotation, turn
 from oracles.running import simulator, with_start
 from sampling import sampled
-
-
-def placed(document, base):
-    """Return a document with everything in the world moved by ``base`` (R, p)."""
-    document = copy.deepcopy(document)
-
-    def moved(part):
-        rotation, position = place(base, part.get("origin", {}))
-        return part | {"origin": {"xyz": floats(position), "rpy": rpy_of_rotation(rotation)}}
-
-    document["gravity"] = floats(base[0] @ document["gravity"])
-    for link in document["links"]:
-        if link["parent"] == "world":
-            link["joint"] = moved(link["joint"])
-    for closure in document["closures"]:
-        for end in ("a", "b"):
-            if closure[end]["link"] == "world":
-                closure[end] = moved(closure[end])
-    return document
-
-
-def in_units(document, length, mass):
-    """Return a document as written where 1 m is ``length`` units of it, and 1 kg ``mass``."""
-    # By way of text: no two parts of it are the same object.
-    document = json.loads(json.dumps(document))
-    sliding = {"prismatic": mass, "revolute": mass * length**2, "spherical": mass * length**2}
-    # Positions along: of their coordinates these many are lengths, before angles or quaternions.
-    along = {"prismatic": 1, "planar": 2, "free": 3}
-
-    def origin(part):
-        if "origin" in part:
-            part["origin"]["xyz"] = floats(length * np.array(part["origin"]["xyz"]))
-
-    document["gravity"] = floats(length * np.array(document["gravity"]))
-    start = document.get("initial_state", {}).get("q", {})
-    for link in document["links"]:
-        joint, inertial = link["joint"], link["inertial"]
-        origin(joint)
-        if "armature" in joint:
-            joint["armature"] *= sliding[joint["type"]]
-        if (count := along.get(joint["type"])) and joint["name"] in start:
-            q = np.atleast_1d(np.array(start[joint["name"]]))
-            q[:count] *= length
-            start[joint["name"]] = floats(q) if q.size > 1 else float(q[0])
-        inertial["mass"] *= mass
-        inertial["com"] = floats(length * np.array(inertial["com"]))
-        for name in inertial["inertia"]:
-            inertial["inertia"][name] *= mass * length**2
-    for frame in [closure[end] for closure in document["closures"] for end in ("a", "b")]:
-        origin(frame)
-    for point in document["operational_points"]:
-        origin(point)
-    return document
 
 
 def felt(document):

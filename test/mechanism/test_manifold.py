@@ -10,7 +10,6 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.kernels.manifold_kernels import SERIES, local_rates, move
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import random_mechanism
-from oracles.reference import local_rate
 from sampling import sampled
 
 # A handful of products, each rounded to 1e-16, of numbers of order 10.
@@ -48,11 +47,6 @@ def change(mechanism, size):
     return theta
 
 
-def test_every_joint_is_there():
-    kinds = {kind for mechanism, *_ in CASES for kind in mechanism.tree.joint_types}
-    assert kinds == {"revolute", "prismatic", "spherical", "free", "planar"}
-
-
 @pytest.mark.parametrize(("mechanism", "q", "size"), CASES)
 def test_moves_are_pinocchios(mechanism, q, size):
     theta, found = change(mechanism, size), np.empty(mechanism.nq)
@@ -83,6 +77,8 @@ def test_local_rates_are_pinocchios(mechanism, q, size):
     model = mechanism.active_set((False,) * len(mechanism.closures)).model
     found = np.empty(mechanism.nv)
     local_rates(model, theta, v, found)
-    expected = local_rate(mechanism.model, q, theta, v)
+    # v is J_r(θ) θ̇, of Pinocchio's J_r.
+    turned = pin.dIntegrate(mechanism.model, q, theta, pin.ArgumentPosition.ARG1)
+    expected = np.linalg.solve(np.atleast_2d(turned), v)
     # Next to 2π the Jacobian is singular; at 3 rad it magnifies by about 3.
     assert np.abs(found - expected).max() < 100.0 * ROUNDING * max(1.0, np.abs(expected).max())

@@ -11,11 +11,7 @@ import pytest
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.kernels.many_rows import (
-    FEW_ROWS,
     cut,
-    first_directions,
-    pseudo_inverse_transposed,
-    solve_lower_columns,
     triangularise,
 )
 from oracles.factorisation import factored_as_dense
@@ -55,12 +51,6 @@ def pairs():
 PAIRS = list(pairs())
 
 
-def test_all_have_many_rows_and_some_are_redundant():
-    spaces = [pair.mechanism.closing_terms(pair.q, pair.all_closed).space for pair in PAIRS]
-    assert all(space.rows.shape[0] > FEW_ROWS for space in spaces)
-    assert sum(space.rank < space.rows.shape[0] for space in spaces) == 12
-
-
 @pytest.mark.parametrize("pair", PAIRS)
 def test_results_are_those_of_dense_ones(pair):
     factored_as_dense(pair, pair.all_closed)
@@ -90,43 +80,6 @@ def test_what_is_not_a_number_is_an_error():
     q[3] = np.nan
     with pytest.raises(HapticMechError):
         pair.mechanism.closing_terms(q, pair.all_closed)
-
-
-@pytest.mark.parametrize(("size", "count", "rank"), [(8, 6, 6), (8, 6, 4), (5, 9, 5), (7, 7, 1)])
-def test_factors_of_a_matrix_of_any_rank(size, count, rank):
-    rng = np.random.default_rng([size, count, rank])
-    matrix = rng.normal(size=(size, rank)) @ rng.normal(size=(rank, count))
-    upper, most = matrix.copy(), min(size, count)
-    order, reflectors = np.empty(count, dtype=np.int64), np.empty((most, size))
-    sums = np.empty((2, max(size, count)))
-    assert triangularise(upper, most, 1e-10, order, reflectors, sums) == rank
-    directions = np.empty((size, rank))
-    first_directions(reflectors, rank, size, sums[0], directions)
-    kept = np.triu(upper[:rank])
-    assert apart(directions.T @ directions, np.eye(rank)) < 1e-14
-    assert apart(directions @ kept, matrix[:, order]) < 1e-14
-    inverse = np.empty((rank, count))
-    pseudo_inverse_transposed(upper, rank, np.empty((3, rank * count)), sums, inverse)
-    assert apart(inverse, np.linalg.pinv(kept.T)) < 1e-14 * np.linalg.cond(kept)
-
-
-def test_diagonal_of_r_never_grows():
-    rng = np.random.default_rng(5)
-    upper = rng.normal(size=(20, 12)) * np.logspace(0, -6, 12)[rng.permutation(12)]
-    order, reflectors = np.empty(12, dtype=np.int64), np.empty((12, 20))
-    triangularise(upper, 12, 1e-12, order, reflectors, np.empty((2, 12)))
-    diagonal = np.abs(np.diag(upper))
-    assert (np.diff(diagonal) <= 0.0).all()
-
-
-def test_zeros_of_a_factor_are_passed_over():
-    rng = np.random.default_rng(2)
-    factor = np.tril(rng.normal(size=(9, 9))) + 4.0 * np.eye(9)
-    factor[3:6, :3] = 0.0
-    columns = rng.normal(size=(9, 5))
-    solved = columns.copy()
-    solve_lower_columns(factor, solved)
-    assert apart(factor @ solved, columns) < 1e-14
 
 
 @pytest.mark.parametrize("seed", sampled(range(40)))

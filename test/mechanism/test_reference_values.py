@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import cases, n_four_bar
+from benchmarks.accuracy.run import read_output
 from hapticmech_ros import Mechanism, Simulator
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.model import authored_state
@@ -40,17 +41,12 @@ ORACLES = {
     "bricard": bricard.corner,
     "flyball_governor": lambda times: governor.heights(times)[:, None],
 }
-# Order of the squeezer's angles in the scene's tree, and its coordinates by name.
+# The squeezer's coordinates by name.
 ANGLES = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
-IN_TREE = [0, 1, 2, 4, 3, 6, 5]
 
 
 def named(names):
     return pytest.mark.parametrize("case", [CASES[name] for name in names], ids=lambda c: c.name)
-
-
-def mechanism_of(name):
-    return Mechanism(CASES[name].scene)
 
 
 @named(CASES)
@@ -62,13 +58,6 @@ def test_equations_by_hand_give_the_published_values(case):
     else:
         errors = [output.error(found) for output in case.outputs]
     assert max(errors) < ROUNDING[case.name]
-
-
-def test_elliptic_functions_and_the_integrator_give_one_pendulum():
-    times = [0.3, 1.0, 2.5, 5.0]
-    angle = pendulum.turning(pendulum.GRAVITY, np.pi, 0.0, times)
-    swung = np.column_stack((np.cos(angle), np.sin(angle)))
-    assert np.abs(swung - pendulum.let_go(1.0, times)).max() < 1e-11
 
 
 def test_windows_fall_in_line_when_it_is_written():
@@ -118,66 +107,16 @@ def test_a_row_of_windows_has_some_but_not_too_many(windows):
         n_four_bar(windows)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_squeezer_by_hand_has_the_scene_s_inertia_and_closures(seed):
-    rng = np.random.default_rng(seed)
-    angles, rates = squeezer.START + rng.uniform(-1.0, 1.0, 7), rng.uniform(-100.0, 100.0, 7)
-    mechanism = mechanism_of("andrews")
-    q, v = angles[IN_TREE], rates[IN_TREE]
-    terms = mechanism.evaluate(q, v, mechanism.initially_active)
-    inertia, force = squeezer.dynamics(squeezer.BARS, angles, rates)
-    expected = inertia[np.ix_(IN_TREE, IN_TREE)]
-    scale = np.abs(expected).max()
-    assert np.abs(terms.inertia - expected).max() < 1e-13 * scale
-    assert np.abs(terms.bias_force + force[IN_TREE]).max() < 1e-13 * scale * 1e4
-    assert np.abs(terms.closure_residual - squeezer.closing(angles)).max() < 1e-15
-
-
-def test_squeezer_s_spring_and_drive_are_where_they_are_by_hand():
-    mechanism = mechanism_of("andrews")
-    (spring,) = mechanism.scene.springs
-    angles = squeezer.START + 0.3
-    held = mechanism.frame_pose(angles[IN_TREE], spring.a.link).act(np.array(spring.a.origin.xyz))
-    assert abs(complex(*held[:2]) - squeezer.SPRING_END.at(angles)) < 1e-15
-    assert (spring.b.link, complex(*spring.b.origin.xyz[:2])) == ("world", squeezer.C)
-    assert (spring.stiffness, spring.rest_length) == (squeezer.STIFFNESS, squeezer.REST)
-    efforts = {link.joint.name: link.joint.effort for link in mechanism.scene.links}
-    assert efforts == dict.fromkeys(ANGLES, 0.0) | {"beta": squeezer.TORQUE}
-
-
-@pytest.mark.parametrize("angle", [-0.4, 0.0, np.pi / 6, 1.2])
-def test_governor_by_hand_has_the_scene_s_inertia(angle):
-    mechanism = mechanism_of("flyball_governor")
-    q = np.array([0.7, angle, angle, 0.6])
-    inertia = mechanism.evaluate(q, np.zeros(4), ()).inertia
-    arm = governor.ACROSS + governor.ROD * 0.25 + governor.BALL
-    expected = np.diag([governor.about_shaft(angle)[0], arm, arm, governor.SLIDER])
-    assert np.abs(inertia - expected).max() < 1e-13 * expected.max()
-
-
-def test_governor_s_springs_start_slack():
-    mechanism = mechanism_of("flyball_governor")
-    q, _ = authored_state(mechanism.scene, mechanism.tree)
-    for spring in mechanism.scene.springs:
-        ends = [
-            mechanism.frame_pose(q, end.link).act(np.array(end.origin.xyz))
-            for end in (spring.a, spring.b)
-        ]
-        assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(spring.rest_length, abs=1e-15)
-
-
-@named(["pendulum", "n_four_bar_2", "bricard"])
+@named([name for name in CASES if name != "n_four_bar_40"])
 def test_the_package_gives_the_published_values(case):
     simulator = Simulator(case.scene)
-    output = case.outputs[0]
-    states = run(simulator, output.times[-1])
-    at_times = [states[round(time / simulator.period)] for time in output.times]
-    found = [
-        simulator.evaluate(state).points[0].pose.translation[list(output.components)]
-        for state in at_times
-    ]
-    assert output.error(found) < output.tolerance
-    assert total_energy(simulator, states[-1]) == pytest.approx(case.energy, abs=1e-9)
+    states = run(simulator, case.outputs[0].times[-1])
+    for output in case.outputs:
+        at_times = [states[round(time / simulator.period)] for time in output.times]
+        found = [read_output(simulator.mechanism, output, state) for state in at_times]
+        assert output.error(np.array(found)) < output.tolerance
+    energy = total_energy(simulator, states[-1])
+    assert case.energy is None or energy == pytest.approx(case.energy, abs=1e-9)
 
 
 def loops():
@@ -220,28 +159,6 @@ def test_planar_loops_by_hand_and_the_package_move_alike(name, weighed):
     assert np.abs(np.exp(1j * turned) - np.exp(1j * expected)).max() < 1e-10
     moved = np.abs(expected - loop.angles(u)).max()
     assert moved > 0.1
-
-
-def test_one_window_is_a_four_bar():
-    ones = np.ones(3)
-    loop = Loop(ones, ones, ones / 12.0, np.array([1.0, 0.0]), side=1, gravity=-9.81)
-    times = [0.2, 0.6]
-    first = loop.motion(np.array([np.pi / 2]), np.array([-1.0]), times)[:, 0]
-    tips = np.column_stack((np.cos(first), np.sin(first)))
-    assert np.abs(tips - pendulum.windows(1, times)).max() < 1e-11
-
-
-def test_outputs_are_in_their_scenes():
-    for case in CASES.values():
-        joints = [link.joint.name for link in case.scene.links]
-        points = [point.name for point in case.scene.operational_points]
-        for output in case.outputs:
-            assert output.name in (points if output.kind == "point" else joints)
-            steps = np.array(output.times) / case.scene.simulation.period
-            assert np.abs(steps - np.round(steps)).max() < 1e-9
-            assert output.times[-1] <= case.duration
-            assert {len(row) for row in output.values} == {len(output.components)}
-        assert case.scene.name == case.name
 
 
 def test_an_output_tells_the_worst_component_and_refuses_other_shapes():

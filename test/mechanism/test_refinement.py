@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.refinement import Balance, Ways, equidistributed, refined
+from hapticmech_ros.mechanism.refinement import Balance, Ways, refined
 
 
 class Sudden:
@@ -65,15 +65,6 @@ def balance(off):
 BEGUN = SimpleNamespace(time=0.0)
 
 
-def test_equal_steps_do_where_they_can():
-    motion = Sudden(at=0.5, width=0.3)
-    ended, found = refined(BEGUN, 1e-3, 32, motion.ways())
-    assert found.judged <= 1e-3
-    # 1, 2, 4, ... and no other.
-    assert motion.done in {2**n - 1 for n in range(2, 7)}
-    assert (ended.begin, ended.time) == (0.0, 1.0)
-
-
 @pytest.mark.parametrize(("order", "whole", "done"), [(4, 1.9e-4, 8), (2, 4e-5, 4)])
 def test_where_halving_pays_steps_are_halved_once_the_account_closes(order, whole, done):
     """Two of them close it. Of order 4: 8 to a hundredth. Of order 2: as 4 show, 16 would."""
@@ -102,20 +93,6 @@ def test_steps_become_short_where_something_happens(at, width):
     assert motion.done <= 32 + 63 + 3 * 32
 
 
-def test_a_single_step_is_left_as_it_is():
-    motion = Sudden(0.5, 1e-3)
-    refined(BEGUN, 1e-12, 1, motion.ways())
-    assert motion.done == 1
-
-
-def test_a_step_that_cannot_be_done_is_its_error():
-    def fails(*_):
-        raise ClosureError("came apart", 1.0, ["pin"])
-
-    with pytest.raises(ClosureError, match="came apart"):
-        refined(BEGUN, 1e-6, 8, Ways(fails, fails, lambda *_: balance(0.0)))
-
-
 def test_a_part_that_cannot_be_done_leaves_the_best_of_equal_steps():
     motion = Sudden(0.5, 1e-2)
 
@@ -125,17 +102,3 @@ def test_a_part_that_cannot_be_done_leaves_the_best_of_equal_steps():
     ended, found = refined(BEGUN, 1e-12, 8, motion.ways()._replace(part=fails))
     assert found.judged == min(abs(Sudden(0.5, 1e-2).ways().divided(n).off) for n in (1, 2, 4, 8))
     assert ended.time == 1.0
-
-
-def test_meshes_stay_meshes():
-    rng = np.random.default_rng(3)
-    mesh = np.linspace(0.0, 1.0, 17)
-    for _ in range(20):
-        off = 10.0 ** rng.uniform(-16.0, 0.0, 16)
-        finer = equidistributed(mesh, off)
-        assert finer[0] == 0.0
-        assert finer[-1] == 1.0
-        assert (np.diff(finer) > 0.0).all()
-        # None is longer than four times an equal one.
-        assert np.diff(finer).max() <= 4.0 / 16 + 1e-12
-    assert equidistributed(mesh, np.zeros(16)) == pytest.approx(mesh, abs=1e-15)

@@ -15,12 +15,12 @@ from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.shapes import closure_shapes
-from oracles.differences import columns, relative, second_derivative
+from mechanism.test_closures import sample_with
 from oracles.factorisation import factored_as_dense
-from oracles.generator import random_mechanism, random_origin
+from oracles.generator import random_mechanism
 from oracles.kinematics import frame_pose, link_poses
 from oracles.posed import posed
-from oracles.running import run, unaccounted, with_start
+from oracles.running import run, with_start
 from sampling import sampled
 
 CASES = [
@@ -41,43 +41,9 @@ def rod_of(document):
     return closure, gap
 
 
-def sample(seed, planar, off=0.0, **keys):
-    """Return a tree with a rod that is longer than the distance by ``off`` (m), q and v."""
-    base = random_mechanism(seed, planar, closed=False)
-    rng = np.random.default_rng(seed)
-    document = copy.deepcopy(base.document)
-    a = {"link": "link4", "origin": random_origin(rng, planar)}
-    b = {"link": ("world", "link0", "link1")[seed % 3], "origin": random_origin(rng, planar)}
-    document["closures"] = [{"name": "rod", "kind": "rod", "a": a, "b": b} | keys]
-    closure, gap = rod_of(document)
-    closure["length"] = float(np.linalg.norm(gap(base.q))) + off
-    return document, base.q, base.v
-
-
-@pytest.mark.parametrize(("seed", "planar", "off"), CASES)
-def test_residual_jacobian_and_bias(seed, planar, off):
-    document, q, v = sample(seed, planar, off)
-    closure, gap = rod_of(document)
-    mechanism = Mechanism(scene_from_document(document))
-    found = mechanism.evaluate(q, v, (True,))
-
-    def residual(change):
-        d, length = gap(mechanism.integrate(q, change)), closure["length"]
-        return np.array([(d @ d - length**2) / (2.0 * length)])
-
-    here = residual(np.zeros(v.size))
-    assert (np.abs(here) > 0.05).all() == (off > 0.0)
-    assert relative(found.closure_residual, here, scale=1.0) < 1e-13
-    # As in test_closures: eps/h = 2e-13 and h^4/30; eps/h^2 = 1e-11 and h^4 |v|^6/90 = 1e-8.
-    assert relative(found.closure_jacobian, columns(residual, v.size)) < 1e-9
-    expected = second_derivative(lambda t: residual(t * v))
-    scale = max(float(np.linalg.norm(expected)), float(v @ v))
-    assert relative(found.closure_bias, expected, scale) < 1e-6
-
-
 @pytest.mark.parametrize(("seed", "planar", "off"), CASES)
 def test_a_rod_is_one_row_and_its_distance_is_the_row_s(seed, planar, off):
-    document, q, v = sample(seed, planar, off)
+    document, q, v = sample_with("rod", planar, seed, off)
     state = posed(scene_from_document(with_start(document, q, v)), seed, off)
     terms = state.evaluate((True,))
     factored_as_dense(state, (True,))
@@ -91,7 +57,7 @@ def test_a_rod_is_one_row_and_its_distance_is_the_row_s(seed, planar, off):
 
 @pytest.mark.parametrize("planar", [False, True])
 def test_projection_brings_the_points_to_the_rods_length(planar):
-    document, q, v = sample(1, planar, 0.02)
+    document, q, v = sample_with("rod", planar, 1, 0.02)
     closure, gap = rod_of(document)
     mechanism = Mechanism(scene_from_document(document))
     projected = project(mechanism, q, v, (True,))
@@ -102,37 +68,11 @@ def test_projection_brings_the_points_to_the_rods_length(planar):
 
 
 def test_rows_count_in_metres():
-    document, _, _ = sample(0, planar=False)
+    document, _, _ = sample_with("rod", False, 0, 0.0)
     mechanism = Mechanism(scene_from_document(document))
     (loop,) = mechanism.closures
     assert loop.rows == 1
     assert loop.row_lengths(mechanism.length).tolist() == [mechanism.length]
-
-
-def test_a_rod_holds_its_length_and_the_energy():
-    # A spherical pendulum: a free body hung on a rod by one of its points.
-    body = copy.deepcopy(random_mechanism(0, closed=False, links=1).document)
-    body["gravity"] = [0.0, 0.0, -9.81]
-    body["links"][0]["joint"] |= {"type": "free", "damping": 0.0}
-    body["operational_points"] = body["operational_points"][:1]
-    body["closures"] = [
-        {
-            "name": "rod",
-            "kind": "rod",
-            "length": 0.5,
-            "a": {"link": "world"},
-            "b": {"link": "link0", "origin": {"xyz": [0.05, 0.0, 0.0]}},
-        }
-    ]
-    q = np.array([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    start = with_start(body, q, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
-    sim = Simulator(scene_from_document(start))
-    states = run(sim, 0.5)
-    _, gap = rod_of(body | {"links": [link | {"parent": "world"} for link in body["links"]]})
-    lengths = [np.linalg.norm(gap(state.q)) for state in states]
-    assert np.abs(np.array(lengths) - 0.5).max() < 1e-11
-    assert np.abs(unaccounted(sim, states)).max() < 1e-6
-    assert states[-1].q[2] < -0.2
 
 
 def test_an_open_rod_latches_at_its_length():
@@ -156,16 +96,16 @@ def test_an_open_rod_latches_at_its_length():
 
 
 def test_a_closed_rod_is_drawn_with_both_ends_and_others_as_one_ball():
-    document, q, v = sample(0, planar=False)
+    document, q, v = sample_with("rod", False, 0, 0.0)
     gap = rod_of(document)[1](q)
     scene = scene_from_document(with_start(document, q, v))
     mechanism = Mechanism(scene)
     placement = Placer(mechanism).at(q)
-    assert placement.rods == {"rod"}
-    closed, opened = (closure_shapes(placement, {"rod": on}, 1.0) for on in (True, False))
+    assert placement.rods == {"loop"}
+    closed, opened = (closure_shapes(placement, {"loop": on}, 1.0) for on in (True, False))
     assert [shape.kind for shape in closed] == [shape.kind for shape in opened]
     ends = np.array([shape.pose.translation for shape in closed[:2]])
     assert np.abs(ends[0] - ends[1] - gap).max() < 1e-14
     assert {shape.namespace for shape in closed} == {"closures"}
-    ball = closure_shapes(replace(placement, rods=frozenset()), {"rod": True}, 1.0)
+    ball = closure_shapes(replace(placement, rods=frozenset()), {"loop": True}, 1.0)
     assert len(ball) == 1

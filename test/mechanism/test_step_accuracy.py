@@ -11,27 +11,16 @@ from hapticmech_ros.errors import ClosureError, InaccurateStepError
 from hapticmech_ros.scene import scene_from_document
 from oracles import pendulum
 from oracles.planar_linkages import chain, elbow, five_bar, five_bar_bent, pin_end, relative_angles
-from oracles.running import simulator, total_energy, unaccounted, with_start
-
-
-def watched(scene, **accuracy):
-    """Return a scene whose steps are watched like this."""
-    step = scene.simulation
-    changed = step.accuracy.model_copy(update=accuracy)
-    return scene.model_copy(update={"simulation": step.model_copy(update={"accuracy": changed})})
+from oracles.running import run, simulator, total_energy, unaccounted, varied, with_start
 
 
 def pushed_down(force, **accuracy):
     """Return simulator and states of the scissor lift, its platform pushed down (N)."""
-    scene = watched(load_scene("scissor_lift"), **accuracy)
-    simulation = scene.simulation.model_copy(update={"integrator": "rk2"})
-    sim = Simulator(scene.model_copy(update={"simulation": simulation}))
+    step = {"accuracy": accuracy, "integrator": "rk2"}
+    sim = Simulator(varied(load_scene("scissor_lift"), simulation=step))
     wrenches = np.zeros((len(sim.mechanism.point_names), 6))
     wrenches[sim.mechanism.point_names.index("platform_rim"), 1] = -force
-    states = [sim.initial_state()]
-    for _ in range(600):
-        states.append(sim.step(states[-1], wrenches))
-    return sim, states
+    return sim, run(sim, 0.6, wrenches)
 
 
 @pytest.mark.parametrize("force", [20.0, 50.0])
@@ -120,10 +109,8 @@ def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
     link["joint"] = {"name": "ball", "type": "spherical"}
     link["inertial"]["inertia"] = {"ixx": 1e-3, "iyy": 7e-3, "izz": 7.5e-3}
     sim = simulator(with_start(document, np.array([0, 0, 0, 1.0]), np.array([0.5, 8.0, 600.0])))
-    state, nothing = sim.initial_state(), np.zeros((len(sim.mechanism.point_names), 6))
-    kinetic = sim.mechanism.energy(state.q, state.v)[0]
-    for _ in range(5000):
-        state = sim.step(state, nothing)
+    start = sim.initial_state()
+    kinetic, state = sim.mechanism.energy(start.q, start.v)[0], sim.run(start, 5000).end
     now = sim.mechanism.energy(state.q, state.v)[0]
     assert state.account.inaccurate == 0
     assert state.account.drift(now) == pytest.approx(abs(now - kinetic) / now, rel=1e-3)
@@ -133,12 +120,9 @@ def test_steps_within_their_tolerance_add_up_to_a_drift_that_is_told():
 def test_a_mechanism_at_rest_without_load_is_accurate_by_a_rule_whose_account_is_only_counted():
     """Nothing is exchanged, of which any share is allowed, an infinite one too."""
     document = with_start(five_bar(), five_bar_bent(1.9, 0.6)) | {"gravity": [0.0, 0.0, 0.0]}
-    document["simulation"] = {"integrator": "semi_implicit_euler"}
-    sim = Simulator(scene_from_document(document))
-    state = sim.run(sim.initial_state(), 20).end
-    for _ in range(20):
-        state = sim.step(state, np.zeros((len(sim.mechanism.point_names), 6)))
-    assert state.account.refined == state.account.inaccurate == 0
+    sim = simulator(document, integrator="semi_implicit_euler")
+    for state in (sim.run(sim.initial_state(), 20).end, run(sim, 0.02)[-1]):
+        assert state.account.refined == state.account.inaccurate == 0
 
 
 # Tolerances of the motion below, where a rule's own would have steps done again.
@@ -163,9 +147,7 @@ def test_energy_that_swings_and_comes_back_is_left_in_the_motion():
     Its crests taken out, the motion is 0.14 m behind after 10 s, ten crossings later; with them it
     is where the exact one is to the order of the rule.
     """
-    document = windows(2)
-    document["simulation"] = {"integrator": "semi_implicit_euler", "period": 1e-3}
-    sim = Simulator(scene_from_document(document))
+    sim = simulator(windows(2), integrator="semi_implicit_euler")
     end = sim.run(sim.initial_state(), 10_000).end
     mechanism = sim.mechanism
     tip = mechanism.evaluate(end.q, end.v, end.active).points[mechanism.point_index("b0")].pose
@@ -182,9 +164,7 @@ DRIFTS = {"rk2": 1.1e-3, "semi_implicit_euler": 1.1e-2}
 def test_what_accurate_steps_add_up_to_is_taken_out_of_the_motion(integrator):
     """Kinetic and potential energy stay below start, work and losses, step by step or in a run."""
     sim = Simulator(scene_from_document(swinging(integrator)))
-    states, nothing = [sim.initial_state()], np.zeros((len(sim.mechanism.point_names), 6))
-    for _ in range(2000):
-        states.append(sim.step(states[-1], nothing))
+    states = run(sim, 2.0)
     off, account = unaccounted(sim, states), states[-1].account
     assert off.max() < DRIFTS[integrator] * max(sim.mechanism.energy(s.q, s.v)[0] for s in states)
     assert off[-1] == pytest.approx(account.surplus, abs=1e-9 * total_energy(sim, states[0]))

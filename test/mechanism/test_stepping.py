@@ -3,33 +3,21 @@
 """Steps: what is known changes no bit, what was pushed is forgotten, errors are named."""
 
 from itertools import product
-from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from hapticmech_ros.errors import ClosureError, InvalidInputError
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start, plan_of
-from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
-from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import Simulator
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import (
-    INERTIAS,
-    LENGTHS,
-    MASSES,
-    chain,
     five_bar,
     five_bar_bent,
-    pin_end,
 )
-from oracles.running import with_start
+from oracles.running import simulator, with_start
 from sampling import sampled
 
-# Sums of some ten products in another order; what closures carry is magnified by σ₁/σ_r.
-PERIOD = 1e-3
 KINDS = ("spherical", "revolute", "weld", "planar_pin")
 
 
@@ -46,8 +34,7 @@ DOCUMENTS = [FIVE_BAR, *(with_start(s.document, s.q, 0.3 * s.v) for s in documen
 
 
 def stepping(document, integrator):
-    step = {"period": PERIOD, "integrator": integrator, "accuracy": {"tolerance": 0}}
-    return Simulator(scene_from_document(document | {"simulation": step}))
+    return simulator(document, integrator=integrator, accuracy={"tolerance": 0})
 
 
 def push(sim, seed=0):
@@ -114,25 +101,6 @@ def test_steps_leave_earlier_ones_alone():
     assert (one.q.tobytes(), one.v.tobytes(), one.closing.packed.tobytes()) == held
 
 
-class TestVectors:
-    """Where q and v are as long as each other, ⊕ is a sum, to the bit."""
-
-    JOINTS: ClassVar = {
-        "turning": lambda: pin.JointModelRevoluteUnaligned(np.array([0.6, 0.0, 0.8])),
-        "sliding": lambda: pin.JointModelPrismaticUnaligned(np.array([0.0, 0.6, 0.8])),
-    }
-
-    def test_integration_is_a_sum(self):
-        rng = np.random.default_rng(0)
-        for kind in self.JOINTS.values():
-            model = pin.Model()
-            for joint in range(5):
-                model.addJoint(joint, kind(), pin.SE3.Random(), f"joint{joint}")
-            for _ in range(200):
-                q, change = rng.normal(size=(2, 5)) * 10.0 ** rng.integers(-8, 4)
-                assert pin.integrate(model, q, change).tobytes() == (q + change).tobytes()
-
-
 class TestErrors:
     """What cannot be stepped is told."""
 
@@ -158,22 +126,3 @@ class TestErrors:
         for shape in ((points + 1, 6), (points, 3), (6,)):
             with pytest.raises(InvalidInputError, match="wrenches: must have shape"):
                 sim.step(state, np.zeros(shape))
-
-    def test_an_unknown_link_is_refused(self):
-        sim, state, wrenches = self.start()
-        with pytest.raises(InvalidInputError, match="nothing"):
-            sim.step(state, wrenches, {"nothing": np.zeros(6)})
-
-    def test_a_loop_that_comes_apart_is_named(self):
-        sim = stepping(pin_end(chain(LENGTHS, MASSES, INERTIAS), np.array([0.25, 0.0])), "rk4")
-        start = Start(np.array([0.3, 0.2, 0.1, -0.1]), np.zeros(4), (True,))
-        points = len(sim.mechanism.point_names)
-        with pytest.raises(ClosureError, match="came apart") as caught:
-            sim.stepper.advance(start, ExternalWrenches(np.zeros((points, 6))))
-        assert caught.value.closures == ("pin",)
-
-
-def test_every_rule_is_consistent():
-    for scheme in SCHEMES.values():
-        assert len(scheme.fractions) == len(scheme.weights) - 1
-        assert abs(sum(scheme.weights) - 1.0) < 1e-15

@@ -7,7 +7,7 @@ import pytest
 
 from oracles import lagrange, newton_euler
 from oracles.analysed import terms_of
-from oracles.differences import columns, derivative, relative, second_derivative
+from oracles.differences import derivative, relative, second_derivative
 from oracles.generator import random_mechanism
 from oracles.kinematics import point_pose
 from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, five_bar
@@ -65,11 +65,7 @@ def test_point_pose_jacobian_and_drift(seed, planar, index):
     # Products of at most six rotations: a few roundings each.
     assert relative(point.pose.translation, here[1]) < 1e-13
     assert relative(point.pose.rotation, here[0]) < 1e-13
-    linear = columns(lambda change: pose(change)[1], zero.size)
-    angular = np.stack(
-        [newton_euler.rotation_rate(lambda t, u=u: pose(t * u)[0]) for u in np.eye(zero.size)], 1
-    )
-    assert relative(point.jacobian, np.vstack((linear, angular))) < FIRST
+    assert relative(point.jacobian, newton_euler.jacobian_of(pose, zero.size)) < FIRST
     # Along q (+) t v the joint rates do not change, so that what is left is J' v.
     accel = second_derivative(lambda t: pose(t * sample.v)[1])
     turning = newton_euler.vee(second_derivative(lambda t: pose(t * sample.v)[0]) @ here[0].T)

@@ -7,10 +7,11 @@ import pytest
 
 from oracles.analysed import terms_of
 from oracles.differences import relative
-from oracles.frames import rescaled, rotated
+from oracles.frames import in_units, rotated
 from oracles.generator import floats, random_mechanism
 from oracles.kinematics import skew, turn
 from oracles.loops import loop
+from oracles.running import with_start
 from sampling import sampled
 
 SAMPLES = [(seed, planar) for planar in (False, True) for seed in sampled(range(8), planar)]
@@ -60,8 +61,8 @@ def test_change_of_axes_is_a_congruence_and_leaves_mu(seed, planar):
 def test_mu_and_ranks_do_not_depend_on_units(seed, planar, length, mass):
     """Millimetres and grams, kilometres, inches and pounds."""
     sample = random_mechanism(seed, planar)
-    document, q = rescaled(sample.document, sample.q, length, mass)
-    before, after = terms_of(sample.document, sample.q), terms_of(document, q)
+    document = with_start(sample.document, sample.q)
+    before, after = terms_of(document), terms_of(in_units(document, length, mass))
     scale = np.array([1.0, 1.0, 1.0, 1.0 / length, 1.0 / length, 1.0 / length])
     scale = scale[before.analysis.rows] / np.sqrt(mass)
     # In matching units: entries of X are in 1/kg, 1/(kg m) and 1/(kg m^2).

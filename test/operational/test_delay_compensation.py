@@ -120,32 +120,53 @@ def resting(name):
     return scene_from_document(document)
 
 
+# The step from which on answers are for accelerations so many steps later.
+FIRST, LATER = 400, (10, 20, 40)
+
+
+class Pushed:
+    """A scene at rest as it starts, and moving by so little that nothing bends.
+
+    Args:
+        name: of the scene.
+        size: of the wrench, N; its direction is drawn at random.
+        growth: what it is multiplied by at a time, s.
+    """
+
+    def __init__(self, name, size, growth):
+        self.simulator = Simulator(resting(name))
+        self.rows, self.period = Analyser(self.simulator.mechanism).rows, self.simulator.period
+        drawn = size * np.random.default_rng(0).normal(size=6) * np.repeat((1.0, 0.05), 3)
+        self.direction = np.where(np.isin(np.arange(6), self.rows), drawn, 0.0)
+        self.growth, self.states = growth, [self.simulator.initial_state()]
+        held = np.zeros((len(self.simulator.mechanism.point_names), 6))
+        for number in range(FIRST + LATER[-1] + 1):
+            # Held over a period: of its middle.
+            held[0] = self.direction * growth((number + 0.5) * self.period)
+            self.states.append(self.simulator.step(self.states[-1], held))
+
+    def error(self, count, back=0):
+        """Return by what share X_τ F(τ) + a_τ differs from V̇ after τ, so many periods later.
+
+        ``back``: how many periods ago the rates are that it is told; none if 0.
+        """
+        later = [self.states[FIRST + count + side] for side in (1, -1)]
+        ahead, behind = (self.simulator.evaluate(state).points[0].twist for state in later)
+        then = (ahead - behind) / (2.0 * self.period)
+        analyser = Analyser(self.simulator.mechanism, "", count * self.period)
+        terms = self.simulator.evaluate(self.states[FIRST])
+        before = np.concatenate(((back * self.period,), self.states[FIRST - back].v))
+        answer = analyser.compensated(terms, analyser.analyse(terms), before if back else None)
+        wrench = self.direction * self.growth((FIRST + count) * self.period)
+        now = answer.inverse_inertia @ wrench + answer.free_acceleration
+        return np.linalg.norm((then - now)[self.rows]) / np.linalg.norm(then[self.rows])
+
+
 @pytest.mark.parametrize("name", ["two_link", "spatial_arm", "five_bar", "crane", "door"])
 def test_the_answer_of_now_is_the_acceleration_of_then(name):
-    """Under a wrench that stays, X_τ F + a_τ is V̇ after τ: the error is second order in τ."""
-    simulator, errors = Simulator(resting(name)), []
-    state, point = simulator.initial_state(), simulator.mechanism.scene.operational_points[0].name
-    rng = np.random.default_rng(0)
-    wrench = 1e-5 * rng.normal(size=6) * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-    rows = Analyser(simulator.mechanism).rows
-    wrench = np.where(np.isin(np.arange(6), rows), wrench, 0.0)
-    held = np.zeros((len(simulator.mechanism.point_names), 6))
-    held[0] = wrench
-    for _ in range(400):
-        # So that it moves, still by so little that nothing bends.
-        state = simulator.step(state, held)
-    first = simulator.evaluate(state)
-    steps, twists = (10, 20, 40), {}
-    for number in range(steps[-1] + 2):
-        twists[number] = simulator.evaluate(state).points[0].twist
-        state = simulator.step(state, held)
-    for count in steps:
-        compensated_delay = count * simulator.period
-        then = (twists[count + 1] - twists[count - 1]) / (2.0 * simulator.period)
-        analyser = Analyser(simulator.mechanism, point, compensated_delay)
-        answer = analyser.compensated(first, analyser.analyse(first))
-        now = answer.inverse_inertia @ wrench + answer.free_acceleration
-        errors.append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
+    """Under a wrench that stays: the error is second order in τ."""
+    pushed = Pushed(name, 1e-5, lambda time: 1.0)
+    errors = [pushed.error(count) for count in LATER]
     assert np.log2(np.divide(errors[1:], errors[:-1])) == pytest.approx(2.0, abs=0.15)
     # At 0.5 ms.
     assert errors[0] < 1e-3
@@ -154,35 +175,13 @@ def test_the_answer_of_now_is_the_acceleration_of_then(name):
 @pytest.mark.parametrize("name", ["two_link", "spatial_arm", "five_bar", "door"])
 @pytest.mark.parametrize("ago", [0.5, 1.0, 2.0])
 def test_rates_that_were_tell_it_of_a_wrench_that_grows(name, ago):
-    """X_τ F(τ) + a_τ is V̇ after τ: with them the error is of third order, without of second."""
-    simulator = Simulator(resting(name))
-    state, rng = simulator.initial_state(), np.random.default_rng(0)
-    rows = Analyser(simulator.mechanism).rows
-    slope = 1e-3 * rng.normal(size=6) * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-    slope = np.where(np.isin(np.arange(6), rows), slope, 0.0)
-    held = np.zeros((len(simulator.mechanism.point_names), 6))
-    period, first = simulator.period, 400
-    states = []
-    for number in range(first + 42):
-        # Held over a period: of its middle.
-        held[0] = slope * (number + 0.5) * period
-        states.append(state)
-        state = simulator.step(state, held)
-    twists = [simulator.evaluate(one).points[0].twist for one in states]
-    errors = {True: [], False: []}
-    for count in (10, 20, 40):
-        late, back = count * period, round(ago * count)
-        then = (twists[first + count + 1] - twists[first + count - 1]) / (2.0 * period)
-        analyser, terms = Analyser(simulator.mechanism, "", late), simulator.evaluate(states[first])
-        before = np.concatenate(((back * period,), states[first - back].v))
-        for known in errors:
-            answer = analyser.compensated(terms, analyser.analyse(terms), before if known else None)
-            now = answer.inverse_inertia @ (slope * (first + count) * period)
-            now = now + answer.free_acceleration
-            errors[known].append(np.linalg.norm((then - now)[rows]) / np.linalg.norm(then[rows]))
-    for known, order, near in ((True, 3.0, 0.4), (False, 2.0, 0.15)):
-        assert np.log2(errors[known][2] / errors[known][1]) == pytest.approx(order, abs=near)
-    assert errors[True][-1] < 0.1 * errors[False][-1]
+    """With them the error is of third order in τ, without of second."""
+    pushed = Pushed(name, 1e-3, lambda time: time)
+    told = [pushed.error(count, round(ago * count)) for count in LATER]
+    untold = [pushed.error(count) for count in LATER]
+    for errors, order, near in ((told, 3.0, 0.4), (untold, 2.0, 0.15)):
+        assert np.log2(errors[2] / errors[1]) == pytest.approx(order, abs=near)
+    assert told[-1] < 0.1 * untold[-1]
 
 
 def test_a_loop_in_time_gets_x_and_a_0_themselves():

@@ -75,28 +75,6 @@ def test_rank_and_null_space(seed, planar, form, point):
 
 
 @every_sample
-def test_closing_loops_never_raises_x(seed, planar):
-    serial = built(seed, planar, "serial").x
-    closed = built(seed, planar, "closed").x
-    values = np.linalg.eigvalsh(serial - closed)
-    assert values[0] >= -1e-13 * np.linalg.norm(serial)  # rounding of the difference
-
-
-@every_sample
-@both_points
-def test_duplicated_closures_change_nothing(seed, planar, point):
-    once = built(seed, planar, "closed", point)
-    twice = built(seed, planar, "duplicated", point)
-    assert twice.w.shape[0] == 2 * once.w.shape[0]
-    assert twice.evaluation.space.rank == once.evaluation.space.rank
-    # Same range of W^T by another SVD: eps over its smallest relative singular value, about 0.01.
-    assert relative(twice.x, once.x, scale=once.scale) < 1e-12
-    assert twice.analysis.rank == once.analysis.rank
-    found, expected = twice.analysis.spectrum.s, once.analysis.spectrum.s
-    assert np.abs(found - expected).max() < 1e-12  # s is dimensionless, at most 1
-
-
-@every_sample
 @every_form
 def test_mu_is_between_zero_and_one(seed, planar, form):
     for point in ("tip", "middle"):
@@ -114,21 +92,6 @@ def test_a_free_body_alone_has_mu_of_one():
     document = document | {"links": [link | {"joint": joint}]}
     terms = terms_of(document, np.array([0.3, 0.1, -0.2, 0.5, 0.5, -0.5, 0.5]))
     assert np.abs(terms.analysis.spectrum.mu - 1.0).max() < 1e-13  # eps times cond(I_l) < 1e3
-
-
-@every_sample
-def test_free_acceleration_is_that_of_the_equations_of_motion(seed, planar):
-    sample = random_mechanism(seed, planar)
-    basis = closed_form.null_space(sample_terms(sample).w, sample.v.size)
-    v = basis @ (basis.T @ sample.v)
-    terms = terms_of(sample.document, sample.q, v, point="tip")
-    net = terms.evaluation.passive_force - terms.evaluation.bias_force
-    rates, _ = closed_form.kkt(terms.d, terms.w, net, terms.evaluation.closure_bias)
-    point = terms.evaluation.points[0]
-    expected = point.jacobian @ rates + point.drift
-    serial = np.linalg.norm(point.jacobian @ np.linalg.solve(terms.d, net))
-    # Condition of the KKT matrix, up to 1e6, of the acceleration that the closures cut down.
-    assert relative(terms.analysis.free_acceleration, expected, scale=serial) < 1e-9
 
 
 @pytest.mark.parametrize("planar", [False, True])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hapticmech_ros.mechanism import Evaluation, Mechanism
+from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.operational import OperationalAnalysis, analyse
 from hapticmech_ros.scene import scene_from_document
 from oracles import closed_form
@@ -53,9 +54,12 @@ class Terms:
         return float(np.linalg.norm(closed_form.inverse_inertia(self.d, self.w[:0], self.j)))
 
 
-def terms_of(document: Document, q: Array, v: Array | None = None, point: str = "") -> Terms:
-    """Evaluate and analyse a document at (q, v), v at rest if left out."""
+def terms_of(
+    document: Document, q: Array | None = None, v: Array | None = None, point: str = ""
+) -> Terms:
+    """Evaluate and analyse a document at (q, v): left out, where it starts, and at rest."""
     mechanism = Mechanism(scene_from_document(document))
+    q = authored_state(mechanism.scene, mechanism.tree)[0] if q is None else q
     rates = v if v is not None else 0.0 * mechanism.tree.damping
     evaluation = mechanism.evaluate(q, rates, mechanism.initially_active)
     return Terms(mechanism, evaluation, analyse(mechanism, q, point, rates), point)

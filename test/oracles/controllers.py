@@ -5,17 +5,29 @@
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros import Session
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.account_kernels import model_answer
 from hapticmech_ros.control.clutch import engage
-from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, Locality
-from hapticmech_ros.control.measurements import flat_operational_model
+from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, HandMemory, Locality
+from hapticmech_ros.control.measurements import (
+    flat_device,
+    flat_operational_model,
+    operational_model_of,
+)
+from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
+from oracles.generator import unit
+from oracles.running import varied
 
 NOTHING = np.zeros(6)
 FREE = {"force_limit": 1e12, "torque_limit": 1e12}
+
+
+def random_pose(rng):
+    return pin.SE3(pin.exp3(rng.uniform(0.0, np.pi) * unit(rng)), rng.normal(size=3))
 
 
 def control_of(name, joint=FREE, device=FREE, **gains):
@@ -44,3 +56,27 @@ def local_model(control, time, clutch, model, point):
     seen = OperationalModelSample(flat_operational_model(model, point))
     model_answer(settings, seen, time, closes, answer)
     return answer.model.values
+
+
+def corrected_answers(scene, gains, time, states, carried=None):
+    """Return what a control answers to two states of the device, and the first answer, corrected.
+
+    Args:
+        scene: at whose start the point is.
+        gains: of its controller, other ones.
+        time: s, of a ramp of 0.04 s.
+        states: two of them, each the way from the point, the twist, and the hand's wrench, (6,).
+        carried: of another grasp, see :func:`engage`.
+    """
+    control, sample = ControlArchitecture(varied(scene, controller=gains)), Session(scene).tick()
+    model, pose = operational_model_of(sample.analysis), sample.point.pose
+    clutch, seen = engage(0.0, pose, pose, 0.04, carried), PointMeasurement(pose, NOTHING, NOTHING)
+    devices = []
+    for way, twist, hand in states:
+        moved = pin.SE3(pin.exp3(way[3:]) @ pose.rotation, pose.translation + way[:3])
+        devices.append(DeviceMeasurement(moved, twist, hand))
+    old, new = (control.compute(time, clutch, one, seen, model).device for one in devices)
+    closes = local_model(control, time, clutch, model, seen)
+    # The hand's wrench was never measured before: nothing of it is carried on.
+    memory = HandMemory().values
+    return old, new, corrected(old, closes, *map(flat_device, devices), memory, 1e-3)

@@ -68,7 +68,6 @@ class Mechanism:
 
     def held(self, q: Array) -> float:
         """Return what contacts hold at q, J."""
-        del q
         return 0.0
 
     @cached_property
@@ -93,7 +92,6 @@ class Mechanism:
 
     def own_error(self, distance: float, step: Step) -> tuple[float, float]:
         """Return the errors of a rule and a step as such, as :class:`Passed` has them."""
-        del distance
         return _away(self, step)
 
     def start(self, distance: float, before: int, step: Step) -> tuple[float, float]:
@@ -132,12 +130,10 @@ class Parallelograms(Mechanism):
 
     def slope(self, angle: float) -> Array:
         """Return dq / d angle."""
-        del angle
         return self.configuration(1.0)
 
     def inertia(self, angle: float = 0.0) -> float:
         """Return M: uprights turn, tops move along a circle."""
-        del angle
         return (self.count + 1.0) / 3.0 + self.count
 
     def motion(self, angle: float, speed: float, times: Array) -> tuple[Array, Array]:
@@ -323,12 +319,10 @@ class Rhombus(Mechanism):
 
     def slope(self, angle: float) -> Array:
         """Return dq / d angle."""
-        del angle
         return np.array([1.0, -1.0, 1.0])
 
     def inertia(self, angle: float) -> float:
         """Return M: the same at all angles, so that it does not matter."""
-        del angle
         return 1.0
 
 

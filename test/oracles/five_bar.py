@@ -11,20 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from oracles.bars import dynamics
+from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, PIVOT
+from oracles.planar_loops import Loop
+
 Array = np.ndarray
-
-LENGTHS = (0.045, 0.045, 0.045, 0.06)
-MASSES = (1.0, 1.0, 1.0, 0.5)
-INERTIAS = (0.0021, 0.0021, 0.0021, 0.00105)
-BASE = np.array([0.09, 0.0])
-
-
-def along(angle: float) -> Array:
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def across(angle: float) -> Array:
-    return np.array([-np.sin(angle), np.cos(angle)])
 
 
 class FiveBar:
@@ -37,35 +28,19 @@ class FiveBar:
     """
 
     def __init__(self, one: float, two: float) -> None:
-        l1, l2, l3, l4 = LENGTHS
-        second = l1 * along(one)
-        third = second + l2 * along(two)
-        x, y = BASE - third
-        reach = np.hypot(x, y)
-        three = np.arctan2(y, x) + np.arccos((l3**2 + reach**2 - l4**2) / (2.0 * l3 * reach))
-        fourth = third + l3 * along(three)
-        four = np.arctan2(*(BASE - fourth)[::-1])
-        self.angles = np.array([one, two, three, four])
-        self.starts = np.array([[0.0, 0.0], second, third, fourth])
-        # l₃ α̇₃ e'(α₃) + l₄ α̇₄ e'(α₄) = -l₁ α̇₁ e'(α₁) - l₂ α̇₂ e'(α₂)
-        ends = np.column_stack([l3 * across(three), l4 * across(four)])
-        given = np.column_stack([l1 * across(one), l2 * across(two)])
-        self._rates = np.vstack([np.eye(2), -np.linalg.solve(ends, given)])
-        self.mass = np.zeros((2, 2))
-        for link, (mass, inertia) in enumerate(zip(MASSES, INERTIAS, strict=True)):
-            jacobian = self.jacobian(link)
-            self.mass += jacobian.T @ np.diag([mass, mass, inertia]) @ jacobian
+        loop, still = Loop(LENGTHS, MASSES, INERTIAS, PIVOT), np.zeros(4)
+        self.angles = loop.angles(np.array([one, two]))
+        ends = np.cumsum(LENGTHS * np.exp(1j * self.angles))
+        starts = np.append(0.0, ends[:-1])
+        self.starts = np.column_stack((starts.real, starts.imag))
+        self._bars, (self._rates, _) = loop.bars, loop.along(self.angles, still)
+        inertia, _ = dynamics(self._bars, self.angles, still)
+        self.mass = self._rates.T @ inertia @ self._rates
 
     def jacobian(self, link: int) -> Array:
         """Return the (3, 2) Jacobian of the middle of a link, counted from 0: x, y, rotation."""
-        lengths = [*LENGTHS[:link], LENGTHS[link] / 2.0]
-        parts = zip(lengths, self.angles, self._rates, strict=False)
-        moved = sum(length * np.outer(across(angle), rate) for length, angle, rate in parts)
-        return np.vstack([moved, self._rates[link]])
-
-    def free_directions(self, link: int) -> Array:
-        """Return an orthonormal basis (3, 2) of the directions in which a link's middle moves."""
-        return np.linalg.qr(self.jacobian(link))[0]
+        moved = self._bars[link].centre.jacobian(self.angles) @ self._rates
+        return np.vstack([moved.real, moved.imag, self._rates[link]])
 
     def coupling(self, one: int, other: int) -> Array:
         """Return X_ij (3, 3) of the middles of two links: 1/kg, 1/(kg m) and 1/(kg m²)."""
@@ -86,7 +61,7 @@ class FiveBar:
 
     def balanced(self, link: int, line: int) -> Array:
         """Return the wrench (3,) at a link's middle that is a unit force along another link."""
-        direction = along(self.angles[line])
-        middle = self.starts[link] + LENGTHS[link] / 2.0 * along(self.angles[link])
-        x, y = self.starts[line] - middle
+        direction = np.array([np.cos(self.angles[line]), np.sin(self.angles[line])])
+        middle = self._bars[link].centre.at(self.angles)
+        x, y = self.starts[line] - (middle.real, middle.imag)
         return np.array([*direction, x * direction[1] - y * direction[0]])

@@ -1,63 +1,71 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The same scene in other axes and in other units."""
+"""The same scene elsewhere, in other axes and in other units."""
 
 from __future__ import annotations
 
 import copy
+import json
 
 import numpy as np
 
 from oracles.generator import floats
-from oracles.kinematics import Array, Document, rotation_of_rpy, rpy_of_rotation
+from oracles.kinematics import Array, Document, Pose, place, rpy_of_rotation
 
 
-def _turned(origin: Document, rotation: Array) -> Document:
-    xyz = rotation @ np.asarray(origin.get("xyz", (0, 0, 0)), dtype=float)
-    own = rotation_of_rpy(origin.get("rpy", (0, 0, 0)))
-    return {"xyz": floats(xyz), "rpy": rpy_of_rotation(rotation @ own)}
+def placed(document: Document, base: Pose) -> Document:
+    """Return a document with everything in the world moved by ``base`` (R, p)."""
+    document = copy.deepcopy(document)
+
+    def moved(part: Document) -> Document:
+        rotation, position = place(base, part.get("origin", {}))
+        return part | {"origin": {"xyz": floats(position), "rpy": rpy_of_rotation(rotation)}}
+
+    document["gravity"] = floats(base[0] @ document["gravity"])
+    for link in document["links"]:
+        if link["parent"] == "world":
+            link["joint"] = moved(link["joint"])
+    for closure in document["closures"]:
+        for end in ("a", "b"):
+            if closure[end]["link"] == "world":
+                closure[end] = moved(closure[end])
+    return document
 
 
 def rotated(document: Document, rotation: Array) -> Document:
     """Return the whole scene, ground and gravity included, turned in the world."""
-    turned = copy.deepcopy(document)
-    turned["gravity"] = floats(rotation @ np.asarray(document["gravity"]))
-    for link in turned["links"]:
-        if link["parent"] == "world":
-            link["joint"]["origin"] = _turned(link["joint"].get("origin", {}), rotation)
-    for closure in turned["closures"]:
-        for side in ("a", "b"):
-            if closure[side]["link"] == "world":
-                closure[side]["origin"] = _turned(closure[side].get("origin", {}), rotation)
-    return turned
+    return placed(document, (rotation, np.zeros(3)))
 
 
-def rescaled(document: Document, q: Array, length: float, mass: float) -> tuple[Document, Array]:
-    """Return scene and configuration with ``length`` new units per metre, ``mass`` per kilogram."""
-    scaled, position, start = copy.deepcopy(document), q.copy(), 0
-    scaled["gravity"] = floats(length * np.asarray(document["gravity"]))
-    linear = {"prismatic": (0,), "free": (0, 1, 2), "planar": (0, 1)}
-    sizes = {"revolute": 1, "prismatic": 1, "spherical": 4, "free": 7, "planar": 4, "fixed": 0}
+def in_units(document: Document, length: float, mass: float) -> Document:
+    """Return a document as written where 1 m is ``length`` units of it, and 1 kg ``mass``."""
+    # By way of text: no two parts of it are the same object.
+    document = json.loads(json.dumps(document))
+    sliding = {"prismatic": mass, "revolute": mass * length**2, "spherical": mass * length**2}
+    # Positions along: of their coordinates these many are lengths, before angles or quaternions.
+    along = {"prismatic": 1, "planar": 2, "free": 3}
 
-    def scale_origin(part: Document) -> None:
-        if "origin" in part and "xyz" in part["origin"]:
-            part["origin"]["xyz"] = floats(length * np.asarray(part["origin"]["xyz"]))
+    def origin(part: Document) -> None:
+        if "origin" in part:
+            part["origin"]["xyz"] = floats(length * np.array(part["origin"]["xyz"]))
 
-    for link in scaled["links"]:
-        kind = link["joint"]["type"]
-        for k in linear.get(kind, ()):
-            position[start + k] *= length
-        start += sizes[kind]
-        scale_origin(link["joint"])
-        if "armature" in link["joint"]:
-            link["joint"]["armature"] *= mass * (1.0 if kind == "prismatic" else length**2)
-        inertial = link["inertial"]
+    document["gravity"] = floats(length * np.array(document["gravity"]))
+    start = document.get("initial_state", {}).get("q", {})
+    for link in document["links"]:
+        joint, inertial = link["joint"], link["inertial"]
+        origin(joint)
+        if "armature" in joint:
+            joint["armature"] *= sliding[joint["type"]]
+        if (count := along.get(joint["type"])) and joint["name"] in start:
+            q = np.atleast_1d(np.array(start[joint["name"]]))
+            q[:count] *= length
+            start[joint["name"]] = floats(q) if q.size > 1 else float(q[0])
         inertial["mass"] *= mass
-        inertial["com"] = floats(length * np.asarray(inertial["com"]))
-        inertial["inertia"] = {k: mass * length**2 * i for k, i in inertial["inertia"].items()}
-    for closure in scaled["closures"]:
-        scale_origin(closure["a"])
-        scale_origin(closure["b"])
-    for point in scaled["operational_points"]:
-        scale_origin(point)
-    return scaled, position
+        inertial["com"] = floats(length * np.array(inertial["com"]))
+        for name in inertial["inertia"]:
+            inertial["inertia"][name] *= mass * length**2
+    for frame in [closure[end] for closure in document["closures"] for end in ("a", "b")]:
+        origin(frame)
+    for point in document["operational_points"]:
+        origin(point)
+    return document

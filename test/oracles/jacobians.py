@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from oracles.closed_form import inverse_inertia
 from oracles.kinematics import Array, Document, link_poses, place, skew
 from oracles.newton_euler import moments
 
@@ -19,7 +20,7 @@ class Jacobians:
     """A scene's document at configuration q."""
 
     def __init__(self, document: Document, q: Array) -> None:
-        self._links = document["links"]
+        self._links, self._closures = document["links"], document.get("closures", [])
         self.poses = link_poses(document, q)
         self.nv = sum(RATE_SIZE[link["joint"]["type"]] for link in self._links)
         self._carried: dict[str, list[tuple[int, Array]]] = {"world": []}
@@ -43,6 +44,18 @@ class Jacobians:
         """Return (6, nv) at the origin of ``{link, origin}``."""
         point = place(self.poses[frame["link"]], frame.get("origin"))[1]
         return self.at(frame["link"], point)
+
+    def closing_rows(self) -> Array:
+        """Return W of welds and ball joints: by what twists of frames at one place differ."""
+        rows = [np.zeros((0, self.nv))]
+        for closure in self._closures:
+            apart = self.of_frame(closure["a"]) - self.of_frame(closure["b"])
+            rows.append(apart[: 3 if closure["kind"] == "spherical" else 6])
+        return np.vstack(rows)
+
+    def inverse_inertia(self, frame: Document) -> Array:
+        """Return X (6, 6) at the origin of ``{link, origin}``, with independent coordinates."""
+        return inverse_inertia(self.inertia(), self.closing_rows(), self.of_frame(frame))
 
     def momenta(self) -> Array:
         """Return (6, nv): momentum, and angular momentum about the world's origin, per rate."""

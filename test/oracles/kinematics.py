@@ -118,9 +118,11 @@ def point_pose(document: Document, q: Array, index: int = 0) -> Pose:
     return frame_pose(link_poses(document, q), document["operational_points"][index])
 
 
-def residual_of(kind: str, a: Pose, b: Pose) -> Array:
+def residual_of(closure: Document, a: Pose, b: Pose) -> Array:
     """Return phi of one closure: origins apart, then the axes' part of its kind."""
-    gap = a[1] - b[1]
+    gap, kind = a[1] - b[1], closure["kind"]
+    if kind == "rod":
+        return np.array([(gap @ gap - closure["length"] ** 2) / (2.0 * closure["length"])])
     if kind == "planar_pin":
         return gap[:2]
     if kind == "spherical":
@@ -136,7 +138,7 @@ def closure_residual(document: Document, q: Array) -> Array:
     """Return phi of all closures of the scene, stacked in its order."""
     poses = link_poses(document, q)
     parts = [
-        residual_of(c["kind"], frame_pose(poses, c["a"]), frame_pose(poses, c["b"]))
+        residual_of(c, frame_pose(poses, c["a"]), frame_pose(poses, c["b"]))
         for c in document.get("closures", [])
     ]
     return np.concatenate(parts) if parts else np.zeros(0)

@@ -39,6 +39,12 @@ def rotation_rate(r: Callable[[float], Array]) -> Array:
     return vee(derivative(r) @ here.T)
 
 
+def jacobian_of(pose: Callable[[Array], tuple[Array, Array]], nv: int) -> Array:
+    """Return (6, nv) at no change: linear and angular rates of a pose (R, p) of a change."""
+    spins = [rotation_rate(lambda t, u=unit: pose(t * u)[0]) for unit in np.eye(nv)]
+    return np.vstack((columns(lambda change: pose(change)[1], nv), np.stack(spins, axis=1)))
+
+
 def rotor(document: Document, link: Document, retract: Retract, q: Array, nv: int) -> Array:
     """Return what a joint's rotor adds to D: a J^T J, J of the link's motion in its parent.
 
@@ -53,11 +59,8 @@ def rotor(document: Document, link: Document, retract: Retract, q: Array, nv: in
         (r, p), (child, at) = poses[link["parent"]], poses[link["name"]]
         return r.T @ child, r.T @ (at - p)
 
-    if joint["type"] == "prismatic":
-        jacobian = columns(lambda change: apart(change)[1], nv)
-    else:
-        spins = [rotation_rate(lambda t, u=unit: apart(t * u)[0]) for unit in np.eye(nv)]
-        jacobian = np.stack(spins, axis=1)
+    moving, turning = np.split(jacobian_of(apart, nv), 2)
+    jacobian = moving if joint["type"] == "prismatic" else turning
     return joint["armature"] * jacobian.T @ jacobian
 
 

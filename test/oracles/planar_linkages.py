@@ -63,6 +63,11 @@ def five_bar(gravity_y: float = 0.0, damping: float = 0.0, closed: bool = True) 
     return pin_end(document, PIVOT) if closed else document
 
 
+def bar(gravity_y: float = 0.0, damping: float = 0.0) -> Document:
+    """Return the first bar of the paper's five-bar, alone."""
+    return chain(LENGTHS[:1], MASSES[:1], INERTIAS[:1], gravity_y, damping)
+
+
 def elbow(
     base: Array, first: float, second: float, target: Array, side: int
 ) -> tuple[float, float]:

@@ -79,7 +79,7 @@ class Loop:
         change, _ = self.along(theta, np.zeros(theta.size))
         rates = change @ speed
         _, drift = self.along(theta, rates)
-        inertia, force = dynamics(self._bars, theta, rates, 1j * self.gravity)
+        inertia, force = dynamics(self.bars, theta, rates, 1j * self.gravity)
         relative = np.eye(theta.size) - np.eye(theta.size, k=-1)
         force -= self.damping * relative.T @ relative @ rates
         return np.linalg.solve(change.T @ inertia @ change, change.T @ (force - inertia @ drift))
@@ -113,7 +113,8 @@ class Loop:
         return chained([arm(a, row) for a, row in zip(self.lengths, turns, strict=True)])
 
     @property
-    def _bars(self) -> list[Bar]:
+    def bars(self) -> list[Bar]:
+        """Bars of the chain, and the slider."""
         turns = np.eye(len(self.lengths))
         bars, before = [], []
         for length, mass, inertia, row in zip(

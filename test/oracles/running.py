@@ -4,12 +4,27 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
+from pydantic import BaseModel
 
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import MechanismState, Simulator
 from oracles.generator import RATE_SIZE, floats
 from oracles.kinematics import POSITION_SIZE, Array, Document
+
+Part = TypeVar("Part", bound=BaseModel)
+
+
+def varied(part: Part, **changes: object) -> Part:
+    """Return a part of a scene with other values, not validated; a dictionary is of its part."""
+    inner = {
+        key: varied(own, **value) if isinstance(own := getattr(part, key), BaseModel) else value
+        for key, value in changes.items()
+        if isinstance(value, dict)
+    }
+    return part.model_copy(update=changes | inner)
 
 
 def with_start(document: Document, q: Array, v: Array | None = None) -> Document:
@@ -26,9 +41,11 @@ def with_start(document: Document, q: Array, v: Array | None = None) -> Document
     return document | {"initial_state": start}
 
 
-def simulator(document: Document, period: float = 1e-3, integrator: str = "rk4") -> Simulator:
-    """Return a simulator of the document with another step."""
-    step = {"period": period, "integrator": integrator}
+def simulator(
+    document: Document, period: float = 1e-3, integrator: str = "rk4", **simulation: object
+) -> Simulator:
+    """Return a simulator of the document with another step, and other keys of ``simulation``."""
+    step = {"period": period, "integrator": integrator, **simulation}
     return Simulator(scene_from_document(document | {"simulation": step}))
 
 

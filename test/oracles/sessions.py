@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros import Session
+from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample
@@ -21,8 +22,8 @@ Array = np.ndarray
 class SessionRun:
     """All samples of a session."""
 
-    def __init__(self, scene: Scene, duration: float | None = None) -> None:
-        self.session = Session(scene)
+    def __init__(self, scene: Scene, duration: float | None = None, command_delay: int = 1) -> None:
+        self.session = Session(scene, command_delay=command_delay)
         span = duration or scene.hand.start_delay + scene.experiment.duration
         self.samples = [self.session.tick() for _ in range(round(span / self.session.period))]
         self.time = self.of(lambda s: s.time)
@@ -61,6 +62,12 @@ class SessionRun:
             return account.damping_loss + account.latch_loss + account.contact_loss
 
         return self.of(losses)
+
+
+@cache
+def whole(name: str, duration: float | None = None) -> SessionRun:
+    """Return the experiment of a shipped scene, or so much (s) of it."""
+    return SessionRun(load_scene(name), duration)
 
 
 def take_hold_beside(session: Session, pose: pin.SE3) -> None:

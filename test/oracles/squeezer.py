@@ -63,11 +63,6 @@ BARS = [
 ]
 
 
-def closing(q: Array) -> Array:
-    """Return the six closure errors, x and y of each, m."""
-    return np.array([(z.real, z.imag) for z in (place.at(q) for place in CLOSURES)]).ravel()
-
-
 def forces(q: Array) -> Array:
     """Return the generalised forces (7,) of the spring and the drive, N m."""
     line = SPRING_END.at(q) - C

@@ -9,7 +9,8 @@ from copy import deepcopy
 import numpy as np
 
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.simulation import MechanismState, Simulator
+from hapticmech_ros.simulation import Simulator
+from oracles import running
 
 G = 9.81
 FLOOR = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
@@ -86,16 +87,23 @@ def on_floor(kind="box", height=0.05, speed=(0.0, 0.0, 0.0), mass=1.0, law=None,
     )
 
 
-def run(document, duration, every=1):
+def run(document, duration, every=1, wrenches=None):
     """Return the simulator, and the states on the way."""
     sim = Simulator(scene_from_document(document))
-    state, calm = sim.initial_state(), np.zeros((1, 6))
-    states: list[MechanismState] = [state]
-    for step in range(round(duration / sim.period)):
-        state = sim.step(state, calm)
-        if (step + 1) % every == 0:
-            states.append(state)
-    return sim, states
+    return sim, running.run(sim, duration, wrenches)[::every]
+
+
+def on_links(sim, before, after):
+    """Return what contacts do to links in a step, at their origins, by points and forces alone."""
+    links, found, wrenches = {one.name: one.link for one in sim.scene.shapes}, after.touching, {}
+    for point, force, index in zip(found.points, found.forces, found.pairs.tolist(), strict=True):
+        contact = sim.scene.contacts[index]
+        for link, sign in ((links[contact.a], 1.0), (links[contact.b], -1.0)):
+            if link != "world":
+                arm = point - sim.mechanism.frame_pose(before.q, link).translation
+                wrench = sign * np.concatenate((force, np.cross(arm, force)))
+                wrenches[link] = wrenches.get(link, np.zeros(6)) + wrench
+    return wrenches
 
 
 def held(sim, state):

@@ -3,7 +3,6 @@
 """Every shipped scene, taken hold of for two seconds: nothing comes apart, and all is bounded."""
 
 import re
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.plan.scene_plan import check_scene
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 from sampling import sampled
 
 SCENES = sorted(shipped_scenes())
@@ -22,9 +21,15 @@ SPAN = 2.0
 WARNINGS = {"scissor_lift": ("redundant closures: guide_pin",)}
 
 
-@cache
+# Scenes of the paper and next to them, whose whole experiment is looked at, by bounds of their own:
+# between hand and mechanism, m and rad. The hand's 0.5 N on 2000 N/m is 0.25 mm; the click of the
+# latch adds as much. In space it pulls with up to 3 N, and the handle's inertia makes turns softer.
+NEAR = dict.fromkeys(("five_bar", "four_bar_closing", "two_link"), (1e-3, 1e-2))
+NEAR["spatial_arm"] = (1e-3, 5e-2)
+
+
 def run_of(name):
-    return SessionRun(load_scene(name), SPAN)
+    return whole(name, None if name in NEAR else SPAN)
 
 
 @pytest.mark.parametrize("name", sampled(SCENES, "check", every=5))
@@ -48,8 +53,9 @@ def test_the_device_can_give_what_is_felt(name):
     assert np.isfinite(device).all()
     force, torque = (np.linalg.norm(device[:, part], axis=1) for part in (slice(3), slice(3, 6)))
     assert force.max() + torque.max() > 0.0
-    assert force.max() < 0.6 * scene.device.force_limit
-    assert torque.max() < 0.6 * scene.device.torque_limit
+    most = 0.5 if name in NEAR else 0.6
+    assert force.max() < most * scene.device.force_limit
+    assert torque.max() < most * scene.device.torque_limit
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -62,11 +68,11 @@ def test_loops_stay_closed(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_hand_and_mechanism_stay_together(name):
     """A spring of 2000 N/m at 8 N and a motion of 0.2 m/s that is a period late: some mm."""
-    run = run_of(name)
+    run, (apart, away) = run_of(name), NEAR.get(name, (5e-3, 0.05))
     gaps = run.of(lambda s: np.linalg.norm(s.output.error[:3]))
     turned = run.of(lambda s: np.linalg.norm(s.output.error[3:]))
-    assert gaps.max() < 5e-3
-    assert turned.max() < 0.05
+    assert gaps.max() < apart
+    assert turned.max() < away
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -79,3 +85,6 @@ def test_energy_is_accounted_for(name):
     assert exchanged > 0.0
     assert np.abs(balance).max() < 1e-3 * exchanged
     assert lost[-1] >= 0.0
+    # rk2 at 1 ms on motions of some 3 rad/s: (3e-3)² = 1e-5 of the energy moved.
+    assert name not in NEAR or np.ptp(balance) < 1e-5 * np.abs(work).max()
+    assert name not in NEAR or lost[-1] > 0.0

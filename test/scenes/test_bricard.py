@@ -10,18 +10,13 @@ import pytest
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
 from oracles.bricard import RODS, Pose
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 LENGTH, MASS, SIDE = 0.15, 0.265, 0.015
 ALONG = MASS * SIDE**2 / 6.0
 ACROSS = MASS * (LENGTH**2 + SIDE**2) / 12.0
 CORNER = 2  # of the oracle's points: the second rod's end
 ANGLES = np.linspace(-0.5, 1.5, 9)
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("bricard"))
 
 
 @cache
@@ -102,7 +97,7 @@ def test_the_mass_felt_is_what_the_scene_promises():
 
 
 def test_it_keeps_to_its_way():
-    run = whole()
+    run = whole("bricard")
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 0]) > 1.2
     expected = np.array([way(angle)[0] for angle in q[::50, 0]])
@@ -113,7 +108,7 @@ def test_it_keeps_to_its_way():
 
 def test_a_push_off_the_way_is_given_back():
     """In the middle of a chord the hand pulls aside by several N, and the joints hold it."""
-    run = whole()
+    run = whole("bricard")
     off = []
     for sample in run.samples[::25]:
         twist, _ = twist_and_inertia(sample.mechanism.q[0])

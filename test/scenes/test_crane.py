@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A crane: the rope that is a constraint where it hangs, the swing, and the wall that is hit."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,7 +9,8 @@ import scipy.linalg
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import document_of, scene_from_document
-from oracles.sessions import SessionRun
+from oracles import running, touching
+from oracles.sessions import whole
 
 TROLLEY, LOAD, MOMENT = 1.5, 0.6, 3.6e-4
 ROPE, HOOK, SIDE = 0.25, 0.03, 0.06
@@ -19,11 +18,6 @@ GRAVITY, WALL = 9.81, 0.07
 STIFFNESS, POINTS, HAND = 2.5e3, 4, 300.0
 RAIL = 0.15  # of the trolley above the load
 PLANE = np.ix_([0, 1, 5], [0, 1, 5])
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("crane"))
 
 
 def configuration(rope, turn, trolley=RAIL):
@@ -111,16 +105,12 @@ def test_it_swings_as_a_double_pendulum_does(mode, trolley_moves):
 def test_it_loses_at_the_wall_and_never_gains():
     """Let go of, the load swings into the wall: what it has falls by what is counted as lost."""
     simulator = Simulator(changed(q=configuration(-0.5, -0.5), integrator="rk4"))
-    state, calm = simulator.initial_state(), np.zeros((2, 6))
-    rows = []
-    for _ in range(2500):
-        state = simulator.step(state, calm)
-        account = state.account
-        held = sum(simulator.mechanism.energy(state.q, state.v)) + account.contact_energy
-        lost = account.contact_loss + account.damping_loss
-        rows.append((held, lost, account.contact_loss, state.touching.pairs.size))
-    held, lost, by_wall, touching = np.array(rows).T
-    assert (touching > 0).sum() > 10
+    states = running.run(simulator, 2.5)[1:]
+    held = np.array([touching.held(simulator, state) for state in states])
+    accounts = [state.account for state in states]
+    by_wall = np.array([account.contact_loss for account in accounts])
+    lost = by_wall + [account.damping_loss for account in accounts]
+    assert sum(state.touching.pairs.size > 0 for state in states) > 10
     assert by_wall[-1] > 0.01
     # With rk2 its error in flight adds up to 2e-7 J a step, with rk4 less than swings lose.
     assert np.diff(held).max() < 0.0
@@ -143,7 +133,7 @@ def lean_of(q):
 
 def test_the_wall_is_felt_at_the_load():
     """Pressed against it for a second, hand, device and wall do the same."""
-    run = whole()
+    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     assert np.abs(touching[run.time < 1.5]).max() == 0.0
     pressed = (run.time > 3.0) & (run.time < 3.7)
@@ -168,7 +158,7 @@ def test_the_wall_is_felt_at_the_load():
 
 def test_hitting_the_wall_is_felt_at_once():
     """In the tick after the first contact its wrench is in what the device does."""
-    run = whole()
+    run = whole("crane")
     touching = run.of(lambda s: s.contact_wrench[0])
     hit = int(np.argmax(touching < 0.0))
     before, at = run.samples[hit - 1], run.samples[hit]
@@ -179,7 +169,7 @@ def test_hitting_the_wall_is_felt_at_once():
 
 def test_the_rope_comes_and_goes():
     """The count falls where the rope leans and rises where it hangs, and ends as it began."""
-    run = whole()
+    run = whole("crane")
     assert {(before, after) for _, before, after in run.changes} == {(0, 1), (1, 0)}
     assert np.abs(run.of(lambda s: lean_of(s.mechanism.q))).max() > 0.15
     assert run.count[0] == run.count[-1] == 1

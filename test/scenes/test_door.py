@@ -2,24 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A door felt at its knob: a circle to move along, a stop at its end, a latch."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
-from oracles.sessions import SessionRun
+from oracles.sessions import SessionRun, whole
 
-MASS, WIDTH, HEIGHT, THICK = 0.9, 0.2, 0.36, 0.018
+MASS, WIDTH, THICK = 0.9, 0.2, 0.018
 KNOB = np.array([0.17, -0.03, 0.0])
 # Of a plate about its edge.
 INERTIA = MASS * ((WIDTH**2 + THICK**2) / 12.0 + WIDTH**2 / 4.0)
 STOP, STOP_STIFFNESS, LATCH_DISTANCE = 0.9, 66.0, 1e-3
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("door"))
 
 
 def knob_at(angle):
@@ -57,14 +50,14 @@ def test_the_hinges_carry_the_weight():
     start = simulator.initial_state()
     end = simulator.run(start, 200).end
     assert np.array_equal(end.q, start.q)
-    run = whole()
+    run = whole("door")
     waiting = run.of(lambda s: s.output.device)[run.time < 0.25]
     assert np.abs(waiting).max() == 0.0
 
 
 def test_the_stop_is_felt_where_the_door_ends():
     """The hand rests against the stop: moment of the spring = what hand and device hold at r."""
-    run = whole()
+    run = whole("door")
     beyond = run.of(lambda s: s.mechanism.q[0]) - STOP
     resting = (run.time > 2.1) & (run.time < 2.4)
     assert beyond[resting].min() > 0.005
@@ -80,7 +73,7 @@ def test_the_stop_is_felt_where_the_door_ends():
 
 def test_a_pull_across_the_circle_is_felt_and_moves_nothing():
     """The hand's way is the chord: in its middle it pulls inwards, by springs, through 9 mm."""
-    run = whole()
+    run = whole("door")
     sample = run.at(1.0)
     place, tangent = knob_at(sample.mechanism.q[0])
     inwards = -place / np.linalg.norm(place)
@@ -94,7 +87,7 @@ def test_a_pull_across_the_circle_is_felt_and_moves_nothing():
 
 
 def test_the_latch_catches_and_takes_the_last_freedom():
-    run = whole()
+    run = whole("door")
     closed = run.of(lambda s: s.mechanism.active[0])
     caught = int(np.argmax(closed))
     before, after = run.samples[caught - 1].mechanism, run.samples[caught].mechanism
@@ -112,7 +105,7 @@ def test_the_latch_catches_and_takes_the_last_freedom():
 
 def test_the_latch_takes_the_energy_of_the_door():
     """All of it: ½ I ω² just before, to what friction and damping take of ω in one more step."""
-    run = whole()
+    run = whole("door")
     caught = int(np.argmax(run.of(lambda s: s.mechanism.active[0])))
     speed = run.samples[caught - 1].mechanism.v[0]
     loss = run.samples[-1].mechanism.account.latch_loss

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A peg in a hole: in with clearance, on two points when it is pulled aside, and jammed."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from hapticmech_ros import analyse, load_scene
-from oracles.sessions import SessionRun
+from hapticmech_ros import analyse
+from oracles.sessions import whole
 
 MASS, MOMENT, HANDLE = 1.0, 1.2e-3, 0.05
 WIDTH, LENGTH, HOLE, DEPTH = 0.02, 0.06, 0.0206, 0.04
@@ -17,11 +15,6 @@ LEFT, RIGHT, BOTTOM = range(3)
 FREE, DOWN, TILTED, JAMMED = 0.95, 1.45, 2.95, 3.75  # s
 # Digits of a state at rest: the hand's dampers and contacts have had half a second.
 AT_REST = 1e-4
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("peg_in_hole"))
 
 
 def wrench_of(sample, *pairs):
@@ -36,7 +29,7 @@ def push_of(sample):
 
 
 def test_the_peg_alone_is_a_body_in_the_plane():
-    run = whole()
+    run = whole("peg_in_hole")
     sample = run.samples[0]
     found = sample.analysis.inverse_inertia[np.ix_([0, 1, 5], [0, 1, 5])]
     lever = HANDLE**2 / MOMENT
@@ -49,7 +42,7 @@ def test_the_peg_alone_is_a_body_in_the_plane():
 
 
 def test_pushed_straight_it_goes_in_and_touches_nothing():
-    run = whole()
+    run = whole("peg_in_hole")
     in_the_hole = [s for s in run.samples if s.time < FREE and s.mechanism.q[1] < 0.5 * LENGTH]
     depths = [0.5 * LENGTH - sample.mechanism.q[1] for sample in in_the_hole]
     assert max(depths) > 0.9 * DEPTH
@@ -65,11 +58,11 @@ def slip_of(run):
 
 def test_it_stands_on_the_bottom():
     """The hand's spring goes 5 mm below it; four corners bear the push, alike."""
-    sample = whole().at(DOWN)
+    sample = whole("peg_in_hole").at(DOWN)
     touching = sample.mechanism.touching
     assert touching.pairs.tolist() == [BOTTOM] * 4
     push = -push_of(sample)[1]
-    depth, slip = push / (4.0 * STIFFNESS), slip_of(whole())[1]
+    depth, slip = push / (4.0 * STIFFNESS), slip_of(whole("peg_in_hole"))[1]
     assert push == pytest.approx(HAND * (0.005 - depth - slip), rel=AT_REST)
     assert touching.depths == pytest.approx(depth, rel=1e-3)
     assert touching.forces[:, 1] == pytest.approx(push / 4.0, rel=1e-3)
@@ -79,7 +72,7 @@ def test_it_stands_on_the_bottom():
 @pytest.mark.parametrize("time", [TILTED, JAMMED])
 def test_pulled_aside_it_bears_on_two_points(time):
     """On the right rim and on the left wall, both pushing inwards, within their cones."""
-    sample = whole().at(time)
+    sample = whole("peg_in_hole").at(time)
     touching = sample.mechanism.touching
     # At each, the peg's edge along z has two ends.
     assert sorted(touching.pairs.tolist()) == [LEFT, LEFT, RIGHT, RIGHT]
@@ -97,7 +90,7 @@ def test_pulled_aside_it_bears_on_two_points(time):
 @pytest.mark.parametrize("time", [TILTED, JAMMED])
 def test_two_forces_hold_the_push_and_its_lever(time):
     """Both sides' wrenches and the hand's add up to none, and each side's is larger."""
-    sample = whole().at(time)
+    sample = whole("peg_in_hole").at(time)
     push = push_of(sample)
     left, right = (wrench_of(sample, side) for side in (LEFT, RIGHT))
     assert left + right + push == pytest.approx(np.zeros(3), abs=AT_REST * np.abs(push[0]))
@@ -113,7 +106,7 @@ def test_two_forces_hold_the_push_and_its_lever(time):
 @pytest.mark.parametrize("time", [DOWN, TILTED, JAMMED])
 def test_what_is_held_is_what_touches(time):
     """F_c is the contacts' own wrench, the device gives it on, and the hand holds it."""
-    sample = whole().at(time)
+    sample = whole("peg_in_hole").at(time)
     contacts = wrench_of(sample, LEFT, RIGHT, BOTTOM)
     size = np.abs(contacts).max()
     assert sample.contact_wrench[[0, 1, 5]] == pytest.approx(contacts, abs=AT_REST * size)
@@ -123,7 +116,7 @@ def test_what_is_held_is_what_touches(time):
 
 def test_it_tilts_as_far_as_the_clearance_lets_it():
     """Inside · tan + width / cos = hole, and what both contacts give way by."""
-    sample = whole().at(TILTED)
+    sample = whole("peg_in_hole").at(TILTED)
     _, y, cosine, sine = sample.mechanism.q
     touching = sample.mechanism.touching
     gives = sum(touching.depths[touching.pairs == side].mean() for side in (LEFT, RIGHT))
@@ -140,7 +133,7 @@ def test_it_tilts_as_far_as_the_clearance_lets_it():
 
 def test_it_is_jammed_until_it_comes_straight():
     """A push of over 1 N does not move the tilted peg; straight, it follows at once."""
-    run = whole()
+    run = whole("peg_in_hole")
     before, after = run.at(TILTED), run.at(JAMMED)
     pushed = push_of(before)[1] - push_of(after)[1]
     assert pushed > 1.0
@@ -151,7 +144,7 @@ def test_it_is_jammed_until_it_comes_straight():
 
 
 def test_energy_is_lost_and_never_found():
-    run = whole()
+    run = whole("peg_in_hole")
     balance = run.held() + run.lost() - run.work()
     # Work is counted by rates of a step's ends: of some 4 mJ.
     assert np.abs(balance).max() < 1e-8

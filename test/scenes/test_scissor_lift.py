@@ -9,17 +9,12 @@ import pytest
 
 from hapticmech_ros import Mechanism, Simulator, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 STAGES, BAR = 3, 0.12
 PLATFORM, ROLLER, BAR_MASS, BAR_MOMENT = 0.8, 0.03, 0.05, 6e-5
 GRAVITY = 9.81
 ANGLES = np.linspace(0.2, 1.2, 7)
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("scissor_lift"))
 
 
 @cache
@@ -99,7 +94,7 @@ def test_the_lift_weighs_nothing():
 
 
 def test_it_rises_as_its_bars_turn():
-    run = whole()
+    run = whole("scissor_lift")
     q = run.of(lambda s: s.mechanism.q)
     assert np.ptp(q[:, 7]) > 0.12
     assert q[:, 7] == pytest.approx(height_of(q[:, 0]), abs=1e-12)
@@ -113,7 +108,7 @@ def test_the_hand_feels_the_mass_on_its_way():
 
     The session's own mass: force over acceleration, by least squares over the moves.
     """
-    run = whole()
+    run = whole("scissor_lift")
     moving = (run.time > 0.3) & (run.time < 3.0)
     speed = run.of(lambda s: s.device.twist[1])
     push = run.of(lambda s: s.hand_wrench[1])
@@ -127,7 +122,7 @@ def test_the_hand_feels_the_mass_on_its_way():
 
 def test_a_pull_aside_is_given_back():
     """At the end the hand pulls aside by 4 N, and the lift stands where it is."""
-    sample = whole().samples[-1]
+    sample = whole("scissor_lift").samples[-1]
     push = sample.hand_wrench[0]
     assert push > 3.0
     assert sample.output.joint_constraint[0] == pytest.approx(-push, rel=1e-3)

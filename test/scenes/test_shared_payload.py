@@ -13,33 +13,15 @@ from hapticmech_ros.scene import document_of, scene_from_document
 from oracles import closed_form
 from oracles.jacobians import Jacobians
 from oracles.kinematics import skew
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 PAYLOAD_MASS, PAYLOAD_MOMENT = 1.0, 1.1e-3
 GRIP = {"link": "payload", "origin": {"xyz": [0.04, 0.0, 0.0]}}
 
 
 @cache
-def whole():
-    return SessionRun(load_scene("shared_payload"))
-
-
-@cache
 def document():
     return document_of(load_scene("shared_payload"))
-
-
-def closing_rows(jacobians):
-    """Return W: twists of each grasp's two frames against each other, which are at one place."""
-    closures = document()["closures"]
-    apart = [jacobians.of_frame(c["a"]) - jacobians.of_frame(c["b"]) for c in closures]
-    return np.vstack(apart)
-
-
-def inverse_inertia(jacobians):
-    """Return X at the grip from independent coordinates of both loops."""
-    rows, jacobian = closing_rows(jacobians), jacobians.of_frame(GRIP)
-    return closed_form.inverse_inertia(jacobians.inertia(), rows, jacobian)
 
 
 def test_the_arms_have_more_joints_than_they_need():
@@ -53,8 +35,8 @@ def test_the_arms_have_more_joints_than_they_need():
 
 @pytest.mark.parametrize("time", [0.0, 0.8, 1.8, 3.6])
 def test_the_hand_feels_payload_arms_and_base(time):
-    sample = whole().at(time)
-    expected = inverse_inertia(Jacobians(document(), sample.mechanism.q))
+    sample = whole("shared_payload").at(time)
+    expected = Jacobians(document(), sample.mechanism.q).inverse_inertia(GRIP)
     difference = np.abs(sample.analysis.inverse_inertia - expected).max()
     # 26 freedoms, D and closures of condition up to 1e4 together.
     assert difference < 1e-10 * np.abs(expected).max()
@@ -63,7 +45,7 @@ def test_the_hand_feels_payload_arms_and_base(time):
 @pytest.mark.parametrize("time", [0.0, 1.8, 3.6])
 def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
     """Inverse inertias in order: of one rigid piece, as it is, of the payload alone."""
-    sample = whole().at(time)
+    sample = whole("shared_payload").at(time)
     jacobians = Jacobians(document(), sample.mechanism.q)
     rotation, middle = jacobians.poses["payload"]
     grasp_schedule = middle + rotation @ np.array(GRIP["origin"]["xyz"])
@@ -84,7 +66,7 @@ def test_heavier_than_the_payload_and_lighter_than_all_of_it_in_one_piece(time):
 
 
 def test_nothing_is_rigid_on_the_way():
-    run = whole()
+    run = whole("shared_payload")
     assert set(run.count) == {0}
     assert np.abs(run.of(lambda s: s.output.joint_constraint)).max() == 0.0
     moved = run.of(lambda s: s.point.pose.translation)
@@ -121,7 +103,7 @@ def test_the_arms_move_the_whole_by_nothing(integrator, error):
 
 def test_the_hand_moves_the_whole_as_its_mass():
     """The centre of mass of all goes as the hand's and the channels' force, over 11.3 kg."""
-    run = whole()
+    run = whole("shared_payload")
     h = run.session.period
     # A command acts a period later.
     pushes = run.of(lambda s: s.output.mechanism[:3])[:-1]
@@ -150,7 +132,7 @@ def test_the_base_gives_way_to_the_hand(axis):
     start = simulator.initial_state()
     jacobians = Jacobians(document(), start.q)
     force = jacobians.of_frame(GRIP).T @ push[0]
-    rows = closing_rows(jacobians)
+    rows = jacobians.closing_rows()
     rates, _ = closed_form.kkt(jacobians.inertia(), rows, force, np.zeros(len(rows)))
     found = simulator.step(start, push).v / simulator.period
     # Dampers of c = 0.02 N m s/rad take c h / (2 I) of it in a step, 1e-5 where I is 1e-3 kg m².
@@ -188,7 +170,8 @@ def test_locked_arms_and_one_grasp_feel_as_one_body():
     simulator = Simulator(scene_from_document(changed))
     state = simulator.initial_state()
     found = analyse(simulator.mechanism, state.q, active=state.active).inverse_inertia
-    mass, centre = Jacobians(document(), whole().samples[0].mechanism.q).centre_of_mass()
+    first = whole("shared_payload").samples[0].mechanism
+    mass, centre = Jacobians(document(), first.q).centre_of_mass()
     force = np.array([1.0, 0.5, -0.2])
     grasp_schedule = np.array([0.24, 0.0, 0.0])
     # A push without turning moment about the centre of mass moves all alike.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros import Mechanism, analyse, load_scene
-from oracles.sessions import SessionRun
+from oracles.sessions import whole
 
 RADIUS, ROD = 0.04, 0.13
 INMOST = ROD - RADIUS  # where the piston counts from
@@ -18,11 +18,6 @@ PISTON_MASS = 0.8
 PUSH = 0.03
 DAMPING = {"crank": 0.004, "rod": 1e-4, "piston": 0.2}
 ANGLES = np.linspace(0.1, 0.1 + 2.0 * np.pi, 25)
-
-
-@cache
-def whole():
-    return SessionRun(load_scene("slider_crank_engine"))
 
 
 class Turn:
@@ -102,7 +97,7 @@ def test_at_a_dead_centre_the_piston_is_rigid_and_the_pin_is_not(angle):
 
 
 def test_the_pin_is_two_constraints_over_whole_turns():
-    run = whole()
+    run = whole("slider_crank_engine")
     turned = run.of(lambda s: s.mechanism.q[0])
     assert turned[-1] - turned[0] > 10.0 * np.pi
     assert run.changes == []
@@ -114,7 +109,7 @@ def test_the_crank_obeys_its_own_equation_of_motion():
 
     The session's couple is the hand's and what the position channel adds, as it was commanded.
     """
-    run = whole()
+    run = whole("slider_crank_engine")
     begin, end = 3000, 4000
     states = run.of(lambda s: (s.mechanism.q[0], s.mechanism.v[0]))
     pushes = run.of(lambda s: s.output.mechanism)
@@ -142,7 +137,7 @@ def test_the_crank_obeys_its_own_equation_of_motion():
 
 def test_the_speed_goes_with_the_mass_felt():
     """The heavier the slower: the flywheel's even part hides in neither."""
-    run = whole()
+    run = whole("slider_crank_engine")
     settled = run.time > 3.0
     speeds = run.of(lambda s: s.mechanism.v[0])[settled]
     masses = run.of(lambda s: 1.0 / np.trace(s.analysis.inverse_inertia[:2, :2]))[settled]
@@ -152,7 +147,7 @@ def test_the_speed_goes_with_the_mass_felt():
 
 def test_the_hand_feels_the_couple_that_it_gives():
     """Device and crank go together, so what the device gives back is the hand's couple or so."""
-    run = whole()
+    run = whole("slider_crank_engine")
     settled = run.time > 1.0
     torque = run.of(lambda s: s.output.device[5])[settled]
     assert torque.mean() == pytest.approx(-PUSH, rel=0.1)

@@ -141,9 +141,7 @@ def errors_of_accelerations(pushing, period):
     return np.array(errors)
 
 
-@pytest.mark.parametrize(
-    "pushing", sampled([("left",), ("right",), ("left", "right")]), ids="+".join
-)
+@pytest.mark.parametrize("pushing", sampled(PUSHING), ids="+".join)
 def test_both_are_accelerated_by_what_either_pushes(pushing):
     """Of points to 0.03 %, of devices to 0.15 % and the second order of the period."""
     periods = 1e-3, 5e-4, *only_long(2.5e-4)
