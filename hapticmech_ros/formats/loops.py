@@ -24,6 +24,7 @@ from hapticmech_ros.formats.model import (
     Joint,
     LoopJoint,
     Note,
+    from_z,
     origin_of,
 )
 from hapticmech_ros.formats.names import clean
@@ -182,12 +183,9 @@ def _kind(node: Node) -> str:
 
 def _turn(node: Node) -> pin.SE3:
     """Return the rotation of z to the axis of an element; none without one."""
-    turn, axis = pin.SE3.Identity(), node.first("axis")
+    axis = node.first("axis")
     along = _numbers(axis.attributes.get("xyz", "")) if axis is not None else None
-    if along is not None and any(along):
-        up = np.array((0.0, 0.0, 1.0))
-        turn.rotation = pin.Quaternion.FromTwoVectors(up, np.array(along)).matrix()
-    return turn
+    return from_z(np.array(along)) if along is not None and any(along) else pin.SE3.Identity()
 
 
 def _said(node: Node) -> str:

@@ -111,13 +111,10 @@ def mimic(source: Source, joint: Node, axis: Node) -> Coupling | None:
     if written is None or written.attributes.get("axis", "axis") != "axis":
         return None
     name, leader = source.text(joint, "name"), source.text(written, "joint")
-    values = []
-    for tag in ("multiplier", "offset", "reference"):
-        part = written.first(tag)
-        if part is None and tag == "multiplier":
-            raise source.error(written, name, "a mimic needs a <multiplier>")
-        values.append(source.numbers(part, part.text, 1, tag)[0] if part is not None else 0.0)
-    ratio, offset, reference = values
+    if written.first("multiplier") is None:
+        raise source.error(written, name, "a mimic needs a <multiplier>")
+    tags = ("multiplier", "offset", "reference")
+    ratio, offset, reference = (source.inside(written, tag, (0.0,))[0] for tag in tags)
     return Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset - ratio * reference)
 
 
@@ -342,10 +339,7 @@ class _Reader:
         self, node: Node | None, tag: str, default: float, largest: float = LARGEST
     ) -> float:
         """Return the number in an element."""
-        found = node.first(tag) if node is not None else None
-        if found is None:
-            return default
-        return self.source.numbers(found, found.text, 1, tag, largest)[0]
+        return self.source.inside(node, tag, (default,), largest)[0]
 
     def hinges(self, joint: Node, bodies: dict[str, Body]) -> list[Joint]:
         """Return what an element is: a joint, or several with bodies without mass between."""

@@ -37,6 +37,7 @@ from hapticmech_ros.formats.model import (
     Note,
     Point,
     Solid,
+    from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
 from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
@@ -377,8 +378,7 @@ def _hinge(source: Source, node: Node, notes: Counter[str]) -> Joint:
     axis = _axis(source, node) if moving or kind == "planar" else np.array((0.0, 0.0, 1.0))
     level = pin.SE3.Identity()
     if kind == "planar":
-        level.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
-        axis = np.array((0.0, 0.0, 1.0))
+        level, axis = from_z(axis), np.array((0.0, 0.0, 1.0))
     return Joint(
         name,
         JOINT_TYPES[kind],

@@ -177,6 +177,19 @@ class Source:
             self.text(node, attribute)
         return self.values(node, attribute, (0.0 if default is None else default,), largest)[0]
 
+    def inside(
+        self,
+        node: Node | None,
+        tag: str,
+        default: Sequence[float],
+        largest: float = LARGEST,
+    ) -> tuple[float, ...]:
+        """Return the numbers in an element's own element, or the default; as many as it has."""
+        found = None if node is None else node.first(tag)
+        if found is None:
+            return tuple(default)
+        return self.numbers(found, found.text, len(default), tag, largest)
+
     def _read(self) -> bytes:
         try:
             found = read_file(self.path, FILE_SIZE_LIMIT)

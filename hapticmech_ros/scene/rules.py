@@ -9,7 +9,7 @@ Rules of shapes and contacts that concern more than one value of a scene.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,11 @@ def _names_of_contacts(scene: SceneDocument) -> Iterator[SceneProblem]:
         ("shapes[{}].name", [shape.name for shape in scene.shapes]),
         ("contacts[{}].name", [contact.name for contact in scene.contacts]),
     )
+    yield from _names_twice(groups)
+
+
+def _names_twice(groups: Iterable[tuple[str, Sequence[str]]]) -> Iterator[SceneProblem]:
+    """Yield names that stand before under the same key."""
     for key, names in groups:
         for index, name in enumerate(names):
             if name in names[:index]:
@@ -211,10 +216,7 @@ def _names(scene: SceneDocument) -> Iterator[SceneProblem]:
         ("springs[{}].name", [spring.name for spring in scene.springs]),
         ("operational_points[{}].name", [point.name for point in scene.operational_points]),
     )
-    for key, names in groups:
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                yield SceneProblem(key.format(index), name, "names must be unique")
+    yield from _names_twice(groups)
     for index, link in enumerate(scene.links):
         if link.name in {point.name for point in scene.operational_points}:
             rule = "must differ from the operational points' names: both name frames"
