@@ -45,11 +45,10 @@ def library(path: Path) -> AnyReader:
     return AnyReader([path], default_typestore=STORE)
 
 
-def written(path: Path, storage: str, make: Bytes, split: bool = False) -> Path:
+def written(path: Path, storage: str, make: Bytes) -> Path:
     """Write messages that come out of order, at equal times, and in many chunks."""
     chance = random.Random(7)
-    split_ns = 200 if split else None
-    with BagWriter(path, storage, split_ns=split_ns) as bag:
+    with BagWriter(path, storage) as bag:
         for name in TOPICS:
             bag.add_topic(name, WRENCH)
         for number in range(600):
@@ -121,15 +120,6 @@ def test_topics_types_and_counts_are_the_librarys(
                 assert topic.type_hash == STORE.hash_rihs01(WRENCH)
 
 
-def test_a_split_bag_is_read_whole(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    bag = written(tmp_path / "bag", storage, wrench_bytes, split=True)
-    assert len(list(bag.glob(f"*{SUFFIXES[storage]}"))) > 1
-    assert sorted(own(bag, "/b")) == sorted(read(bag, "/b"))
-    with BagReader(bag) as found:
-        times = [time_ns for _, time_ns, _ in found.serialized("/b")]
-    assert times == sorted(times)
-
-
 @pytest.mark.parametrize("plugin", list(StoragePlugin))
 @pytest.mark.parametrize("compression", [None, *CompressionMode])
 def test_bags_of_other_writers_are_the_librarys(
@@ -150,12 +140,6 @@ def test_bags_of_other_writers_are_the_librarys(
     expected = read(tmp_path / "bag", "/b")
     assert len(expected) == 67
     assert own(tmp_path / "bag", "/b") == expected
-
-
-def test_a_bag_without_messages(storage: str, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", storage) as bag:
-        bag.add_topic("/a", WRENCH)
-    assert own(tmp_path / "bag") == []
 
 
 def with_checksums(bag: Path) -> Path:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,15 +14,13 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag import BagReader, BagWriter
+from bag.record import MS, WRENCH, Bytes, record
+from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.bag.writer import FLUSH_NS
 from hapticmech_ros.errors import BagError
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 STORAGES = ("mcap", "sqlite3")
-MS = 1_000_000
 
 KILLED = """
 import os, signal, sys
@@ -50,10 +47,8 @@ def times(bag: Path) -> list[int]:
 
 
 def write(path: Path, storage: str, make: Bytes, count: int = 3000, split: int = 0) -> None:
-    with BagWriter(path, storage, split_ns=split or None) as bag:
-        bag.add_topic("/f", WRENCH, "latched")
-        for i in range(count):
-            bag.write("/f", i * MS, make(i, float(i)))
+    sent = [("/f", i * MS, make(i, float(i))) for i in range(count)]
+    record(path, sent, storage, qos="latched", split_ns=split or None)
 
 
 @pytest.mark.parametrize("storage", STORAGES)

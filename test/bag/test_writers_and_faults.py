@@ -18,7 +18,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag import BagReader, BagWriter
+from bag.record import record
+from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.errors import BagError
@@ -36,12 +37,7 @@ Sortable = list[tuple[str, int, bytes]]
 
 
 def own(path: Path, storage: str, split: bool = False) -> Path:
-    with BagWriter(path, storage, split_ns=20_000 if split else None) as writer:
-        for name in TOPICS:
-            writer.add_topic(name, STRING)
-        for message in TRUTH:
-            writer.write(*message)
-    return path
+    return record(path, TRUTH, storage, STRING, split_ns=20_000 if split else None)
 
 
 def library(path: Path, plugin: StoragePlugin, version: int, mode: str = "NONE") -> Path:
@@ -264,17 +260,19 @@ def test_a_fault_is_one(tmp_path: Path, fault: str) -> None:
 
 
 @pytest.mark.parametrize("index", mcap.IndexType.__members__)
-@pytest.mark.parametrize("chunked", [True, False])
+@pytest.mark.parametrize("chunks", ["loose", *mcap.CompressionType.__members__])
 @pytest.mark.parametrize("statistics", [True, False])
 @pytest.mark.parametrize("channels", [True, False])
 @pytest.mark.parametrize("schemas", [True, False])
 def test_an_index_may_lack_any_part(
-    tmp_path: Path, index: str, chunked: bool, statistics: bool, channels: bool, schemas: bool
+    tmp_path: Path, index: str, chunks: str, statistics: bool, channels: bool, schemas: bool
 ) -> None:
+    packed = mcap.CompressionType["NONE" if chunks == "loose" else chunks]
     bag = alone(
         tmp_path / "bag",
         index_types=mcap.IndexType[index],
-        use_chunking=chunked,
+        use_chunking=chunks != "loose",
+        compression=packed,
         use_statistics=statistics,
         repeat_channels=channels,
         repeat_schemas=schemas,
@@ -283,5 +281,8 @@ def test_an_index_may_lack_any_part(
     assert {topic.name: topic.count for topic in info.topics} == {"/f": 50, "/g": 50}
     assert info.duration_s == pytest.approx(49e-6)
     assert read(bag) == sorted(TRUTH)
+    assert check(bag).is_sound
     with BagReader(bag) as reader:
+        times = [time_ns for _, time_ns, _ in reader.serialized()]
+        assert times == sorted(times)
         assert sum(1 for _ in reader.serialized("/g")) == 50
