@@ -3,9 +3,9 @@
 """What a scene gets by a rule where its model's file is silent: start, stops, friction, metric."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from formats.imports import mass_matrix
 from hapticmech_ros import load_scene
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.simulation import Simulator
@@ -43,8 +43,7 @@ def joint(scene, name):
 def inertia_met(scene, name):
     sim = Simulator(scene.model_copy(update={"closures": ()}))
     model = sim.mechanism.model
-    upper = pin.crba(model, model.createData(), sim.initial_state().q)
-    whole = np.triu(upper) + np.triu(upper, 1).T
+    whole = mass_matrix(model, model.createData(), sim.initial_state().q)
     index = sim.mechanism.tree.joint_names.index(name)
     return 1.0 / np.linalg.inv(whole)[index, index]
 
