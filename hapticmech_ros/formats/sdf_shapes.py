@@ -11,15 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.formats.model import Document, Solid, from_z
-from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
-# Elements of each, and what they are where they are left out.
-SIZES = {
-    "sphere": (("radius", 1.0),),
-    "cylinder": (("radius", 1.0), ("length", 1.0)),
-    "capsule": (("radius", 0.5), ("length", 1.0)),
-}
+# Of sizes that are left out; all others are 1 m.
+DEFAULTS = {("capsule", "radius"): 0.5}
 KINDS = {"plane": "half_space"}
 
 
@@ -45,13 +41,12 @@ def _read(
     source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
 ) -> tuple[pin.SE3, Document]:
     if kind in SIZES:
-        keys = [key for key, _ in SIZES[kind]]
-        sizes = [source.inside(shape, key, (default,))[0] for key, default in SIZES[kind]]
-        sizes = above_zero(source, shape, sizes)
-        return place(), {"kind": kind, **dict(zip(keys, sizes, strict=True))}
-    if kind == "box":
-        size = source.inside(shape, "size", (1.0, 1.0, 1.0))
-        return place(), {"kind": kind, "size": above_zero(source, shape, size)}
+        return place(), sized(
+            source,
+            shape,
+            kind,
+            lambda key, count: source.inside(shape, key, (DEFAULTS.get((kind, key), 1.0),) * count),
+        )
     if kind == "half_space":
         return place() * _above(source, shape), {"kind": kind}
     if kind != "mesh":
