@@ -8,8 +8,10 @@ import json
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 from hapticmech_ros.formats.shapes import notes_of_shapes
 from hapticmech_ros.formats.stops import with_metrics, with_stops
@@ -70,6 +72,17 @@ def saved(folder, name, text):
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def refused(path, rule):
+    """Assert that a file breaks one rule, and return where: a line and element of the file."""
+    with pytest.raises(SceneError) as caught:
+        read_model(path)
+    (problem,) = caught.value.problems
+    assert rule in problem.rule
+    assert str(path) in str(caught.value)
+    assert problem.key_path.startswith("line")
+    return problem.key_path
 
 
 def counts_in(imported):

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read, counts_in, same_dynamics, saved
+from formats.imports import Read, counts_in, refused, same_dynamics, saved
 from formats.test_carried_by_nobody import felt
 from formats.test_sdf import joint, link, written
 from hapticmech_ros import load_scene
@@ -210,6 +210,4 @@ BROKEN = {
 
 @pytest.mark.parametrize(("part", "rule"), BROKEN.values(), ids=BROKEN)
 def test_errors_of_universal_joints(tmp_path, part, rule):
-    with pytest.raises(SceneError, match=rule) as caught:
-        read_model(written(tmp_path, [link("a"), part]))
-    assert caught.value.problems[0].key_path.startswith("line")
+    refused(written(tmp_path, [link("a"), part]), rule)

@@ -11,10 +11,9 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from formats.imports import Read, notes_in, saved
+from formats.imports import Read, notes_in, refused, saved
 from formats.test_carried_by_nobody import JOINT, LINK, SCENE, felt, four_bar
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats.reading import read_model
 
 # The same bars as in four_bar().
@@ -188,9 +187,7 @@ BAD = {
 
 @pytest.mark.parametrize(("write", "loop", "rule"), BAD.values(), ids=BAD)
 def test_what_breaks_a_rule_is_named_with_its_line(tmp_path, write, loop, rule):
-    with pytest.raises(SceneError, match=rule) as caught:
-        read_model(write(tmp_path, loop)[0])
-    assert caught.value.problems[0].key_path.startswith("line")
+    refused(write(tmp_path, loop)[0], rule)
 
 
 def test_in_a_nested_model_links_of_a_ball_constraint_are_those_of_the_model(tmp_path):
