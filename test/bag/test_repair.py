@@ -136,34 +136,6 @@ def test_only_the_last_of_several_files_is_damaged(
     assert report.stated == 3000 > report.messages >= 2002
 
 
-@pytest.mark.parametrize("storage", STORAGES)
-def test_metadata_lost(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    write(tmp_path / "bag", storage, wrench_bytes, count=20)
-    (tmp_path / "bag" / "metadata.yaml").unlink()
-    report = repair(tmp_path / "bag")
-    assert (report.messages, report.lost_bytes, report.refused) == (20, 0, {})
-    assert times(report.path) == [i * MS for i in range(20)]
-
-
-@pytest.mark.parametrize("mode", [CompressionMode.MESSAGE, CompressionMode.FILE])
-@pytest.mark.parametrize("plugin", list(StoragePlugin))
-def test_compressed_bags_are_read_and_repaired(
-    plugin: StoragePlugin, mode: CompressionMode, tmp_path: Path, wrench_bytes: Bytes
-) -> None:
-    writer = Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        store = get_typestore(Stores.ROS2_JAZZY)
-        connection = writer.add_connection("/f", WRENCH, typestore=store)
-        for i in range(50):
-            writer.write(connection, i * MS, wrench_bytes(i, float(i)))
-    sent = [("/f", i * MS, wrench_bytes(i, float(i))) for i in range(50)]
-    with BagReader(tmp_path / "bag") as bag:
-        assert list(bag.serialized()) == sent
-    with BagReader(repair(tmp_path / "bag").path) as bag:
-        assert list(bag.serialized()) == sent
-
-
 def test_a_type_that_nobody_here_knows_survives(tmp_path: Path) -> None:
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection(

@@ -99,8 +99,11 @@ WRITERS: dict[str, Callable[[Path], Path]] = {
     "own sqlite3 split": lambda path: own(path, "sqlite3", split=True),
     "rosbags 8 sqlite3": lambda path: library(path, StoragePlugin.SQLITE3, 8),
     "rosbags 9 mcap": lambda path: library(path, StoragePlugin.MCAP, 9),
-    "rosbags 9 messages": lambda path: library(path, StoragePlugin.SQLITE3, 9, "MESSAGE"),
-    "rosbags 9 file": lambda path: library(path, StoragePlugin.SQLITE3, 9, "FILE"),
+    "rosbags 9 sqlite3 messages": lambda path: library(path, StoragePlugin.SQLITE3, 9, "MESSAGE"),
+    "rosbags 9 sqlite3 file": lambda path: library(path, StoragePlugin.SQLITE3, 9, "FILE"),
+    "rosbags 9 mcap messages": lambda path: library(path, StoragePlugin.MCAP, 9, "MESSAGE"),
+    "rosbags 9 mcap file": lambda path: library(path, StoragePlugin.MCAP, 9, "FILE"),
+    "rosbags 9 mcap chunks": lambda path: library(path, StoragePlugin.MCAP, 9, "STORAGE"),
     "mcap zstd": lambda path: alone(path, compression=mcap.CompressionType.ZSTD),
     "mcap loose": lambda path: alone(
         path, use_chunking=False, repeat_channels=False, use_statistics=False
@@ -217,13 +220,16 @@ def read(bag: Path) -> Sortable:
         return sorted(reader.serialized())
 
 
-CASES = list(itertools.product(WRITERS, FAULTS))
+# With these a repair loses nothing.
+INTACT = ("metadata missing", "metadata count more", "metadata of another type")
+COMPRESSED = [name for name in WRITERS if name.endswith(("messages", "file", "chunks"))]
+CASES = list(itertools.product(WRITERS, ["none"]))
+CASES += itertools.product([*COMPRESSED, "own mcap", "own sqlite3"], INTACT[:2])
+for name in FAULTS:
+    CASES += sampled(itertools.product(WRITERS, [name]), name, 12)
 
 
-@pytest.mark.parametrize(
-    ("writer", "fault"),
-    [case for name in FAULTS for case in sampled([c for c in CASES if c[1] == name], name, 12)],
-)
+@pytest.mark.parametrize(("writer", "fault"), dict.fromkeys(CASES))
 def test_a_bag_is_read_whole_or_refused(tmp_path: Path, writer: str, fault: str) -> None:
     bag = WRITERS[writer](tmp_path / "bag")
     FAULTS[fault](bag)
@@ -243,7 +249,7 @@ def test_a_bag_is_read_whole_or_refused(tmp_path: Path, writer: str, fault: str)
             done = repair(bag, tmp_path / "repaired")
             kept = read(tmp_path / "repaired")
             assert len(kept) == done.messages
-            assert not set(kept) - set(whole)
+            assert kept == whole if fault in INTACT else not set(kept) - set(whole)
         return
     assert found == whole
     counted = Counter(name for name, _, _ in found)
