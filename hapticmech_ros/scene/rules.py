@@ -36,23 +36,6 @@ def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
         yield from _law(f"contacts[{index}]", contact)
 
 
-def with_mesh_paths(document: object, folder: Path) -> object:
-    """Return a scene's document with relative paths of meshes taken from ``folder``."""
-    if not isinstance(document, Mapping) or not isinstance(document.get("shapes"), list | tuple):
-        return document
-    return {**document, "shapes": [_with_path(shape, folder) for shape in document["shapes"]]}
-
-
-def _with_path(shape: object, folder: Path) -> object:
-    geometry = shape.get("geometry") if isinstance(shape, Mapping) else None
-    if not isinstance(shape, Mapping) or not isinstance(geometry, Mapping):
-        return shape
-    file = geometry.get("file")
-    if geometry.get("kind") != "mesh" or not isinstance(file, str) or not file:
-        return shape
-    return {**shape, "geometry": {**geometry, "file": str(folder / file)}}
-
-
 def _names_of_contacts(scene: SceneDocument) -> Iterator[SceneProblem]:
     groups = (
         ("shapes[{}].name", [shape.name for shape in scene.shapes]),

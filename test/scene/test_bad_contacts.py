@@ -6,8 +6,9 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.loading.loader import with_own_paths
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT, with_mesh_paths
+from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 from oracles.touching import on_floor
 from scene.broken import place, problems_of
 
@@ -90,7 +91,7 @@ def test_a_mesh_that_is_no_body(tmp_path, text, rule):
 def test_paths_of_meshes_are_from_the_scenes_file(tmp_path):
     geometry = {"kind": "mesh", "file": "parts/cube.obj"}
     document = {"shapes": [{"name": "cube", "geometry": geometry}]}
-    moved = with_mesh_paths(document, tmp_path)
+    moved = with_own_paths(document, tmp_path / "scene.yaml")
     assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "parts/cube.obj")
     assert geometry["file"] == "parts/cube.obj"
 
