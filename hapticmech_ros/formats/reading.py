@@ -189,7 +189,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
     if "links" in own:
         rule = "links come from the model: say one or the other"
-        raise SceneError(str(source), [SceneProblem("links", own["links"], rule)])
+        raise SceneError.of(str(source), "links", own["links"], rule)
     own = with_shapes(own, imported, str(source))
     for key in ("closures", "couplings"):
         if key in own and key in found:
@@ -231,7 +231,7 @@ def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
     if not isinstance(name, str) or name not in imported.keyframes:
         rule = f"must be one of the model's keyframes, {sorted(imported.keyframes)}"
         rule += nearest(name, imported.keyframes)
-        raise SceneError(source, [SceneProblem("initial_state.keyframe", name, rule)])
+        raise SceneError.of(source, "initial_state.keyframe", name, rule)
     rest = {key: value for key, value in state.items() if key != "keyframe"}
     for part, held in zip("qv", imported.keyframes[name], strict=True):
         given = rest.get(part, {})

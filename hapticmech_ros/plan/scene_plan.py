@@ -16,7 +16,7 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.device import ImpedanceDevice, device_for
+from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
@@ -26,7 +26,7 @@ from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
-from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
@@ -280,7 +280,7 @@ def _integrator(run: Running) -> Choice:
 
 def _configuration(run: Running) -> Choice:
     nq, nv = run.mechanism.nq, run.mechanism.nv
-    if run.flat:
+    if nq == nv:
         return Choice("configuration", "a vector", f"nq = nv = {nv}: steps are added")
     why = f"nq = {nq}, nv = {nv}: a step is integrated on the manifold at every stage"
     return Choice("configuration", "on a manifold", why)
@@ -362,7 +362,7 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "wrenches of the task space", np.empty((t, t))
     yield "operational model for the controllers", np.empty(OPERATIONAL_MODEL.size)
     yield "device sample for the controllers", np.empty(DEVICE_SAMPLE.size)
-    held = run.device.at_rest(terms.points[run.analyser.index].pose)
+    held = device_for(run.scene).at_rest(terms.points[run.analyser.index].pose)
     yield "state of the device", held.flat
 
 
@@ -375,30 +375,21 @@ class Running:
         simulator: steps the mechanism.
         state: initial state, loops closed.
         analyser: of the operational point that is held.
-        device: held by the hand.
         rows: rows, rank and mobility of the closures active there.
         stepping: integrator, period, substeps, Baumgarte's rate.
-        scheme: the integrator's stages.
     """
 
     scene: Scene
     simulator: Simulator
     state: MechanismState
     analyser: Analyser
-    device: ImpedanceDevice
     rows: Redundancy
     stepping: Plan
-    scheme: Scheme
 
     @property
     def mechanism(self) -> Mechanism:
         """The simulator's mechanism."""
         return self.simulator.mechanism
-
-    @property
-    def flat(self) -> bool:
-        """Whether q is a vector like v, so that steps are added to it."""
-        return self.mechanism.nq == self.mechanism.nv
 
     @property
     def can_latch(self) -> tuple[str, ...]:
@@ -408,36 +399,6 @@ class Running:
             for loop, on in zip(self.mechanism.closures, self.state.active, strict=True)
             if not on and loop.latch_distance is not None
         )
-
-
-def running(scene: Scene, point: str = "") -> Running:
-    """Build the objects that run for a scene, as a session does.
-
-    Args:
-        scene: to run.
-        point: operational point that is held; the scene's first one if empty.
-
-    Returns:
-        The scene's objects at its start.
-
-    Raises:
-        InvalidInputError: no such point.
-        ClosureError: the scene cannot close.
-    """
-    simulator = Simulator(scene)
-    analyser = Analyser(simulator.mechanism, point)
-    state = simulator.initial_state()
-    stepping = plan_of(simulator.scene.simulation)
-    return Running(
-        scene,
-        simulator,
-        state,
-        analyser,
-        device_for(scene),
-        redundancy(simulator.mechanism, state.q, state.active),
-        stepping,
-        SCHEMES[stepping.integrator],
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -528,8 +489,12 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         InvalidInputError: no such point.
         ClosureError: the scene cannot close.
     """
-    run = running(scene, point)
-    mechanism, rows, stepping = run.mechanism, run.rows, run.stepping
+    simulator = Simulator(scene)
+    mechanism = simulator.mechanism
+    analyser, state = Analyser(mechanism, point), simulator.initial_state()
+    rows = redundancy(mechanism, state.q, state.active)
+    stepping = plan_of(simulator.scene.simulation)
+    run = Running(scene, simulator, state, analyser, rows, stepping)
     return ScenePlan(
         scene=scene.name,
         topology=_topology(run),
@@ -550,7 +515,7 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         redundant_rows=rows.redundant,
         elements=_elements(run),
         integrator=stepping.integrator,
-        stages=len(run.scheme.weights),
+        stages=len(SCHEMES[stepping.integrator].weights),
         period=stepping.period,
         substeps=stepping.substeps,
         choices=tuple(choices(run)),
