@@ -103,14 +103,14 @@ class SceneError(HapticMechError):
         super().__init__(f"{source}: scene refused\n{lines}")
 
     @classmethod
-    def of(cls, source: str, key_path: str, value: object, rule: str) -> SceneError:
-        """Return the error of one broken rule."""
-        return cls(source, [SceneProblem(key_path, value, rule)])
-
-    @classmethod
     def of_file(cls, error: FileError) -> SceneError:
         """Return the error of a scene whose file breaks a rule."""
-        return cls.of(error.file, error.where, error.value, error.rule)
+        return cls(error.file, [SceneProblem(error.where, error.value, error.rule)])
+
+
+def scene_error(source: str, key_path: str, value: object, rule: str) -> SceneError:
+    """Return the error of one broken rule; see :class:`SceneProblem`."""
+    return SceneError(source, [SceneProblem(key_path, value, rule)])
 
 
 class ClosureError(HapticMechError):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from hapticmech_ros.errors import FileError, SceneError
+from hapticmech_ros.errors import FileError, SceneError, scene_error
 from hapticmech_ros.files import read_file
 from hapticmech_ros.scene.part import LARGEST
 
@@ -103,7 +103,7 @@ class Source:
         """Return the error of something in the file."""
         where = "file" if node is None else f"line {node.line}, <{node.tag}>"
         file = self.path if node is None else node.file or self.path
-        return SceneError.of(str(file), where, value, rule)
+        return scene_error(str(file), where, value, rule)
 
     def where(self, node: Node) -> str:
         """Return the line and tag of an element, and its file if that is an included one."""

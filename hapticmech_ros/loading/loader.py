@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hapticmech_ros.errors import SceneError
+from hapticmech_ros.errors import scene_error
 from hapticmech_ros.files import is_file, shared
 from hapticmech_ros.scene.linkage import with_linkage
 from hapticmech_ros.scene.scene import Scene, scene_from_document
@@ -57,10 +57,10 @@ def copy_scene(
             stream.write(f"# A copy of {scene}\n{text}")
     except FileExistsError:
         rule = "exists: choose another place"
-        raise SceneError.of(str(out), "file", str(out), rule) from None
+        raise scene_error(str(out), "file", str(out), rule) from None
     except OSError as error:
         rule = f"cannot be written: {error.strerror}"
-        raise SceneError.of(str(out), "file", str(out), rule) from None
+        raise scene_error(str(out), "file", str(out), rule) from None
 
 
 def _plain(value: object) -> object:
@@ -204,7 +204,7 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
     if str(scene) in shipped:
         return shipped[str(scene)]
     rule = f"no such file, nor a shipped scene; shipped: {sorted(shipped)}"
-    raise SceneError.of(str(scene), "scene", str(scene), rule)
+    raise scene_error(str(scene), "scene", str(scene), rule)
 
 
 def shipped_scenes() -> dict[str, Path]:
