@@ -348,13 +348,6 @@ def test_an_inactive_equality_waits(tmp_path):
     assert (closure.name, closure.active) == ("w", False)
 
 
-def test_equalities_have_classes(tmp_path):
-    text = LOOPS.format(inertial=INERTIAL, equality='<weld body1="b" name="w"/>')
-    text = text.replace('active="true"', 'active="false"')
-    (closure,) = Read(written(tmp_path, text)).scene.closures
-    assert not closure.active
-
-
 TENDON = """<tendon><fixed name="t"><joint joint="j" coef=".4"/><joint joint="k" coef="-.6"/>
     </fixed></tendon>"""
 

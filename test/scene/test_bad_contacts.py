@@ -88,12 +88,19 @@ def test_a_mesh_that_is_no_body(tmp_path, text, rule):
     assert caught.value.problems[0].key_path == "shapes[1].geometry.file"
 
 
-def test_paths_of_meshes_are_from_the_scenes_file(tmp_path):
-    geometry = {"kind": "mesh", "file": "parts/cube.obj"}
-    document = {"shapes": [{"name": "cube", "geometry": geometry}]}
+def test_paths_of_meshes_and_scripts_are_from_the_scenes_file(tmp_path):
+    mesh, push = {"kind": "mesh", "file": "cube.obj"}, {"kind": "scripted", "file": "push.csv"}
+    document = {
+        "shapes": [{"name": "cube", "geometry": mesh}],
+        "hand": push,
+        "hands": [{"point": "a"}, {"point": "b", "hand": push}],
+    }
     moved = with_own_paths(document, tmp_path / "scene.yaml")
-    assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "parts/cube.obj")
-    assert geometry["file"] == "parts/cube.obj"
+    assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "cube.obj")
+    whole = {"kind": "scripted", "file": str(tmp_path / "push.csv")}
+    assert moved["hand"] == whole
+    assert moved["hands"] == [{"point": "a"}, {"point": "b", "hand": whole}]
+    assert (mesh["file"], push["file"]) == ("cube.obj", "push.csv")
 
 
 def test_what_a_scene_says_of_contacts_survives_a_document():
