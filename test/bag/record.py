@@ -6,12 +6,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
 
 from hapticmech_ros.bag import BagWriter
 
 Bytes = Callable[[int, float], bytes]
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 MS = 1_000_000
+
+
+def metadata(bag: Path) -> dict[str, Any]:
+    """Return a bag's metadata as another reader of YAML has them."""
+    text = (bag / "metadata.yaml").read_text(encoding="utf-8")
+    found: dict[str, Any] = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
+    return found
 
 
 def record(
