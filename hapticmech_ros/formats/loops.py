@@ -152,7 +152,7 @@ def _open(node: Node, links: Collection[str]) -> Note | None:
     turn = _turn(node) if closure["kind"] == "revolute" else pin.SE3.Identity()
     for k, (side, (link, part)) in enumerate(zip("ab", ends.items(), strict=True)):
         own = _numbers(part.attributes.get("xyz", ""))
-        at = own or (points[k] if len(points) == 2 and not _is_bushing(node) else None)
+        at = own or (points[k] if len(points) == 2 and "bushing" not in node.tag else None)
         rpy = _numbers(part.attributes.get("rpy", "")) or [0.0] * 3
         place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(at or [0.0] * 3)) * turn
         closure[side] = {"link": link}
@@ -162,10 +162,6 @@ def _open(node: Node, links: Collection[str]) -> Note | None:
     written = re.sub(r'"([A-Za-z_]\w*)"', r"\1", json.dumps([closure], ensure_ascii=False))
     what = f"{LEFT_OPEN}: {name} between {' and '.join(ends)}"
     return Note(what, 1, f"<{node.tag}> is not read: say closures: {written}")
-
-
-def _is_bushing(node: Node) -> bool:
-    return "bushing" in node.tag
 
 
 def _kind(node: Node) -> str:

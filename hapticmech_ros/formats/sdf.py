@@ -289,7 +289,8 @@ class _Reader:
         place = self.frames.pose(name, joint)
         before, behind = (self.frames.pose(body, joint) for body in (parent, child))
         moves = kind not in ("ball", "fixed")
-        armature = self._armature(joint)
+        # What the joint feels of a rotor that Drake's tags give it, kg m² or kg.
+        armature = self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
         self.notes[ROTOR_ELSEWHERE] += armature != 0.0 and not moves
         ends = before.actInv(place), place.actInv(behind)
         found = Joint(name, JOINT_TYPES[kind], parent, child, *ends)
@@ -359,10 +360,6 @@ class _Reader:
         at = pin.SE3.Identity()
         sliding = Joint(slide, "prismatic", nut, hinge.child, at, hinge.of_child, hinge.axis)
         return [turning_part, sliding]
-
-    def _armature(self, joint: Node) -> float:
-        """Return what a joint feels of a rotor that Drake's tags give it, kg m² or kg."""
-        return self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
 
     def _mimic(self, joint: Node, axis: Node) -> None:
         """Read what an axis mimics, if anything."""

@@ -97,7 +97,10 @@ class Source:
         self.path = path
         self._depth, self._file = depth, None if within is None else path
         self._sizes: _Sizes = _Sizes() if within is None else within._sizes
-        self.root = self._parse(self._read())
+        try:
+            self.root = self._nodes(self._read())
+        except FileError as error:
+            raise SceneError.of_file(error) from None
 
     def error(self, node: Node | None, value: object, rule: str) -> SceneError:
         """Return the error of something in the file."""
@@ -191,21 +194,12 @@ class Source:
         return self.numbers(found, found.text, len(default), tag, largest)
 
     def _read(self) -> bytes:
-        try:
-            found = read_file(self.path, FILE_SIZE_LIMIT)
-        except FileError as error:
-            raise SceneError.of_file(error) from None
+        found = read_file(self.path, FILE_SIZE_LIMIT)
         self._sizes.bytes += len(found)
         if self._sizes.bytes > FILE_SIZE_LIMIT:
             rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
             raise self.error(None, self._sizes.bytes, rule)
         return found
-
-    def _parse(self, data: bytes) -> Node:
-        try:
-            return self._nodes(data)
-        except FileError as error:
-            raise SceneError.of_file(error) from None
 
     def _nodes(self, data: bytes) -> Node:
         """Return the outermost element, with all that are in it, and count them.

@@ -338,12 +338,8 @@ class ArraySize:
     size_bytes: int
 
 
-def arrays_of_tick(run: Running) -> tuple[ArraySize, ...]:
-    """Return the arrays of a tick, with the closures that are active at the start."""
-    return tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run))
-
-
 def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
+    """Yield the arrays of a tick, with the closures that are active at the start."""
     mechanism = run.mechanism
     points, t = len(mechanism.point_names), run.analyser.rows.size
     yield "q", run.state.q
@@ -519,7 +515,7 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         period=stepping.period,
         substeps=stepping.substeps,
         choices=tuple(choices(run)),
-        arrays=arrays_of_tick(run),
+        arrays=tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run)),
     )
 
 

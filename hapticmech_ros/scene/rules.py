@@ -28,20 +28,17 @@ MESH_SIZE_LIMIT = 32_000_000
 
 def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield every rule of shapes and contacts that ``scene`` breaks."""
-    yield from _names_of_contacts(scene)
+    yield from _names_twice(
+        (
+            ("shapes[{}].name", [shape.name for shape in scene.shapes]),
+            ("contacts[{}].name", [contact.name for contact in scene.contacts]),
+        )
+    )
     yield from _shapes(scene)
     shapes = {shape.name: shape for shape in scene.shapes}
     for index, contact in enumerate(scene.contacts):
         yield from _pair(scene, f"contacts[{index}]", contact, shapes)
         yield from _law(f"contacts[{index}]", contact)
-
-
-def _names_of_contacts(scene: SceneDocument) -> Iterator[SceneProblem]:
-    groups = (
-        ("shapes[{}].name", [shape.name for shape in scene.shapes]),
-        ("contacts[{}].name", [contact.name for contact in scene.contacts]),
-    )
-    yield from _names_twice(groups)
 
 
 def _names_twice(groups: Iterable[tuple[str, Sequence[str]]]) -> Iterator[SceneProblem]:
