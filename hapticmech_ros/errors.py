@@ -108,6 +108,11 @@ class SceneError(HapticMechError):
         return cls(error.file, [SceneProblem(error.where, error.value, error.rule)])
 
 
+def scene_error(source: str, key_path: str, value: object, rule: str) -> SceneError:
+    """Return the error of one broken rule; see :class:`SceneProblem`."""
+    return SceneError(source, [SceneProblem(key_path, value, rule)])
+
+
 class ClosureError(HapticMechError):
     """Loop closures that cannot be met: the scene cannot close, or a running loop came apart."""
 

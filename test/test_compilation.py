@@ -45,14 +45,22 @@ def arguments():
     return np.array([1.0, 2.0, 4.0, 8.0]), np.array([0, 1, -1]), 0.5, order
 
 
-@pytest.fixture(scope="module")
-def made():
-    """Return a function as a kernel, compiled and loaded."""
-    content = packed({"tried": compiled(Kernel("tried", SIGNATURE, tried), "host")})
+def found(*kernels):
+    """Return kernels compiled, loaded, and found in the library."""
+    content = packed({one.name: compiled(one, "host") for one in kernels})
     loaded = library._loaded(library._unpacked(content))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(library, "library", lambda: loaded)
-        yield library.function_of("tried", SIGNATURE, tried)
+        return [
+            library.function_of(one.name, one.signature, one.function, gathered=one.gathered)
+            for one in kernels
+        ]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Return a function as a kernel."""
+    return found(Kernel("tried", SIGNATURE, tried))[0]
 
 
 def test_a_kernel_does_what_its_function_does(made):
@@ -86,18 +94,15 @@ def added(numbers, whole):
 
 
 def test_arguments_may_come_in_one_array(monkeypatch):
-    signature = "float64(float64[::1], int64[::1])"
-    kernel = Kernel("added", signature, added, gathered=True)
-    loaded = library._loaded({"added": compiled(kernel, "host")})
-    monkeypatch.setattr(library, "library", lambda: loaded)
+    kernel = Kernel("added", "float64(float64[::1], int64[::1])", added, gathered=True)
     gathered = np.empty(2, dtype=object)
     gathered[0], gathered[1] = np.array([1.0, 2.0, 4.0]), np.array([3, 5])
-    found = library.function_of("added", signature, added, gathered=True)
-    assert found(gathered) == 37.0
+    (plain,) = found(kernel)
+    assert plain(gathered) == 37.0
     gathered[1] = np.array([7])
-    assert found(gathered) == 77.0
+    assert plain(gathered) == 77.0
     monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "checked")
-    checked = library.function_of("added", signature, added, gathered=True)
+    (checked,) = found(kernel)
     assert checked(gathered) == 77.0
     gathered[1] = np.array([7.0])
     with pytest.raises(LibraryError, match="added: argument 1 must be"):
@@ -130,13 +135,9 @@ def test_what_a_kernel_calls_is_translated_for_each_combination_of_types():
         translated(scaled),
         translated(lambda x, n: inner(factor=n, number=x) + inner(n, 3)),
     )
-    name, signature = "calling", "float64(float64, int64)"
-    function = Kernel(name, signature, lambda x, n: outer(x, n) + inner(x, 0.25))
-    loaded = library._loaded({name: compiled(function, "host")})
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(library, "library", lambda: loaded)
-        found = library.function_of(name, signature, function.function)
-    assert found(0.5, 7) == 0.5 * 7 + 7 * 3 + 0.5 * 0.25
+    signature = "float64(float64, int64)"
+    (calling,) = found(Kernel("calling", signature, lambda x, n: outer(x, n) + inner(x, 0.25)))
+    assert calling(0.5, 7) == 0.5 * 7 + 7 * 3 + 0.5 * 0.25
 
 
 def summed(numbers):
@@ -153,12 +154,7 @@ def test_a_linked_kernel_is_called_by_others_and_contained_in_none():
         numbers[0] = linked(numbers)
         return linked(numbers[1:]) + linked(numbers)
 
-    kernels = [Kernel("summed", signature, summed, True), Kernel("twice", signature, twice)]
-    objects = {one.name: compiled(one, "host") for one in kernels}
-    loaded = library._loaded(objects)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(library, "library", lambda: loaded)
-        one, other = (library.function_of(k.name, signature, k.function) for k in kernels)
+    one, other = found(Kernel("summed", signature, summed, True), Kernel("twice", signature, twice))
     numbers = np.array([1.0, 2.0, 3.0, 4.0])
     assert one(numbers) == 7.0
     assert other(numbers) == 14.0 + 13.0

@@ -29,8 +29,10 @@ def test_what_a_worker_does_wrong_is_counted(tmp_path, monkeypatch):
     """An end by a signal, and silence; the next mutant has a new worker."""
     worker = Worker(tmp_path)
     try:
-        assert isinstance(worker.read(0), dict)
-        first = worker._process
+        found, first = worker.read(0), worker._process
+        assert found["process"] == first.pid
+        assert 20.0 < found["resident_mb"] < 2000.0
+        assert found["real_s"] >= found["blocked_s"] >= 0.0
         os.kill(first.pid, signal.SIGSEGV)
         assert worker.read(1) == f"exit code {-signal.SIGSEGV}"
         assert isinstance(worker.read(2), dict)
@@ -61,13 +63,6 @@ def said(**given):
     return {**harmless, **given}
 
 
-def broken(monkeypatch, tmp_path, tally):
-    """Return the names of the figures of a tally that do not keep their limits."""
-    monkeypatch.setattr(files, "read_mutants", lambda number, folder: tally)
-    monkeypatch.setattr(files, "_keep", lambda *arguments: None)
-    return [one.name for one in files.measured(300, tmp_path) if not one.kept]
-
-
 def tallied(*answers):
     tally = Tally()
     for number, one in enumerate(answers):
@@ -87,37 +82,34 @@ def life(growth_mb, process=1, count=300):
     ]
 
 
-def test_a_worker_that_grows_breaks_its_limit_and_a_large_file_does_not(monkeypatch, tmp_path):
-    assert broken(monkeypatch, tmp_path, tallied(*life(0.0), *life(0.0, 2))) == []
+GROWTH = "growth of a worker's resident memory"
+WAITS = ["mutants that hung", "slowest mutant, blocked"]
+TALLIES = {
+    "large files": (tallied(*life(0.0), *life(0.0, 2)), []),
+    "growth": (tallied(*life(0.0), *life(40.0, 2)), [GROWTH]),
+    "no worker lived long enough to show growth": (
+        tallied(*(one for process in range(10) for one in life(0.0, process, 30))),
+        [GROWTH],
+    ),
+    "much memory": (
+        tallied(*life(0.0), said(memory_mb=1200.0)),
+        ["memory taken by one mutant at most"],
+    ),
+    "blocked": (tallied(*life(0.0), said(real_s=20.0, blocked_s=19.0)), WAITS),
+    "waits for the processor": (tallied(*life(0.0), said(real_s=20.0)), []),
+}
+SILENT = tallied(*life(0.0))
+SILENT.silent(300)
+TALLIES["silent"] = SILENT, WAITS
+
+
+@pytest.mark.parametrize(("tally", "broken"), TALLIES.values(), ids=TALLIES)
+def test_limits_are_broken_by_what_breaks_them(monkeypatch, tmp_path, tally, broken):
+    monkeypatch.setattr(files, "read_mutants", lambda number, folder: tally)
+    monkeypatch.setattr(files, "_keep", lambda *arguments: None)
+    assert [one.name for one in files.measured(300, tmp_path) if not one.kept] == broken
+
+
+def test_growth_is_that_of_the_worker_that_grows_most():
     grown = tallied(*life(0.0), *life(40.0, 2))
     assert grown.growth_mb == pytest.approx(30.0, rel=0.05)
-    assert broken(monkeypatch, tmp_path, grown) == ["growth of a worker's resident memory"]
-
-
-def test_growth_that_no_worker_lived_long_enough_to_show_was_not_measured(monkeypatch, tmp_path):
-    short = tallied(*(one for process in range(10) for one in life(0.0, process, 30)))
-    assert broken(monkeypatch, tmp_path, short) == ["growth of a worker's resident memory"]
-
-
-def test_one_file_that_takes_much_memory_or_is_blocked_breaks_its_limit(monkeypatch, tmp_path):
-    large = tallied(*life(0.0), said(memory_mb=1200.0))
-    assert broken(monkeypatch, tmp_path, large) == ["memory taken by one mutant at most"]
-    waits = ["mutants that hung", "slowest mutant, blocked"]
-    blocked = tallied(*life(0.0), said(real_s=20.0, blocked_s=19.0))
-    assert broken(monkeypatch, tmp_path, blocked) == waits
-    # One that waits for the processor does not hang.
-    assert broken(monkeypatch, tmp_path, tallied(*life(0.0), said(real_s=20.0))) == []
-    silent = tallied(*life(0.0))
-    silent.silent(300)
-    assert broken(monkeypatch, tmp_path, silent) == waits
-
-
-def test_a_worker_tells_its_memory_and_the_time_that_it_takes(tmp_path):
-    worker = Worker(tmp_path)
-    try:
-        found = worker.read(0)
-        assert found["process"] == worker._process.pid
-    finally:
-        worker.close()
-    assert 20.0 < found["resident_mb"] < 2000.0
-    assert found["real_s"] >= found["blocked_s"] >= 0.0

@@ -13,6 +13,7 @@ import os
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -97,11 +98,6 @@ def _walk(value: Any, name: str) -> Iterator[tuple[str, Row]]:
 
 
 Pairs = list[tuple[int, int]]
-
-
-def by_order(a: int, b: int) -> Pairs:
-    """Return the pairs of two recordings with ``a`` and ``b`` messages: first with first."""
-    return [(i, i) for i in range(min(a, b))]
 
 
 def by_stamp(a: Sequence[int], b: Sequence[int]) -> Pairs:
@@ -398,7 +394,9 @@ def compare(
     if align not in get_args(Align):
         raise InvalidInputError("align", align, f"must be one of {', '.join(get_args(Align))}")
     with BagReader(expected) as first, BagReader(actual) as second:
-        in_first, in_second = _chosen(first, topics), _chosen(second, topics)
+        in_first, in_second = (
+            set(topics or bag.topics) & set(bag.topics) for bag in (first, second)
+        )
         unknown = [name for name in topics if name not in in_first | in_second]
         if unknown:
             raise BagError(f"neither {first.path} nor {second.path}: topic {', '.join(unknown)}")
@@ -419,22 +417,18 @@ def compare(
         )
 
 
-def _chosen(bag: BagReader, topics: Sequence[str]) -> set[str]:
-    return {name for name in bag.topics if not topics or name in topics}
-
-
 def _topic(name: str, a: _Recording, b: _Recording, shift: int, align: Align) -> TopicComparison:
     left, right = a.messages[name], b.messages[name]
     stamped = name in a.stamps and name in b.stamps
     pairs: Pairs
     if not stamped:
-        pairs = by_order(len(left), len(right))
+        pairs = [(i, i) for i in range(min(len(left), len(right)))]
     elif align == "stamp":
         pairs = by_stamp(a.stamps[name], b.stamps[name])
     else:
         pairs = by_nearest(a.stamps[name], [stamp + shift for stamp in b.stamps[name]])
     times = a.stamps[name] if stamped else a.times[name]
-    deviations = Deviations(_decoder(a, name), _decoder(b, name))
+    deviations = Deviations(partial(a.bag.decode, name), partial(b.bag.decode, name))
     for i, j in pairs:
         deviations.add(times[i], left[i], right[j])
     return TopicComparison(
@@ -447,10 +441,6 @@ def _topic(name: str, a: _Recording, b: _Recording, shift: int, align: Align) ->
         deviations.equal,
         deviations.fields(),
     )
-
-
-def _decoder(recording: _Recording, name: str) -> Callable[[bytes], Any]:
-    return lambda data: recording.bag.decode(name, data)
 
 
 def _number(value: float) -> float | str:

@@ -25,8 +25,8 @@ from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.state import StateColumns, StateLayout, coordinate_names
-from hapticmech_ros.wire.topics import JOINT_STATES, STATE, Topic
+from hapticmech_ros.wire.state import StateLayout, coordinate_names
+from hapticmech_ros.wire.topics import JOINT_STATES, STATE
 
 # A joint that goes so far and back within two states, rad or m, and so many times as far as it
 # usually goes in two, and so often, is told by two senders.
@@ -268,19 +268,18 @@ def states_from_bag(
 
 def _name(bag: BagReader, namespace: str) -> str:
     prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
-
-    def full(topic: Topic) -> str:
-        return f"{prefix}/{topic.name}"
-
-    found = bag.topics.get(full(STATE))
-    return full(STATE) if found is not None and found.count else full(JOINT_STATES)
+    own = f"{prefix}/{STATE.name}"
+    found = bag.topics.get(own)
+    return own if found is not None and found.count else f"{prefix}/{JOINT_STATES.name}"
 
 
 def _own_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
     layout = StateLayout(mechanism)
     messages = [data for _, _, data in bag.serialized(name)]
-    found = layout.unpack_all(FlatArray(layout.fields).decode_all(messages))
-    return _ordered(found, name)
+    columns = layout.unpack_all(FlatArray(layout.fields).decode_all(messages))
+    stamps, active, q, v, grasps = columns
+    order = np.argsort(stamps, kind="stable")
+    return RecordedStates(stamps[order], q[order], v[order], active[order], grasps[order], name)
 
 
 def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedStates:
@@ -295,9 +294,3 @@ def _joint_states(bag: BagReader, name: str, mechanism: Mechanism) -> RecordedSt
         name,
         found.notes,
     )
-
-
-def _ordered(found: StateColumns, topic: str) -> RecordedStates:
-    stamps, active, q, v, grasps = found
-    order = np.argsort(stamps, kind="stable")
-    return RecordedStates(stamps[order], q[order], v[order], active[order], grasps[order], topic)

@@ -61,25 +61,15 @@ def page_size(head: bytes) -> int:
     return _LARGEST_PAGE if size == 1 else int(size)
 
 
-class Steps:
-    """Counts SQLite's steps; it asks :meth:`too_many` every ``STEPS_AT_ONCE`` of them.
+def limit_steps(database: sqlite3.Connection, size: int) -> None:
+    """Let SQLite interrupt what takes too many steps from now on.
 
     Args:
+        database: open file.
         size: of the file, bytes.
     """
-
-    def __init__(self, size: int) -> None:
-        self._most = STEPS + STEPS_PER_BYTE * size
-        self._taken = 0
-
-    def renew(self) -> None:
-        """Begin to count anew, for the next query."""
-        self._taken = 0
-
-    def too_many(self) -> bool:
-        """Return whether the query has to end."""
-        self._taken += STEPS_AT_ONCE
-        return self._taken > self._most
+    left = iter(range((STEPS + STEPS_PER_BYTE * size) // STEPS_AT_ONCE))
+    database.set_progress_handler(lambda: next(left, None) is None, STEPS_AT_ONCE)
 
 
 def refuse_strange_tables(execute: Execute) -> None:
@@ -197,8 +187,7 @@ class SqliteReader:
         # Before Python 3.11 a row may have the 10⁹ bytes of SQLite itself.
         if sys.version_info >= (3, 11):
             self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, UNPACKED_LIMIT)
-        self._steps = Steps(self._size)
-        self._database.set_progress_handler(self._steps.too_many, STEPS_AT_ONCE)
+        limit_steps(self._database, self._size)
         refuse_strange_tables(execute)
         self.topics = tuple(stored_topics(execute))
         ((first,),) = execute("SELECT MIN(timestamp) FROM messages")
@@ -225,7 +214,7 @@ class SqliteReader:
             DamageError: a row is no message, or there are more than fit into the file.
             sqlite3.Error: damaged.
         """
-        self._steps.renew()
+        limit_steps(self._database, self._size)
         seen = 0
         query = (
             "SELECT topic_id, timestamp, data FROM messages"
@@ -300,7 +289,7 @@ class SqliteScan:
             try:
                 with closing(sqlite3.connect(copy)) as database:
                     database.execute("PRAGMA trusted_schema = OFF")
-                    database.set_progress_handler(Steps(size).too_many, STEPS_AT_ONCE)
+                    limit_steps(database, size)
                     for found in _rows(database):
                         read += ROW + len(found.data) if found.data is not None else 0
                         if read > size:

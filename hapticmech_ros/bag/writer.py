@@ -7,7 +7,8 @@ from __future__ import annotations
 import os
 import sqlite3
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -113,17 +114,13 @@ class BagWriter:
             BagError: topic already announced, unknown type or profile, or bag closed.
         """
         profiles = [offered_qos(qos_name)] if offered is None else list(offered)
-        with self._lock:
-            self._check_open()
+        with self._writing():
             if name in self._topics:
                 raise BagError(f"bag {self.path}: topic {name} is already there")
             text, type_hash = definition or self._definition(name, msgtype)
             number = len(self._topics) + 1
             topic = StoredTopic(number, name, msgtype, text, type_hash, tuple(profiles))
-            try:
-                self._announce(topic)
-            except _FAILURES as error:
-                raise BagError(f"cannot write bag {self.path}: {error}") from error
+            self._announce(topic)
             self._topics[name] = topic
             self._counts[name] = 0
             self._stale = True
@@ -146,25 +143,21 @@ class BagWriter:
         """
         if not messages:
             return
-        with self._lock:
-            self._check_open()
+        with self._writing():
             topic = self._topics.get(name)
             if topic is None:
                 raise BagError(f"bag {self.path}: topic {name} was not announced")
             time_ns = messages[0][0]
-            try:
-                if self._is_full(time_ns):
-                    self._next_file()
-                self._file.write_many(topic.number, messages)
-                self._counts[name] += len(messages)
-                self._files[-1].add([time_ns for time_ns, _ in messages])
-                if self._flushed_ns is None:
-                    self._flushed_ns = time_ns
-                elif abs(time_ns - self._flushed_ns) >= FLUSH_NS:
-                    self._flushed_ns = time_ns
-                    self._flush()
-            except _FAILURES as error:
-                raise BagError(f"cannot write bag {self.path}: {error}") from error
+            if self._is_full(time_ns):
+                self._next_file()
+            self._file.write_many(topic.number, messages)
+            self._counts[name] += len(messages)
+            self._files[-1].add([time_ns for time_ns, _ in messages])
+            if self._flushed_ns is None:
+                self._flushed_ns = time_ns
+            elif abs(time_ns - self._flushed_ns) >= FLUSH_NS:
+                self._flushed_ns = time_ns
+                self._flush()
 
     def flush(self) -> None:
         """Put all that was written where the death of this process cannot lose it.
@@ -172,12 +165,8 @@ class BagWriter:
         Raises:
             BagError: bag closed, or storage full.
         """
-        with self._lock:
-            self._check_open()
-            try:
-                self._flush()
-            except _FAILURES as error:
-                raise BagError(f"cannot write bag {self.path}: {error}") from error
+        with self._writing():
+            self._flush()
 
     def split(self) -> None:
         """Begin a new file, unless the present one is empty.
@@ -185,13 +174,9 @@ class BagWriter:
         Raises:
             BagError: bag closed, or storage full.
         """
-        with self._lock:
-            self._check_open()
-            try:
-                if self._files[-1].count:
-                    self._next_file()
-            except _FAILURES as error:
-                raise BagError(f"cannot write bag {self.path}: {error}") from error
+        with self._writing():
+            if self._files[-1].count:
+                self._next_file()
 
     def close(self, lost: Mapping[str, int | None] = MappingProxyType({})) -> None:
         """Write index and metadata; does nothing the second time.
@@ -218,6 +203,17 @@ class BagWriter:
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
         return dict(self._counts)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Keep other threads out, refuse a closed bag, and say what storage cannot do."""
+        with self._lock:
+            if self._closed:
+                raise BagError(f"bag {self.path} is closed")
+            try:
+                yield
+            except _FAILURES as error:
+                raise BagError(f"cannot write bag {self.path}: {error}") from error
 
     def _definition(self, name: str, msgtype: str) -> tuple[MessageDefinition, str]:
         try:
@@ -267,10 +263,6 @@ class BagWriter:
     def _information(self, finished: bool) -> dict[str, object]:
         topics = [replace(one, count=self._counts[name]) for name, one in self._topics.items()]
         return bag_information(self._storage, self._files, topics, finished)
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise BagError(f"bag {self.path} is closed")
 
     def __enter__(self) -> BagWriter:
         return self

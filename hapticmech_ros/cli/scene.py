@@ -32,7 +32,7 @@ def plan(
     ] = False,
     changes: ChangesOption = None,
 ) -> None:
-    """Print the plan compiled from SCENE: what a tick computes, what it leaves out, and why."""
+    """Print the plan compiled from SCENE: its numbers, which methods are used, and why."""
     from hapticmech_ros.cli.scene_tables import show_plan
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.plan.scene_plan import plan_scene

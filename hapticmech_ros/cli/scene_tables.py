@@ -21,7 +21,7 @@ from hapticmech_ros.scene import Scene
 
 SHAPES_SHOWN = 60
 ASSEMBLIES_SHOWN = 5
-NUMBERS = {"rows", "times", "bytes"}
+NUMBERS = {"rows", "bytes"}
 
 
 def show_plan(plan: ScenePlan) -> None:
@@ -30,7 +30,6 @@ def show_plan(plan: ScenePlan) -> None:
         console.print(f"{name:<22} {text}", highlight=False, markup=False, soft_wrap=True)
     if plan.closures:
         console.print(_closures(plan.closures))
-    console.print(_tick(plan))
     console.print(_arrays(plan))
 
 
@@ -196,14 +195,6 @@ def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
         start = "active" if one.active else "open, can latch" if one.can_latch else "open"
         redundant = ", ".join(one.redundant) or "-"
         table.add_row(one.name, one.kind, str(one.rows), start, escape(redundant))
-    return table
-
-
-def _tick(plan: ScenePlan) -> Table:
-    table = _table("computations of a tick", "stage", "what", "times", "why")
-    for part in plan.tick:
-        times = f"{part.times}" if part.computed else "[yellow]omitted[/]"
-        table.add_row(part.stage, escape(part.what), times, escape(part.why))
     return table
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
@@ -43,19 +42,6 @@ _OTHER_BASE = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _NUMERIC = frozenset("+-.0123456789")
 _TAG = "tag:yaml.org,2002:"
-_MERGE = object()
-
-
-@dataclass(slots=True)
-class _Open:
-    """A list or mapping whose end was not read yet; in a mapping keys and values take turns."""
-
-    anchor: str | None
-    value: list[Any] | dict[Any, Any]
-    size: int = 1
-    key: Any = None
-    has_key: bool = False
-    merges: list[dict[Any, Any]] = field(default_factory=list)
 
 
 def document_in(file: str) -> Any:
@@ -88,10 +74,8 @@ def read_yaml(text: str, source: str) -> Any:
     Raises:
         FileError: not YAML, keys or tags that are not read, nested too deeply, or too many values.
     """
-    reader = _Reader(source)
     try:
-        for event in yaml.parse(text, Loader=_LOADER):
-            reader.take(event)
+        return _Reader(text, source).document()
     except yaml.MarkedYAMLError as error:
         # What is missing at the end, LibYAML misses in the line after the last one.
         last = text.rstrip("\n").count("\n")
@@ -102,108 +86,103 @@ def read_yaml(text: str, source: str) -> Any:
         raise FileError(source, error.problem, rule, where) from None
     except (yaml.YAMLError, UnicodeError) as error:  # characters that YAML does not have
         raise FileError(source, str(error), "cannot be read as YAML") from None
-    return reader.document
 
 
 class _Reader:
-    """Builds values from events, without recursion."""
+    """Builds values from events; as deep as they may be nested, so deep it calls itself."""
 
-    def __init__(self, source: str) -> None:
-        self.document: Any = None
+    def __init__(self, text: str, source: str) -> None:
+        self._events = yaml.parse(text, Loader=_LOADER)
         self._source = source
-        self._open: list[_Open] = []
-        # By anchor: value, and how many values that is.
-        self._anchors: dict[str, tuple[Any, int]] = {}
-        self._documents = 0
+        # By anchor: value, and how many values that is; none while it is being read.
+        self._anchors: dict[str | None, tuple[Any, int]] = {}
         self._count = 0
 
-    def take(self, event: Any) -> None:
-        """Take the next event."""
-        handler = _HANDLERS.get(type(event))
-        if handler is not None:
-            handler(self, event)
+    def document(self) -> Any:
+        """Return the one document."""
+        found, documents = None, 0
+        for event in self._events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise self._error(event, "---", "not valid YAML: one document is expected")
+            elif isinstance(event, yaml.NodeEvent):
+                found, _ = self._value(event, 0)
+        return found
 
-    def _begin_document(self, event: Any) -> None:
-        self._documents += 1
-        if self._documents > 1:
-            raise self._error(event, "---", "not valid YAML: one document is expected")
+    def _value(self, event: Any, depth: int) -> tuple[Any, int]:
+        """Return the value that begins with an event, and how many values that is."""
+        size = 1
+        if isinstance(event, yaml.AliasEvent):
+            value, size = self._alias(event)
+            self._add_to_count(size, event)
+            return value, size
+        if isinstance(event, yaml.ScalarEvent):
+            value = self._resolved(event)
+        else:
+            self._anchors[event.anchor] = (None, 0)
+            value, size = self._collection(event, depth)
+        self._anchors[event.anchor] = (value, size)
+        self._add_to_count(1, event)
+        return value, size
 
-    def _scalar(self, event: Any) -> None:
-        value = self._resolved(event)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = (value, 1)
-        self._add(value, 1, 1, event)
+    def _alias(self, event: Any) -> tuple[Any, int]:
+        value, size = self._anchors.get(event.anchor, (None, 0))
+        if not size:
+            is_open = event.anchor in self._anchors
+            rule = (
+                "aliases must not hold themselves"
+                if is_open
+                else "not valid YAML: alias of nothing"
+            )
+            raise self._error(event, event.anchor, rule)
+        return value, size
 
-    def _alias(self, event: Any) -> None:
-        if event.anchor not in self._anchors:
-            if any(one.anchor == event.anchor for one in self._open):
-                raise self._error(event, event.anchor, "aliases must not hold themselves")
-            raise self._error(event, event.anchor, "not valid YAML: alias of nothing")
-        value, size = self._anchors[event.anchor]
-        self._add(value, size, size, event)
+    def _collection(self, event: Any, depth: int) -> tuple[list[Any] | dict[Any, Any], int]:
+        is_list = isinstance(event, yaml.SequenceStartEvent)
+        if event.tag not in (None, "!", _TAG + ("seq" if is_list else "map")):
+            raise self._error(event, event.tag, "not valid YAML: unknown tag")
+        if depth >= DEPTH_LIMIT:
+            raise self._error(event, depth + 1, _TOO_DEEP)
+        return self._list(depth + 1) if is_list else self._mapping(depth + 1)
 
-    def _begin(self, event: Any) -> None:
-        tag = event.tag
-        kind: list[Any] | dict[Any, Any] = {} if type(event) is yaml.MappingStartEvent else []
-        if tag not in (None, "!", _TAG + ("map" if isinstance(kind, dict) else "seq")):
-            raise self._error(event, tag, "not valid YAML: unknown tag")
-        if len(self._open) >= DEPTH_LIMIT:
-            raise self._error(event, len(self._open) + 1, _TOO_DEEP)
-        if event.anchor is not None:
-            self._anchors.pop(event.anchor, None)
-        self._open.append(_Open(event.anchor, kind))
+    def _list(self, depth: int) -> tuple[list[Any], int]:
+        found, size = [], 1
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            value, inside = self._value(event, depth)
+            found.append(value)
+            size += inside
+        return found, size
 
-    def _end(self, event: Any) -> None:
-        done = self._open.pop()
-        value = done.value
-        if isinstance(value, dict) and done.merges:
-            merged: dict[Any, Any] = {}
-            for other in done.merges:
+    def _mapping(self, depth: int) -> tuple[dict[Any, Any], int]:
+        found: dict[Any, Any] = {}
+        merged: dict[Any, Any] = {}
+        size = 1
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key, of_key = self._value(event, depth)
+            merges = key == "<<" and getattr(event, "implicit", (False,))[0]
+            if not isinstance(key, Hashable):
+                raise self._error(event, key, "not valid YAML: a key is text or a number")
+            if not merges and key in found:
+                raise self._error(event, key, "not valid YAML: duplicate key")
+            value, of_value = self._value(next(self._events), depth)
+            size += of_key + of_value
+            if not merges:
+                found[key] = value
+                continue
+            for other in value if isinstance(value, list) else [value]:
+                if not isinstance(other, dict):
+                    raise self._error(event, other, "not valid YAML: only mappings can be merged")
+                self._add_to_count(len(other), event)
                 # Of several, the first one's keys count.
                 merged = {**other, **merged}
-            value = {**merged, **value}
-        if done.anchor is not None:
-            self._anchors[done.anchor] = (value, done.size)
-        self._add(value, done.size, 1, event)
+        return {**merged, **found}, size
 
-    def _add(self, value: Any, size: int, new: int, event: Any) -> None:
-        """Put a value of so many values, some of them not counted yet, where it belongs."""
-        self._count += new
+    def _add_to_count(self, values: int, event: Any) -> None:
+        self._count += values
         if self._count > VALUE_LIMIT:
             rule = f"at most {VALUE_LIMIT} values with all aliases written out"
             raise self._error(event, self._count, rule)
-        if not self._open:
-            self.document = value
-            return
-        around = self._open[-1]
-        around.size += size
-        if isinstance(around.value, list):
-            around.value.append(value)
-        elif around.has_key:
-            around.has_key = False
-            if around.key is _MERGE:
-                self._merge(around, value, event)
-            else:
-                around.value[around.key] = value
-        else:
-            self._key(around, value, event)
-
-    def _key(self, around: _Open, value: Any, event: Any) -> None:
-        if value == "<<" and getattr(event, "implicit", (False,))[0]:
-            value = _MERGE
-        elif not isinstance(value, Hashable):
-            raise self._error(event, value, "not valid YAML: a key is text or a number")
-        elif value in around.value:
-            raise self._error(event, value, "not valid YAML: duplicate key")
-        around.key, around.has_key = value, True
-
-    def _merge(self, around: _Open, value: Any, event: Any) -> None:
-        others = value if isinstance(value, list) else [value]
-        for other in others:
-            if not isinstance(other, dict):
-                raise self._error(event, other, "not valid YAML: only mappings can be merged")
-            self._count += len(other)
-        around.merges += others
 
     def _resolved(self, event: Any) -> Any:
         """Return what a scalar says."""
@@ -237,17 +216,6 @@ class _Reader:
 
     def _error(self, event: Any, value: object, rule: str) -> FileError:
         return FileError(self._source, value, rule, _line(event.start_mark.line))
-
-
-_HANDLERS: dict[type, Callable[[_Reader, Any], None]] = {
-    yaml.DocumentStartEvent: _Reader._begin_document,
-    yaml.ScalarEvent: _Reader._scalar,
-    yaml.AliasEvent: _Reader._alias,
-    yaml.SequenceStartEvent: _Reader._begin,
-    yaml.MappingStartEvent: _Reader._begin,
-    yaml.SequenceEndEvent: _Reader._end,
-    yaml.MappingEndEvent: _Reader._end,
-}
 
 
 def _number_of(text: str) -> Callable[[str], int | float] | None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import Joint, LoopJoint
+from hapticmech_ros.formats.model import Joint, LoopJoint, from_z
 
 # What closes a loop where a body is carried a second time.
 LOOP_JOINTS = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
@@ -77,7 +77,7 @@ def _upwards(body: str, carriers: Mapping[str, Joint]) -> list[Joint]:
 
 def loop_joint_of(hinge: Joint) -> LoopJoint:
     """Return the closure that a joint is, which is one of :data:`LOOP_JOINTS`."""
-    level = _level(hinge.axis) if hinge.type == "revolute" else pin.SE3.Identity()
+    level = from_z(hinge.axis) if hinge.type == "revolute" else pin.SE3.Identity()
     a = (hinge.parent, hinge.in_parent * level)
     b = (hinge.child, hinge.of_child.inverse() * level)
     return LoopJoint(hinge.name, LOOP_JOINTS[hinge.type], a, b)
@@ -109,11 +109,3 @@ def universal_of(first: Joint, second: Joint) -> Sequence[LoopJoint] | None:
 
 def _moved(place: pin.SE3, axis: np.ndarray) -> pin.SE3:
     return pin.SE3(place.rotation, place.act(ARM * axis))
-
-
-def _level(axis: np.ndarray) -> pin.SE3:
-    """Return the rotation of z to an axis."""
-    level = pin.SE3.Identity()
-    up = np.array((0.0, 0.0, 1.0))
-    level.rotation = pin.Quaternion.FromTwoVectors(up, axis).matrix()
-    return level

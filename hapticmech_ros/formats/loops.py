@@ -24,6 +24,7 @@ from hapticmech_ros.formats.model import (
     Joint,
     LoopJoint,
     Note,
+    from_z,
     origin_of,
 )
 from hapticmech_ros.formats.names import clean
@@ -151,7 +152,7 @@ def _open(node: Node, links: Collection[str]) -> Note | None:
     turn = _turn(node) if closure["kind"] == "revolute" else pin.SE3.Identity()
     for k, (side, (link, part)) in enumerate(zip("ab", ends.items(), strict=True)):
         own = _numbers(part.attributes.get("xyz", ""))
-        at = own or (points[k] if len(points) == 2 and not _is_bushing(node) else None)
+        at = own or (points[k] if len(points) == 2 and "bushing" not in node.tag else None)
         rpy = _numbers(part.attributes.get("rpy", "")) or [0.0] * 3
         place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(at or [0.0] * 3)) * turn
         closure[side] = {"link": link}
@@ -161,10 +162,6 @@ def _open(node: Node, links: Collection[str]) -> Note | None:
     written = re.sub(r'"([A-Za-z_]\w*)"', r"\1", json.dumps([closure], ensure_ascii=False))
     what = f"{LEFT_OPEN}: {name} between {' and '.join(ends)}"
     return Note(what, 1, f"<{node.tag}> is not read: say closures: {written}")
-
-
-def _is_bushing(node: Node) -> bool:
-    return "bushing" in node.tag
 
 
 def _kind(node: Node) -> str:
@@ -182,12 +179,9 @@ def _kind(node: Node) -> str:
 
 def _turn(node: Node) -> pin.SE3:
     """Return the rotation of z to the axis of an element; none without one."""
-    turn, axis = pin.SE3.Identity(), node.first("axis")
+    axis = node.first("axis")
     along = _numbers(axis.attributes.get("xyz", "")) if axis is not None else None
-    if along is not None and any(along):
-        up = np.array((0.0, 0.0, 1.0))
-        turn.rotation = pin.Quaternion.FromTwoVectors(up, np.array(along)).matrix()
-    return turn
+    return from_z(np.array(along)) if along is not None and any(along) else pin.SE3.Identity()
 
 
 def _said(node: Node) -> str:

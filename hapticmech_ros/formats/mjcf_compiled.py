@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import SceneError, nearest
+from hapticmech_ros.files import exists
 from hapticmech_ros.files.cage import CageError, Limits, caged
 from hapticmech_ros.files.mjcf_compiler import ARRAYS, compiled
 from hapticmech_ros.formats.tree import LINK_LIMIT
@@ -82,11 +83,8 @@ class _Includes:
     def _find(self, node: Node, name: str, folder: Path) -> Path:
         folders = dict.fromkeys((self._source.path.parent, folder))
         for one in folders:
-            try:
-                if (one / name).exists():
-                    return one / name
-            except (OSError, ValueError):  # too long a name, or one with a zero byte
-                continue
+            if exists(one / name):
+                return one / name
         rule = f"no such file in {[str(one) for one in folders]}"
         raise self._source.error(node, name, rule)
 

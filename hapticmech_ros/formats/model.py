@@ -253,6 +253,13 @@ class Imported:
     absent: Mapping[str, str]
 
 
+def from_z(axis: Array) -> pin.SE3:
+    """Return the rotation that turns z to an axis (3,)."""
+    turn = pin.SE3.Identity()
+    turn.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
+    return turn
+
+
 def origin_of(place: pin.SE3) -> Document:
     """Return a transform as a scene's origin."""
     rpy = pin.rpy.matrixToRpy(place.rotation)

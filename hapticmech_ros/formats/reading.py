@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 from pydantic import ValidationError
 
-from hapticmech_ros.errors import SceneError, SceneProblem, nearest
+from hapticmech_ros.errors import SceneError, SceneProblem, nearest, scene_error
 from hapticmech_ros.formats.mjcf import read_mjcf
 from hapticmech_ros.formats.mjcf_compiled import open_includes
 from hapticmech_ros.formats.model import Document, Imported, Model, Note, origin_of
@@ -189,7 +189,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
     if "links" in own:
         rule = "links come from the model: say one or the other"
-        raise SceneError(str(source), [SceneProblem("links", own["links"], rule)])
+        raise scene_error(str(source), "links", own["links"], rule)
     own = with_shapes(own, imported, str(source))
     for key in ("closures", "couplings"):
         if key in own and key in found:
@@ -231,7 +231,7 @@ def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
     if not isinstance(name, str) or name not in imported.keyframes:
         rule = f"must be one of the model's keyframes, {sorted(imported.keyframes)}"
         rule += nearest(name, imported.keyframes)
-        raise SceneError(source, [SceneProblem("initial_state.keyframe", name, rule)])
+        raise scene_error(source, "initial_state.keyframe", name, rule)
     rest = {key: value for key, value in state.items() if key != "keyframe"}
     for part, held in zip("qv", imported.keyframes[name], strict=True):
         given = rest.get(part, {})

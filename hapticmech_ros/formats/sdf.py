@@ -8,7 +8,7 @@ Gears are gearboxes between two hinges on one link, and axes that mimic others.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -42,83 +42,6 @@ from hapticmech_ros.scene.part import LARGEST
 PARALLEL = 1e-3
 INEXACT = "gearbox"
 WHY_INEXACT = "not between two hinges on its reference body: say a coupling in a scene file"
-
-
-def gearbox(
-    source: Source,
-    joint: Node,
-    ends: tuple[str, str, str],
-    hinges: Iterable[Joint],
-    axes: Mapping[str, np.ndarray],
-    axis_of: Callable[[Joint], np.ndarray],
-) -> Coupling | None:
-    """Return a gearbox as a coupling of two hinges; None if these are not there.
-
-    With θ₁ from the reference body to the parent about ``axis``, and θ₂ from it to the child about
-    ``axis2``, SDFormat says θ₂ = -ratio θ₁.
-
-    Args:
-        source: the file.
-        joint: the gearbox.
-        ends: reference body, parent and child.
-        hinges: the model's other joints.
-        axes: ``axis`` and ``axis2`` of the gearbox -> (3,) unit vector, world axes.
-        axis_of: returns a hinge's axis (3,), likewise.
-    """
-    name, (reference, parent, child) = source.text(joint, "name"), ends
-    hinges = list(hinges)
-    found = []
-    for end, tag in ((parent, "axis"), (child, "axis2")):
-        if tag not in axes:
-            return None
-        signs = [(hinge, _sign(hinge, reference, end, axes[tag], axis_of)) for hinge in hinges]
-        exact = [(hinge, sign) for hinge, sign in signs if sign]
-        if len(exact) != 1:
-            return None
-        found += exact
-    (leader, first), (follower, second) = found
-    written = joint.first("gearbox_ratio")
-    ratio = source.numbers(written, written.text, 1, "a ratio")[0] if written is not None else 1.0
-    return Coupling(name, follower.name, leader.name, -ratio * first * second, 0.0)
-
-
-def _sign(
-    hinge: Joint,
-    reference: str,
-    end: str,
-    axis: np.ndarray,
-    axis_of: Callable[[Joint], np.ndarray],
-) -> int:
-    """Return 1 or -1, as a hinge's angle counts from link to link about an axis, or else 0."""
-    forward = (hinge.parent, hinge.child) == (reference, end)
-    backward = (hinge.parent, hinge.child) == (end, reference)
-    if hinge.type != "revolute" or not (forward or backward):
-        return 0
-    own = axis_of(hinge)
-    if np.linalg.norm(np.cross(own, axis)) > PARALLEL:
-        return 0
-    same = bool(own @ axis > 0.0)
-    return 1 if same == forward else -1
-
-
-def mimic(source: Source, joint: Node, axis: Node) -> Coupling | None:
-    """Return what an axis mimics; None if it is none, or another joint's second axis.
-
-    Raises:
-        SceneError: a mimic without a multiplier.
-    """
-    written = axis.first("mimic")
-    if written is None or written.attributes.get("axis", "axis") != "axis":
-        return None
-    name, leader = source.text(joint, "name"), source.text(written, "joint")
-    values = []
-    for tag in ("multiplier", "offset", "reference"):
-        part = written.first(tag)
-        if part is None and tag == "multiplier":
-            raise source.error(written, name, "a mimic needs a <multiplier>")
-        values.append(source.numbers(part, part.text, 1, tag)[0] if part is not None else 0.0)
-    ratio, offset, reference = values
-    return Coupling(f"{name}_mimics_{leader}", name, leader, ratio, offset - ratio * reference)
 
 
 JOINT_TYPES = {
@@ -342,10 +265,7 @@ class _Reader:
         self, node: Node | None, tag: str, default: float, largest: float = LARGEST
     ) -> float:
         """Return the number in an element."""
-        found = node.first(tag) if node is not None else None
-        if found is None:
-            return default
-        return self.source.numbers(found, found.text, 1, tag, largest)[0]
+        return self.source.inside(node, tag, (default,), largest)[0]
 
     def hinges(self, joint: Node, bodies: dict[str, Body]) -> list[Joint]:
         """Return what an element is: a joint, or several with bodies without mass between."""
@@ -369,7 +289,8 @@ class _Reader:
         place = self.frames.pose(name, joint)
         before, behind = (self.frames.pose(body, joint) for body in (parent, child))
         moves = kind not in ("ball", "fixed")
-        armature = self._armature(joint)
+        # What the joint feels of a rotor that Drake's tags give it, kg m² or kg.
+        armature = self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
         self.notes[ROTOR_ELSEWHERE] += armature != 0.0 and not moves
         ends = before.actInv(place), place.actInv(behind)
         found = Joint(name, JOINT_TYPES[kind], parent, child, *ends)
@@ -440,16 +361,21 @@ class _Reader:
         sliding = Joint(slide, "prismatic", nut, hinge.child, at, hinge.of_child, hinge.axis)
         return [turning_part, sliding]
 
-    def _armature(self, joint: Node) -> float:
-        """Return what a joint feels of a rotor that Drake's tags give it, kg m² or kg."""
-        return self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
-
     def _mimic(self, joint: Node, axis: Node) -> None:
-        found = mimic(self.source, joint, axis)
-        if found is not None:
-            self.couplings.append(found)
-        elif axis.first("mimic") is not None:
+        """Read what an axis mimics, if anything."""
+        source, written = self.source, axis.first("mimic")
+        if written is None:
+            return
+        if written.attributes.get("axis", "axis") != "axis":
             self.notes["mimic of a second axis"] += 1
+            return
+        name, leader = source.text(joint, "name"), source.text(written, "joint")
+        if written.first("multiplier") is None:
+            raise source.error(written, name, "a mimic needs a <multiplier>")
+        tags = ("multiplier", "offset", "reference")
+        ratio, offset, reference = (source.inside(written, tag, (0.0,))[0] for tag in tags)
+        moved = offset - ratio * reference
+        self.couplings.append(Coupling(f"{name}_mimics_{leader}", name, leader, ratio, moved))
 
     def _axis(self, axis: Node, place: pin.SE3, joint: Node) -> np.ndarray:
         written = axis.first("xyz")
@@ -484,7 +410,11 @@ class _Reader:
         return lower, upper
 
     def _gear(self, joint: Node, hinges: list[Joint], bodies: Mapping[str, Body]) -> None:
-        """Read a gearbox."""
+        """Read a gearbox as a coupling of two hinges; it is noted if these are not there.
+
+        With θ₁ from the reference body to the parent about ``axis``, and θ₂ from it to the child
+        about ``axis2``, SDFormat says θ₂ = -ratio θ₁.
+        """
         reference, parent, child = (
             self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)
             for end in ("gearbox_reference_body", "parent", "child")
@@ -492,23 +422,44 @@ class _Reader:
         if not any(hinge.child == child for hinge in hinges):
             rule = "a gearbox carries nothing: another joint must carry its child"
             raise self.source.error(joint, child, rule)
-        axes = {}
-        for tag in ("axis", "axis2"):
+        name, found = self.source.text(joint, "name"), []
+        for end, tag in ((parent, "axis"), (child, "axis2")):
             axis = joint.first(tag)
             if axis is not None:
-                place = self.frames.pose(self.source.text(joint, "name"), joint)
-                axes[tag] = place.rotation @ self._axis(axis, place, joint)
-        found = gearbox(
-            self.source, joint, (reference, parent, child), hinges, axes, self._axis_in_world
-        )
-        if found is None:
+                place = self.frames.pose(name, joint)
+                along = place.rotation @ self._axis(axis, place, joint)
+                signs = [(hinge, self._sign(hinge, reference, end, along)) for hinge in hinges]
+                exact = [(hinge, sign) for hinge, sign in signs if sign]
+                found += exact if len(exact) == 1 else []
+        if len(found) != 2:
             self.notes[INEXACT] += 1
-        else:
-            self.couplings.append(found)
+            return
+        (leader, first), (follower, second) = found
+        written = joint.first("gearbox_ratio")
+        ratio = 1.0
+        if written is not None:
+            (ratio,) = self.source.numbers(written, written.text, 1, "a ratio")
+        factor = -ratio * first * second
+        self.couplings.append(Coupling(name, follower.name, leader.name, factor, 0.0))
 
-    def _axis_in_world(self, hinge: Joint) -> np.ndarray:
-        place = self.frames.pose(hinge.name, self.model)
-        return np.asarray(place.rotation @ hinge.axis)
+    def _sign(self, hinge: Joint, reference: str, end: str, axis: np.ndarray) -> int:
+        """Return 1 or -1, as a hinge's angle counts from link to link about an axis, or else 0.
+
+        Args:
+            hinge: of the model.
+            reference: link that the angle is from.
+            end: link that it is to.
+            axis: (3,) unit vector, world axes.
+        """
+        forward = (hinge.parent, hinge.child) == (reference, end)
+        backward = (hinge.parent, hinge.child) == (end, reference)
+        if hinge.type != "revolute" or not (forward or backward):
+            return 0
+        own = self.frames.pose(hinge.name, self.model).rotation @ hinge.axis
+        if np.linalg.norm(np.cross(own, axis)) > PARALLEL:
+            return 0
+        same = bool(own @ axis > 0.0)
+        return 1 if same == forward else -1
 
     def _point(self, name: str, frame: Node, bodies: Mapping[str, Body]) -> Point:
         """Return a frame of the file, fixed in the link that it is attached to."""

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.errors import nearest
+from hapticmech_ros.files import exists
 from hapticmech_ros.formats.loops import BALL
 from hapticmech_ros.formats.model import WORLD
 from hapticmech_ros.formats.xml_nodes import Node, Source
@@ -105,14 +106,11 @@ class _Includes:
         if not named or "://" in named:
             return None
         for one in (folder, folder.parent) if named != written else (folder,):
-            try:
-                found = one / named
-                if found.is_dir():
-                    found = found / "model.sdf"
-                if found.exists():
-                    return found
-            except (OSError, ValueError):  # too long a name, or one with a zero byte
-                continue
+            found = one / named
+            if exists(found) and found.is_dir():
+                found = found / "model.sdf"
+            if exists(found):
+                return found
         return None
 
 

@@ -10,18 +10,13 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from hapticmech_ros.formats.model import Document, Solid
-from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
+from hapticmech_ros.formats.model import Document, Solid, from_z
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
-# Elements of each, and what they are where they are left out.
-SIZES = {
-    "sphere": (("radius", 1.0),),
-    "cylinder": (("radius", 1.0), ("length", 1.0)),
-    "capsule": (("radius", 0.5), ("length", 1.0)),
-}
+# Of sizes that are left out; all others are 1 m.
+DEFAULTS = {("capsule", "radius"): 0.5}
 KINDS = {"plane": "half_space"}
-UP = (0.0, 0.0, 1.0)
 
 
 def solid_of(source: Source, node: Node, link: str, place: Callable[[], pin.SE3]) -> Solid:
@@ -46,13 +41,12 @@ def _read(
     source: Source, shape: Node, kind: str, place: Callable[[], pin.SE3]
 ) -> tuple[pin.SE3, Document]:
     if kind in SIZES:
-        keys = [key for key, _ in SIZES[kind]]
-        sizes = [_numbers(source, shape, key, (default,))[0] for key, default in SIZES[kind]]
-        sizes = above_zero(source, shape, sizes)
-        return place(), {"kind": kind, **dict(zip(keys, sizes, strict=True))}
-    if kind == "box":
-        size = _numbers(source, shape, "size", (1.0, 1.0, 1.0))
-        return place(), {"kind": kind, "size": above_zero(source, shape, size)}
+        return place(), sized(
+            source,
+            shape,
+            kind,
+            lambda key, count: source.inside(shape, key, (DEFAULTS.get((kind, key), 1.0),) * count),
+        )
     if kind == "half_space":
         return place() * _above(source, shape), {"kind": kind}
     if kind != "mesh":
@@ -63,22 +57,14 @@ def _read(
     if shape.first("submesh") is not None:
         raise source.error(shape, uri.text.strip(), "parts of meshes are not read")
     file = find_mesh(source, uri, uri.text.strip(), source.path.parent)
-    scale = not_zero(source, shape, _numbers(source, shape, "scale", (1.0, 1.0, 1.0)))
+    scale = not_zero(source, shape, source.inside(shape, "scale", (1.0, 1.0, 1.0)))
     return place(), {"kind": kind, "file": str(file), "scale": scale}
 
 
 def _above(source: Source, shape: Node) -> pin.SE3:
     """Return a frame whose z axis is a plane's normal."""
-    normal = np.array(_numbers(source, shape, "normal", UP))
+    normal = np.array(source.inside(shape, "normal", (0.0, 0.0, 1.0)))
     size = float(np.linalg.norm(normal))
     if not size > 0.0:
         raise source.error(shape, normal.tolist(), "a normal must not be zero")
-    turn = pin.Quaternion.FromTwoVectors(np.array(UP), normal / size)
-    return pin.SE3(turn.matrix(), np.zeros(3))
-
-
-def _numbers(source: Source, node: Node, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    found = node.first(tag)
-    if found is None:
-        return default
-    return source.numbers(found, found.text, len(default), tag)
+    return from_z(normal / size)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -188,15 +188,34 @@ def notes_of_shapes(imported: Imported, without: Collection[str] = ()) -> list[N
     ]
 
 
-def above_zero(source: Source, node: Node, sizes: Sequence[float]) -> list[float]:
-    """Return the sizes of a shape, which must be above zero.
+# Of shapes in URDF and SDF: what their sizes are called, there and in scenes; and how many numbers.
+SIZES = {
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "box": {"size": 3},
+}
+
+
+def sized(
+    source: Source, node: Node, kind: str, read: Callable[[str, int], Sequence[float]]
+) -> Document:
+    """Return a shape of :data:`SIZES`.
+
+    Args:
+        source: the file.
+        node: its element.
+        kind: of shape.
+        read: returns so many numbers by what they are called.
 
     Raises:
-        SceneError: one is not.
+        SceneError: a size that is not above zero.
     """
+    found = {key: [float(x) for x in read(key, count)] for key, count in SIZES[kind].items()}
+    sizes = [size for part in found.values() for size in part]
     if min(sizes) <= 0.0:
-        raise source.error(node, list(sizes), "sizes must be above zero")
-    return [float(size) for size in sizes]
+        raise source.error(node, sizes, "sizes must be above zero")
+    return {"kind": kind, **{key: x if kind == "box" else x[0] for key, x in found.items()}}
 
 
 def not_zero(source: Source, node: Node, scale: Sequence[float]) -> list[float]:

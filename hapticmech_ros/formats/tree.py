@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.errors import SceneError, SceneProblem, nearest
+from hapticmech_ros.errors import nearest, scene_error
 from hapticmech_ros.formats.cuts import (
     CARRIED,
     LOOP_JOINTS,
@@ -102,11 +102,11 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
     }
     for what, found in parts.items():
         if len(found) > LINK_LIMIT:
-            raise _refused(source, what, len(found), f"at most {LINK_LIMIT}")
+            raise scene_error(source, what, len(found), f"at most {LINK_LIMIT}")
     rates = sum(VELOCITY_SIZE[hinge.type] for hinge in model.hinges)
     if rates > RATE_LIMIT:
         rule = f"at most {RATE_LIMIT} degrees of freedom"
-        raise _refused(source, "joints", rates, rule)
+        raise scene_error(source, "joints", rates, rule)
     return _Builder(model, source, free_base).build()
 
 
@@ -128,7 +128,7 @@ class _Builder:
 
     def build(self) -> Imported:
         if not self._model.bodies:
-            raise _refused(self._source, "bodies", 0, "there must be one at least")
+            raise scene_error(self._source, "bodies", 0, "there must be one at least")
         for base in self._bases():
             self._carry(base)
         self._grow()
@@ -138,7 +138,7 @@ class _Builder:
         self._closing += self._cut
         if not any(link["joint"]["type"] != "fixed" for link in self._links):
             rule = f"no joint moves: {self._model.floating}"
-            raise _refused(self._source, "joints", len(self._model.hinges), rule)
+            raise scene_error(self._source, "joints", len(self._model.hinges), rule)
         closed = [one for hinge in tuple(self._closing) for one in self._closed(hinge)]
         closures = [self._loop_joint(one) for one in closed]
         closures += [self._loop_joint(loop_joint) for loop_joint in self._model.loop_joints]
@@ -155,7 +155,7 @@ class _Builder:
             document["initial_state"] = {"q": start}
         for point in self._model.points:
             if point.body not in self._places:
-                raise _refused(self._source, point.name, point.body, "no such body")
+                raise scene_error(self._source, point.name, point.body, "no such body")
             link, place = self._places[point.body]
             self._places.setdefault(point.name, (link, place * point.origin))
         return Imported(
@@ -199,7 +199,7 @@ class _Builder:
         bases = [name for name in self._model.bodies if name not in carried]
         if not bases and not any(hinge.parent == WORLD for hinge in self._model.hinges):
             lost = sorted(self._model.bodies)[:5]
-            raise _refused(
+            raise scene_error(
                 self._source, self._where("link", lost[0]), lost, "joints go in a circle"
             )
         held = self._joined_to_world()
@@ -239,7 +239,7 @@ class _Builder:
                 if hinge.child == WORLD:
                     rule = "a joint carries the world: it must be a parent"
                     where = self._where("joint", hinge.name)
-                    raise _refused(self._source, where, hinge.parent, rule)
+                    raise scene_error(self._source, where, hinge.parent, rule)
                 if hinge.child in self._places:
                     self._closing.append(hinge)
                 else:
@@ -248,7 +248,7 @@ class _Builder:
         lost = sorted(set(self._model.bodies) - set(self._places))
         if lost:
             rule = "joints of these go in a circle"
-            raise _refused(self._source, self._where("link", lost[0]), lost[:5], rule)
+            raise scene_error(self._source, self._where("link", lost[0]), lost[:5], rule)
 
     def _cut_elsewhere(self, slide: Joint) -> _Builder:
         """Return a builder that cuts another joint of a loop than the one that closes it.
@@ -260,7 +260,7 @@ class _Builder:
         if slide.type in CARRIED:
             found = other_cut(slide, self._carriers, self._cost_of_cut)
         if found is None:
-            raise _refused(self._source, self._where("joint", slide.name), slide.type, NO_CUT)
+            raise scene_error(self._source, self._where("joint", slide.name), slide.type, NO_CUT)
         cut, changed = found
         by_name = {hinge.name: hinge for hinge in changed}
         hinges = [
@@ -316,7 +316,7 @@ class _Builder:
             self._lines[name] = self._model.where["link", hinge.child]
         if hinge.name in self._joints:
             where = self._where("joint", hinge.name)
-            raise _refused(self._source, where, hinge.name, "names must be unique")
+            raise scene_error(self._source, where, hinge.name, "names must be unique")
         joint = self._joints[hinge.name] = self._names.new(hinge.name)
         if ("joint", hinge.name) in self._model.where:
             self._lines[joint] = self._model.where["joint", hinge.name]
@@ -350,7 +350,7 @@ class _Builder:
         ends = {}
         for end, (body, place) in (("a", loop_joint.a), ("b", loop_joint.b)):
             if body not in self._places:
-                raise _refused(self._source, f"closure {loop_joint.name}", body, "no such body")
+                raise scene_error(self._source, f"closure {loop_joint.name}", body, "no such body")
             link, own = self._places[body]
             ends[end] = {"link": link, "origin": origin_of(own * place)}
         found: Document = {
@@ -369,7 +369,7 @@ class _Builder:
                 absent = self._absent().get(joint)
                 rule = f"no such joint{nearest(joint, self._joints)}"
                 rule = rule if absent is None else f"joint {joint!r} {absent}: {NO_POSITION}"
-                raise _refused(self._source, where, joint, rule)
+                raise scene_error(self._source, where, joint, rule)
         found: Document = {
             "name": self._names.new(coupling.name),
             "joint": self._joints[coupling.joint],
@@ -477,7 +477,3 @@ def _acts(hinge: Joint) -> bool:
 
 def _floats(values: Sequence[float] | np.ndarray) -> list[float]:
     return [float(value) for value in values]
-
-
-def _refused(source: str, key: str, value: object, rule: str) -> SceneError:
-    return SceneError(source, [SceneProblem(key, value, rule)])

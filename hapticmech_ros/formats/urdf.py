@@ -37,9 +37,10 @@ from hapticmech_ros.formats.model import (
     Note,
     Point,
     Solid,
+    from_z,
 )
 from hapticmech_ros.formats.sdf import read_joints
-from hapticmech_ros.formats.shapes import above_zero, find_mesh, not_zero, refused_kind
+from hapticmech_ros.formats.shapes import SIZES, find_mesh, not_zero, refused_kind, sized
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 TAG = "gazebo"
@@ -175,10 +176,6 @@ def _above(name: str, carried: Mapping[str, str]) -> set[str]:
     return found | {name}
 
 
-# Attributes of each, as URDF and scenes call them.
-SIZES = {"sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
-
-
 def placement_in(source: Source, node: Node | None) -> pin.SE3:
     """Return the transform of an element's xyz and rpy; the identity without."""
     xyz = source.values(node, "xyz", (0.0, 0.0, 0.0))
@@ -201,11 +198,12 @@ def _read(source: Source, node: Node, kind: str) -> tuple[pin.SE3, Document]:
         raise refused_kind(source, node, kind)
     shape = geometry.children[0]
     if kind in SIZES:
-        sizes = above_zero(source, shape, [source.value(shape, key) for key in SIZES[kind]])
-        return place, {"kind": kind, **dict(zip(SIZES[kind], sizes, strict=True))}
-    if kind == "box":
-        size = source.numbers(shape, source.text(shape, "size"), 3, "size")
-        return place, {"kind": kind, "size": above_zero(source, shape, size)}
+        return place, sized(
+            source,
+            shape,
+            kind,
+            lambda key, count: source.numbers(shape, source.text(shape, key), count, key),
+        )
     if kind != "mesh":
         raise refused_kind(source, shape, kind)
     file = find_mesh(source, shape, source.text(shape, "filename"), source.path.parent)
@@ -377,8 +375,7 @@ def _hinge(source: Source, node: Node, notes: Counter[str]) -> Joint:
     axis = _axis(source, node) if moving or kind == "planar" else np.array((0.0, 0.0, 1.0))
     level = pin.SE3.Identity()
     if kind == "planar":
-        level.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
-        axis = np.array((0.0, 0.0, 1.0))
+        level, axis = from_z(axis), np.array((0.0, 0.0, 1.0))
     return Joint(
         name,
         JOINT_TYPES[kind],

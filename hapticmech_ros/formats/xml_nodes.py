@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem
+from hapticmech_ros.errors import FileError, SceneError, scene_error
 from hapticmech_ros.files import read_file
 from hapticmech_ros.scene.part import LARGEST
 
@@ -97,13 +97,16 @@ class Source:
         self.path = path
         self._depth, self._file = depth, None if within is None else path
         self._sizes: _Sizes = _Sizes() if within is None else within._sizes
-        self.root = self._parse(self._read())
+        try:
+            self.root = self._nodes(self._read())
+        except FileError as error:
+            raise SceneError.of_file(error) from None
 
     def error(self, node: Node | None, value: object, rule: str) -> SceneError:
         """Return the error of something in the file."""
         where = "file" if node is None else f"line {node.line}, <{node.tag}>"
         file = self.path if node is None else node.file or self.path
-        return SceneError(str(file), [SceneProblem(where, value, rule)])
+        return scene_error(str(file), where, value, rule)
 
     def where(self, node: Node) -> str:
         """Return the line and tag of an element, and its file if that is an included one."""
@@ -177,22 +180,26 @@ class Source:
             self.text(node, attribute)
         return self.values(node, attribute, (0.0 if default is None else default,), largest)[0]
 
+    def inside(
+        self,
+        node: Node | None,
+        tag: str,
+        default: Sequence[float],
+        largest: float = LARGEST,
+    ) -> tuple[float, ...]:
+        """Return the numbers in an element's own element, or the default; as many as it has."""
+        found = None if node is None else node.first(tag)
+        if found is None:
+            return tuple(default)
+        return self.numbers(found, found.text, len(default), tag, largest)
+
     def _read(self) -> bytes:
-        try:
-            found = read_file(self.path, FILE_SIZE_LIMIT)
-        except FileError as error:
-            raise SceneError.of_file(error) from None
+        found = read_file(self.path, FILE_SIZE_LIMIT)
         self._sizes.bytes += len(found)
         if self._sizes.bytes > FILE_SIZE_LIMIT:
             rule = f"at most {FILE_SIZE_LIMIT} bytes, included files counted"
             raise self.error(None, self._sizes.bytes, rule)
         return found
-
-    def _parse(self, data: bytes) -> Node:
-        try:
-            return self._nodes(data)
-        except FileError as error:
-            raise SceneError.of_file(error) from None
 
     def _nodes(self, data: bytes) -> Node:
         """Return the outermost element, with all that are in it, and count them.

@@ -10,15 +10,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 
-from hapticmech_ros.errors import SceneError, SceneProblem
+from hapticmech_ros.errors import scene_error
 from hapticmech_ros.files import is_file, shared
-from hapticmech_ros.scene.hand import with_script_path
 from hapticmech_ros.scene.linkage import with_linkage
-from hapticmech_ros.scene.rules import with_mesh_paths
 from hapticmech_ros.scene.scene import Scene, scene_from_document
 from hapticmech_ros.scene.validation import with_changes, written_document
 
@@ -58,10 +57,10 @@ def copy_scene(
             stream.write(f"# A copy of {scene}\n{text}")
     except FileExistsError:
         rule = "exists: choose another place"
-        raise SceneError(str(out), [SceneProblem("file", str(out), rule)]) from None
+        raise scene_error(str(out), "file", str(out), rule) from None
     except OSError as error:
         rule = f"cannot be written: {error.strerror}"
-        raise SceneError(str(out), [SceneProblem("file", str(out), rule)]) from None
+        raise scene_error(str(out), "file", str(out), rule) from None
 
 
 def _plain(value: object) -> object:
@@ -141,8 +140,25 @@ def with_own_paths(document: object, path: Path) -> object:
         document: as written.
         path: of its file.
     """
+    if not isinstance(document, Mapping):
+        return document
     folder = path.resolve().parent
-    return with_script_path(with_mesh_paths(document, folder), folder)
+    found = dict(_with_whole_path(document, "hand", "scripted", folder))
+    for key, part, kind in (("shapes", "geometry", "mesh"), ("hands", "hand", "scripted")):
+        if isinstance(document.get(key), list | tuple):
+            found[key] = [_with_whole_path(one, part, kind, folder) for one in document[key]]
+    return found
+
+
+def _with_whole_path(holder: Any, key: str, kind: str, folder: Path) -> Any:
+    """Return what has a part of a kind with the path of the part's file taken from a folder."""
+    part = holder.get(key) if isinstance(holder, Mapping) else None
+    if not isinstance(part, Mapping) or part.get("kind") != kind:
+        return holder
+    file = part.get("file")
+    if not isinstance(file, str) or not file:
+        return holder
+    return {**holder, key: {**part, "file": str(folder / file)}}
 
 
 def _at_rate(document: object, control_rate: float) -> object:
@@ -188,7 +204,7 @@ def find_scene(scene: str | os.PathLike[str]) -> Path:
     if str(scene) in shipped:
         return shipped[str(scene)]
     rule = f"no such file, nor a shipped scene; shipped: {sorted(shipped)}"
-    raise SceneError(str(scene), [SceneProblem("scene", str(scene), rule)])
+    raise scene_error(str(scene), "scene", str(scene), rule)
 
 
 def shipped_scenes() -> dict[str, Path]:

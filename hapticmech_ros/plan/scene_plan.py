@@ -16,7 +16,7 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.loop_stability import ENOUGH_PERIODS, LoopMargins, loop_margins
 from hapticmech_ros.control.measurements import operational_model_of
-from hapticmech_ros.device import ImpedanceDevice, device_for
+from hapticmech_ros.device import device_for
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
@@ -26,8 +26,7 @@ from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
-from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
-from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
+from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.operational import Analyser
@@ -281,7 +280,7 @@ def _integrator(run: Running) -> Choice:
 
 def _configuration(run: Running) -> Choice:
     nq, nv = run.mechanism.nq, run.mechanism.nv
-    if run.flat:
+    if nq == nv:
         return Choice("configuration", "a vector", f"nq = nv = {nv}: steps are added")
     why = f"nq = {nq}, nv = {nv}: a step is integrated on the manifold at every stage"
     return Choice("configuration", "on a manifold", why)
@@ -339,12 +338,8 @@ class ArraySize:
     size_bytes: int
 
 
-def arrays_of_tick(run: Running) -> tuple[ArraySize, ...]:
-    """Return the arrays of a tick, with the closures that are active at the start."""
-    return tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run))
-
-
 def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
+    """Yield the arrays of a tick, with the closures that are active at the start."""
     mechanism = run.mechanism
     points, t = len(mechanism.point_names), run.analyser.rows.size
     yield "q", run.state.q
@@ -363,151 +358,8 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "wrenches of the task space", np.empty((t, t))
     yield "operational model for the controllers", np.empty(OPERATIONAL_MODEL.size)
     yield "device sample for the controllers", np.empty(DEVICE_SAMPLE.size)
-    held = run.device.at_rest(terms.points[run.analyser.index].pose)
+    held = device_for(run.scene).at_rest(terms.points[run.analyser.index].pose)
     yield "state of the device", held.flat
-
-
-@dataclass(frozen=True, slots=True)
-class TickPart:
-    """A computation of a tick.
-
-    Attributes:
-        stage: ``evaluate``, ``analyse``, ``control``, ``step`` or ``device``.
-        what: is computed.
-        times: least number in a tick; 0 if it is omitted.
-        why: reason of the number.
-    """
-
-    stage: str
-    what: str
-    times: int
-    why: str
-
-    @property
-    def computed(self) -> bool:
-        """Whether it is done in a tick."""
-        return self.times > 0
-
-
-def parts_of_tick(run: Running) -> tuple[TickPart, ...]:
-    """Return all computations in the order of a tick, omitted ones included."""
-    return (
-        *_evaluate(run),
-        *_analyse(run),
-        TickPart("control", "wrenches of all controllers", 1, "the same for all scenes"),
-        *_solve(run),
-        *_element_parts(run),
-        *_closure_parts(run),
-        *_contacts(run),
-        *_device(run),
-    )
-
-
-def _evaluate(run: Running) -> Iterator[TickPart]:
-    names = run.mechanism.point_names
-    why = "taken from the end of the previous step"
-    yield TickPart("evaluate", "D, W and their factors", 0, why)
-    gravity = run.mechanism.model.gravity.linear
-    pull = float(np.sqrt(gravity @ gravity))
-    why = f"with gravity, {pull:g} m/s²" if pull else "gravity is zero: the same recursion"
-    yield TickPart("evaluate", "h: Coriolis, centripetal, gravity", 1, why)
-    why = f"{len(names)} in the scene, all of them evaluated"
-    yield TickPart("evaluate", "pose, Jacobian, twist, drift of points", len(names), why)
-
-
-def _analyse(run: Running) -> Iterator[TickPart]:
-    t, held, rest = run.analyser.rows.size, run.analyser.point.name, len(run.mechanism.point_names)
-    why = f"{held} is held; SVD of {t} rows"
-    yield TickPart("analyse", "Λ_h⁻¹ and its spectrum", 1, why)
-    if rest > 1:
-        why = f"{rest - 1}: analysed by a further session, or by nodes in a further namespace"
-        yield TickPart("analyse", "spectrum of further points", 0, why)
-    yield _if_closed(run, "analyse", "projection of S onto closed-loop motions", 1)
-
-
-def _solve(run: Running) -> Iterator[TickPart]:
-    stages, substeps = len(run.scheme.weights), run.stepping.substeps
-    each = f"{stages} stages of {run.stepping.integrator} in {substeps} substeps"
-    yield TickPart("step", "D, joint Jacobians, poses; Cholesky of D", stages * substeps, each)
-    yield _if_closed(run, "step", "W and its factorisation", stages * substeps)
-    why = "the configuration is a vector: steps are added" if run.flat else each
-    yield TickPart("step", "integration on a manifold", 0 if run.flat else stages * substeps, why)
-    why = f"{run.stepping.integrator} is explicit"
-    if run.scheme.implicit:
-        why = "used if elements have stiffness or damping"
-    times = substeps if run.scheme.implicit else 0
-    yield TickPart("step", "factorisation of D with stiffness and damping", times, why)
-
-
-def _element_parts(run: Running) -> Iterator[TickPart]:
-    elements, times = run.mechanism.elements, len(run.scheme.weights) * run.stepping.substeps
-    count = int(np.count_nonzero(elements.damping))
-    why = f"{count} of {elements.damping.size} rates are damped; all are computed"
-    yield TickPart("step", "damping of joints", times, why)
-    for what, number in (
-        ("springs, friction, stops of joints", len(elements.joints)),
-        ("springs between points", len(elements.springs)),
-    ):
-        why = f"{number} in the scene" if number else "none in the scene"
-        yield TickPart("step", what, times if number else 0, why)
-
-
-def _closure_parts(run: Running) -> Iterator[TickPart]:
-    substeps, closures = run.stepping.substeps, run.mechanism.closures
-    pulled = run.stepping.baumgarte_rate > 0.0
-    what = "projection onto the closures"
-    if pulled and run.rows.rows:
-        yield TickPart("step", what, 0, "Baumgarte stabilisation instead")
-    else:
-        why = f"iterations until convergence, at most {PROJECTION_ITERATIONS} a substep"
-        yield _if_closed(run, "step", what, substeps, why)
-    times, latching = len(run.can_latch), ", ".join(run.can_latch)
-    why = f"{latching}: D and W are evaluated for each" if times else "no open closure can latch"
-    yield TickPart("step", "distance of closures that can latch", times, why)
-    still = sum(not on for on in run.state.active)
-    frames = 2 * still * len(run.scheme.weights) * substeps
-    why = f"{still} of {len(closures)} closures are open; computed with all other frames"
-    yield TickPart("step", "frames of open closures", frames, why if still else "no open closures")
-
-
-def _contacts(run: Running) -> Iterator[TickPart]:
-    pairs, substeps = len(run.scene.contacts), run.stepping.substeps
-    if not pairs:
-        for what in ("bounding boxes of declared pairs", "points of contact and their forces"):
-            yield TickPart("step", what, 0, "no contact pairs are declared")
-        return
-    declared = f"{pairs} declared pair{'s' if pairs > 1 else ''}"
-    yield TickPart("step", "bounding boxes of declared pairs", substeps, declared)
-    why = "for pairs whose boxes overlap; D, W and their factors at the step's start are reused"
-    yield TickPart("step", "points of contact and their forces", 0, why)
-
-
-def _device(run: Running) -> Iterator[TickPart]:
-    device = run.scene.device
-    why = f"hand: {run.scene.hand.kind}"
-    yield TickPart("device", "motion of the device", device.substeps, why)
-    bandwidth = device.actuator_bandwidth
-    why = f"{bandwidth:g} Hz" if bandwidth else "the actuators are ideal"
-    yield TickPart("device", "lag of the actuators", device.substeps if bandwidth else 0, why)
-    frictions = device.coulomb_friction, device.angular_coulomb_friction
-    why = f"{frictions[0]:g} N, {frictions[1]:g} N m" if any(frictions) else "none"
-    yield TickPart("device", "Coulomb friction", device.substeps if any(frictions) else 0, why)
-    limits = device.workspace.radius, device.workspace.angle
-    why = f"{limits[0]:g} m, {limits[1]:g} rad; 0 is none" if any(limits) else "none"
-    yield TickPart("device", "end stops", device.substeps if any(limits) else 0, why)
-    steps = device.position_resolution, device.angle_resolution
-    why = f"steps of {steps[0]:g} m, {steps[1]:g} rad" if any(steps) else "the encoders are ideal"
-    yield TickPart("device", "rounding to encoder steps", int(any(steps)), why)
-    estimated = device.force_sensor == "estimated"
-    why = f"the hand's wrench is {device.force_sensor}"
-    yield TickPart("device", "observer of the hand's wrench", int(estimated), why)
-
-
-def _if_closed(run: Running, stage: str, what: str, times: int, why: str = "") -> TickPart:
-    m = run.rows.rows
-    if m == 0:
-        return TickPart(stage, what, 0, "no closure is active")
-    return TickPart(stage, what, times, why or f"{m} active rows, rank {run.rows.rank}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -519,30 +371,21 @@ class Running:
         simulator: steps the mechanism.
         state: initial state, loops closed.
         analyser: of the operational point that is held.
-        device: held by the hand.
         rows: rows, rank and mobility of the closures active there.
         stepping: integrator, period, substeps, Baumgarte's rate.
-        scheme: the integrator's stages.
     """
 
     scene: Scene
     simulator: Simulator
     state: MechanismState
     analyser: Analyser
-    device: ImpedanceDevice
     rows: Redundancy
     stepping: Plan
-    scheme: Scheme
 
     @property
     def mechanism(self) -> Mechanism:
         """The simulator's mechanism."""
         return self.simulator.mechanism
-
-    @property
-    def flat(self) -> bool:
-        """Whether q is a vector like v, so that steps are added to it."""
-        return self.mechanism.nq == self.mechanism.nv
 
     @property
     def can_latch(self) -> tuple[str, ...]:
@@ -552,36 +395,6 @@ class Running:
             for loop, on in zip(self.mechanism.closures, self.state.active, strict=True)
             if not on and loop.latch_distance is not None
         )
-
-
-def running(scene: Scene, point: str = "") -> Running:
-    """Build the objects that run for a scene, as a session does.
-
-    Args:
-        scene: to run.
-        point: operational point that is held; the scene's first one if empty.
-
-    Returns:
-        The scene's objects at its start.
-
-    Raises:
-        InvalidInputError: no such point.
-        ClosureError: the scene cannot close.
-    """
-    simulator = Simulator(scene)
-    analyser = Analyser(simulator.mechanism, point)
-    state = simulator.initial_state()
-    stepping = plan_of(simulator.scene.simulation)
-    return Running(
-        scene,
-        simulator,
-        state,
-        analyser,
-        device_for(scene),
-        redundancy(simulator.mechanism, state.q, state.active),
-        stepping,
-        SCHEMES[stepping.integrator],
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -632,7 +445,6 @@ class ScenePlan:
         period: s.
         substeps: steps of the integrator in a period.
         choices: methods chosen where there are alternatives.
-        tick: what a tick computes and omits.
         arrays: of a tick, with their sizes.
     """
 
@@ -659,7 +471,6 @@ class ScenePlan:
     period: float
     substeps: int
     choices: tuple[Choice, ...]
-    tick: tuple[TickPart, ...]
     arrays: tuple[ArraySize, ...]
 
 
@@ -674,8 +485,12 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         InvalidInputError: no such point.
         ClosureError: the scene cannot close.
     """
-    run = running(scene, point)
-    mechanism, rows, stepping = run.mechanism, run.rows, run.stepping
+    simulator = Simulator(scene)
+    mechanism = simulator.mechanism
+    analyser, state = Analyser(mechanism, point), simulator.initial_state()
+    rows = redundancy(mechanism, state.q, state.active)
+    stepping = plan_of(simulator.scene.simulation)
+    run = Running(scene, simulator, state, analyser, rows, stepping)
     return ScenePlan(
         scene=scene.name,
         topology=_topology(run),
@@ -696,12 +511,11 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
         redundant_rows=rows.redundant,
         elements=_elements(run),
         integrator=stepping.integrator,
-        stages=len(run.scheme.weights),
+        stages=len(SCHEMES[stepping.integrator].weights),
         period=stepping.period,
         substeps=stepping.substeps,
         choices=tuple(choices(run)),
-        tick=parts_of_tick(run),
-        arrays=arrays_of_tick(run),
+        arrays=tuple(ArraySize(name, a.shape, a.nbytes) for name, a in _arrays(run)),
     )
 
 

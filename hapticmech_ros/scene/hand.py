@@ -13,7 +13,6 @@ import csv
 import math
 from collections.abc import Mapping
 from io import StringIO
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -56,29 +55,6 @@ def read_script(file: str) -> npt.NDArray[np.float64]:
             raise InvalidInputError(f"line {number}", words[0], rule)
         rows.append(row)
     return np.array(rows)
-
-
-def with_script_path(document: object, folder: Path) -> object:
-    """Return a scene's document with relative paths of its hands' scripts taken from ``folder``."""
-    if not isinstance(document, Mapping):
-        return document
-    found = _with_whole_path(document, folder)
-    hands = document.get("hands")
-    if isinstance(hands, list | tuple):
-        entries = [_with_whole_path(e, folder) if isinstance(e, Mapping) else e for e in hands]
-        found = {**found, "hands": entries}
-    return found
-
-
-def _with_whole_path(holder: Mapping[str, object], folder: Path) -> Mapping[str, object]:
-    """Return what has a hand with the path of the hand's script taken from ``folder``."""
-    hand = holder.get("hand")
-    if not isinstance(hand, Mapping):
-        return holder
-    file = hand.get("file")
-    if hand.get("kind") != "scripted" or not isinstance(file, str) or not file:
-        return holder
-    return {**holder, "hand": {**hand, "file": str(folder / file)}}
 
 
 def _numbers(number: int, words: list[str]) -> list[float]:

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from hapticmech_ros.errors import SceneError, SceneProblem, nearest
+from hapticmech_ros.errors import SceneError, nearest, scene_error
 from hapticmech_ros.scene.part import Name, NonNegative, Part, Positive, Real, Vector3
 from hapticmech_ros.scene.validation import problems_of
 
@@ -146,7 +146,7 @@ def with_linkage(document: object, source: str) -> object:
         return document
     for key in ("links", "model"):
         if key in document:
-            raise _refused(source, key, document[key], "links come from the linkage: say one")
+            raise scene_error(source, key, document[key], "links come from the linkage: say one")
     try:
         linkage = Linkage.model_validate(document["linkage"])
     except ValidationError as error:
@@ -438,7 +438,7 @@ class _Drawing:
         return f"no such point: must be one of {list(self._points)}{nearest(name, self._points)}"
 
     def _error(self, key: str, value: object, rule: str) -> SceneError:
-        return _refused(self._source, key, value, rule)
+        return scene_error(self._source, key, value, rule)
 
 
 def _onto(axis: Array) -> list[float]:
@@ -451,7 +451,3 @@ def _list(value: object) -> list[Any]:
     if value is None:
         return []
     return list(value) if isinstance(value, list | tuple) else [value]
-
-
-def _refused(source: str, key: str, value: object, rule: str) -> SceneError:
-    return SceneError(source, [SceneProblem(key, value, rule)])

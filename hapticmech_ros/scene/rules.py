@@ -9,7 +9,7 @@ Rules of shapes and contacts that concern more than one value of a scene.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,12 @@ MESH_SIZE_LIMIT = 32_000_000
 
 def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
     """Yield every rule of shapes and contacts that ``scene`` breaks."""
-    yield from _names_of_contacts(scene)
+    yield from _names_twice(
+        (
+            ("shapes[{}].name", [shape.name for shape in scene.shapes]),
+            ("contacts[{}].name", [contact.name for contact in scene.contacts]),
+        )
+    )
     yield from _shapes(scene)
     shapes = {shape.name: shape for shape in scene.shapes}
     for index, contact in enumerate(scene.contacts):
@@ -36,28 +41,8 @@ def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
         yield from _law(f"contacts[{index}]", contact)
 
 
-def with_mesh_paths(document: object, folder: Path) -> object:
-    """Return a scene's document with relative paths of meshes taken from ``folder``."""
-    if not isinstance(document, Mapping) or not isinstance(document.get("shapes"), list | tuple):
-        return document
-    return {**document, "shapes": [_with_path(shape, folder) for shape in document["shapes"]]}
-
-
-def _with_path(shape: object, folder: Path) -> object:
-    geometry = shape.get("geometry") if isinstance(shape, Mapping) else None
-    if not isinstance(shape, Mapping) or not isinstance(geometry, Mapping):
-        return shape
-    file = geometry.get("file")
-    if geometry.get("kind") != "mesh" or not isinstance(file, str) or not file:
-        return shape
-    return {**shape, "geometry": {**geometry, "file": str(folder / file)}}
-
-
-def _names_of_contacts(scene: SceneDocument) -> Iterator[SceneProblem]:
-    groups = (
-        ("shapes[{}].name", [shape.name for shape in scene.shapes]),
-        ("contacts[{}].name", [contact.name for contact in scene.contacts]),
-    )
+def _names_twice(groups: Iterable[tuple[str, Sequence[str]]]) -> Iterator[SceneProblem]:
+    """Yield names that stand before under the same key."""
     for key, names in groups:
         for index, name in enumerate(names):
             if name in names[:index]:
@@ -211,10 +196,7 @@ def _names(scene: SceneDocument) -> Iterator[SceneProblem]:
         ("springs[{}].name", [spring.name for spring in scene.springs]),
         ("operational_points[{}].name", [point.name for point in scene.operational_points]),
     )
-    for key, names in groups:
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                yield SceneProblem(key.format(index), name, "names must be unique")
+    yield from _names_twice(groups)
     for index, link in enumerate(scene.links):
         if link.name in {point.name for point in scene.operational_points}:
             rule = "must differ from the operational points' names: both name frames"

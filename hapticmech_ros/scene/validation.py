@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest
+from hapticmech_ros.errors import FileError, SceneError, SceneProblem, nearest, scene_error
 from hapticmech_ros.files.yaml_text import document_in, read_yaml
 from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.part import LARGEST
@@ -160,11 +160,11 @@ def with_changes(document: object, changes: Sequence[str], source: str) -> objec
             key, sign, written = change.partition("=")
             key = key.strip()
             if not sign or not key:
-                raise _refused(source, "set", change, "must be key=value")
+                raise scene_error(source, "set", change, "must be key=value")
             try:
                 value = read_yaml(written, f"the value of {key}")
             except FileError as error:
-                raise _refused(source, key, written, str(error)) from None
+                raise scene_error(source, key, written, str(error)) from None
             document = _set(document, list(_steps(key, source)), value, key, source)
     return document
 
@@ -179,7 +179,7 @@ def _steps(key: str, source: str) -> Iterator[str | int]:
         at = found.end()
     if at != len(key):
         rule = "must be names with dots between them, and places of lists in brackets"
-        raise _refused(source, "set", key, rule)
+        raise scene_error(source, "set", key, rule)
 
 
 def _set(value: Any, steps: list[str | int], new: object, key: str, source: str) -> Any:
@@ -191,7 +191,7 @@ def _set(value: Any, steps: list[str | int], new: object, key: str, source: str)
         place = _place(value, step, key, source)
         return [*value[:place], _set(value[place], rest, new, key, source), *value[place + 1 :]]
     if isinstance(step, int) or not (value is None or isinstance(value, Mapping)):
-        raise _refused(source, key, step, "leads nowhere: there is neither a mapping nor a list")
+        raise scene_error(source, key, step, "leads nowhere: there is neither a mapping nor a list")
     inside = {} if value is None else value
     return {**inside, step: _set(inside.get(step), rest, new, key, source)}
 
@@ -201,16 +201,12 @@ def _place(items: Sequence[Any], step: str | int, key: str, source: str) -> int:
     if isinstance(step, int):
         if step < len(items):
             return step
-        raise _refused(source, key, step, f"must be a place from 0 to {len(items) - 1}")
+        raise scene_error(source, key, step, f"must be a place from 0 to {len(items) - 1}")
     if step in names:
         return names.index(step)
     known = [name for name in names if name is not None]
     rule = f"must be one of {known}, or a place in brackets{nearest(step, known)}"
-    raise _refused(source, key, step, rule)
-
-
-def _refused(source: str, key: str, value: object, rule: str) -> SceneError:
-    return SceneError(source, [SceneProblem(key, value, rule)])
+    raise scene_error(source, key, step, rule)
 
 
 Kind = TypeVar("Kind", bound=SceneDocument)
@@ -244,7 +240,7 @@ def validated(kind: type[Kind], document: object, source: str) -> Kind:
         SceneError: lists every broken rule with its key path and value.
     """
     if not isinstance(document, Mapping):
-        raise SceneError(source, [SceneProblem("<root>", document, "a scene is a mapping of keys")])
+        raise scene_error(source, "<root>", document, "a scene is a mapping of keys")
     try:
         scene = kind.model_validate(with_angles(document))
     except ValidationError as error:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -13,23 +13,18 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
+from bag.record import MS, WRENCH, Bytes, record
 from hapticmech_ros.bag import BagWriter
 from hapticmech_ros.bag.check import absent, check, inspect_bag
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.wire.topics import TOPICS
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-MS = 1_000_000
 START = 10**18
 
 
 def write(path: Path, make: Bytes, stamps: Sequence[int], storage: str = "mcap") -> Path:
-    with BagWriter(path, storage) as bag:
-        bag.add_topic("/f", WRENCH)
-        for i, stamp in enumerate(stamps):
-            bag.write("/f", START + i * MS, make(stamp, 1.0))
-    return path
+    sent = [("/f", START + i * MS, make(stamp, 1.0)) for i, stamp in enumerate(stamps)]
+    return record(path, sent, storage)
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -70,11 +65,8 @@ def test_stamps_that_go_back_or_stand_still(tmp_path: Path, wrench_bytes: Bytes)
 
 
 def test_messages_that_cannot_be_decoded(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic("/f", WRENCH)
-        bag.write("/f", 1, wrench_bytes(1, 1.0))
-        bag.write("/f", 2, wrench_bytes(1, 1.0)[:30])
-    report = check(tmp_path / "bag")
+    whole = wrench_bytes(1, 1.0)
+    report = check(record(tmp_path / "bag", [("/f", 1, whole), ("/f", 2, whole[:30])]))
     assert report.topics[0].undecodable == 1
     assert report.damage == ("topic /f: 1 messages cannot be decoded",)
 

@@ -5,20 +5,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from bag.record import MS, WRENCH, Bytes, record
 from hapticmech_ros.bag import BagWriter
 from hapticmech_ros.cli import bag_tables
 from hapticmech_ros.cli.bag import app
 from hapticmech_ros.errors import HapticMechError
-
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-MS = 1_000_000
 
 
 def run(*arguments: str | Path) -> tuple[int, str]:
@@ -29,11 +25,7 @@ def run(*arguments: str | Path) -> tuple[int, str]:
 
 
 def write(path: Path, make: Bytes, offset: float = 0.0, count: int = 20) -> Path:
-    with BagWriter(path) as bag:
-        bag.add_topic("/f", WRENCH)
-        for i in range(1, count + 1):
-            bag.write("/f", i * MS, make(i * MS, i + offset))
-    return path
+    return record(path, [("/f", i * MS, make(i * MS, i + offset)) for i in range(1, count + 1)])
 
 
 def test_info(tmp_path: Path, wrench_bytes: Bytes) -> None:
@@ -55,9 +47,7 @@ def test_tables_fit_the_terminal_and_names_are_whole(
     command: str, width: int, tmp_path: Path, wrench_bytes: Bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bag_tables.console, "width", width)
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(LONG, WRENCH)
-        bag.write(LONG, MS, wrench_bytes(MS, 1.0))
+    record(tmp_path / "bag", [(LONG, MS, wrench_bytes(MS, 1.0))])
     code, text = run(command, tmp_path / "bag")
     assert code == 0
     tables = [line for line in text.splitlines() if str(tmp_path) not in line]
@@ -119,10 +109,8 @@ def test_check_of_two_bags(tmp_path: Path, wrench_bytes: Bytes) -> None:
 
 def test_bags_that_share_nothing_do_not_pass(tmp_path: Path, wrench_bytes: Bytes) -> None:
     a = write(tmp_path / "a", wrench_bytes)
-    with BagWriter(tmp_path / "b") as bag:
-        bag.add_topic("/f", WRENCH)
-        bag.write("/f", 1, wrench_bytes(10**18, 1.0))
-    assert run("check", a, tmp_path / "b", "--tolerance", "1000")[0] == 1
+    b = record(tmp_path / "b", [("/f", 1, wrench_bytes(10**18, 1.0))])
+    assert run("check", a, b, "--tolerance", "1000")[0] == 1
 
 
 def test_repair(tmp_path: Path, wrench_bytes: Bytes) -> None:

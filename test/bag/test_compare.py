@@ -7,33 +7,27 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bag.record import MS, WRENCH, Bytes, record
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import BagComparison, TopicComparison, by_nearest, by_stamp, compare
 from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import MechanismEnergy
 
-Bytes = Callable[[int, float], bytes]
 Messages = Iterable[tuple[int, bytes]]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 ARRAY = "std_msgs/msg/Float64MultiArray"
 UINT8 = "std_msgs/msg/UInt8"
-MS = 1_000_000
 START = 10**18
 
 
 def bag(path: Path, msgtype: str, messages: Messages, storage: str = "mcap") -> Path:
-    with BagWriter(path, storage) as writer:
-        writer.add_topic("/t", msgtype)
-        for time_ns, data in messages:
-            writer.write("/t", time_ns, data)
-    return path
+    return record(path, [("/t", *message) for message in messages], storage, msgtype)
 
 
 def one(report: BagComparison) -> TopicComparison:

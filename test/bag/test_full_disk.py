@@ -6,17 +6,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from bag.record import Bytes, record
 from hapticmech_ros import cli
-from hapticmech_ros.bag import BagReader, BagWriter
+from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.repair import repair
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 # A limit on the size of files stands for the end of the disk: both are an OSError while writing.
 RECORDING = """
 import resource, sys
@@ -58,10 +56,7 @@ def test_a_recording_ends_in_a_sentence_and_stays_readable(
 
 @pytest.fixture
 def sound(tmp_path: Path, wrench_bytes: Bytes) -> Path:
-    with BagWriter(tmp_path / "sound") as bag:
-        bag.add_topic("/f", WRENCH)
-        bag.write("/f", 1, wrench_bytes(1, 1.0))
-    return tmp_path / "sound"
+    return record(tmp_path / "sound", [("/f", 1, wrench_bytes(1, 1.0))])
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,9 @@ from pathlib import Path
 import lz4.frame
 import pytest
 
-from hapticmech_ros.bag import BagReader, BagWriter, storage
+from bag.record import Bytes
+from bag.record import record as recorded
+from hapticmech_ros.bag import BagReader, storage
 from hapticmech_ros.bag.check import check, inspect_bag
 from hapticmech_ros.bag.metadata import load_metadata
 from hapticmech_ros.bag.repair import repair, repair_in_child
@@ -27,8 +29,6 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 MAGIC = b"\x89MCAP0\r\n"
 ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c)"
 MERGES = "".join([f"a{k}: &a{k} {{<<: [{', '.join([f'*a{k - 1}'] * 9)}]}}\n" for k in range(1, 12)])
@@ -156,11 +156,8 @@ def test_times_beyond_64_bits_with_a_sign(tmp_path: Path) -> None:
 @pytest.fixture
 def stored(tmp_path: Path, wrench_bytes: Bytes) -> Path:
     """A sound bag in SQLite."""
-    with BagWriter(tmp_path / "bag", "sqlite3") as bag:
-        bag.add_topic("/f", WRENCH)
-        for number in range(50):
-            bag.write("/f", number, wrench_bytes(number, 1.0))
-    return tmp_path / "bag"
+    sent = [("/f", number, wrench_bytes(number, 1.0)) for number in range(50)]
+    return recorded(tmp_path / "bag", sent, "sqlite3")
 
 
 def changed(bag: Path, script: str) -> Path:

@@ -13,7 +13,6 @@ import mcap.writer as mcap
 import pytest
 from mcap.reader import SeekingReader
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from hapticmech_ros.bag import BagReader, BagWriter
@@ -45,11 +44,10 @@ def library(path: Path) -> AnyReader:
     return AnyReader([path], default_typestore=STORE)
 
 
-def written(path: Path, storage: str, make: Bytes, split: bool = False) -> Path:
+def written(path: Path, storage: str, make: Bytes) -> Path:
     """Write messages that come out of order, at equal times, and in many chunks."""
     chance = random.Random(7)
-    split_ns = 200 if split else None
-    with BagWriter(path, storage, split_ns=split_ns) as bag:
+    with BagWriter(path, storage) as bag:
         for name in TOPICS:
             bag.add_topic(name, WRENCH)
         for number in range(600):
@@ -119,43 +117,6 @@ def test_topics_types_and_counts_are_the_librarys(
                 # Of an mcap file alone the library does not read it.
                 assert connection.digest in ("", topic.type_hash)
                 assert topic.type_hash == STORE.hash_rihs01(WRENCH)
-
-
-def test_a_split_bag_is_read_whole(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    bag = written(tmp_path / "bag", storage, wrench_bytes, split=True)
-    assert len(list(bag.glob(f"*{SUFFIXES[storage]}"))) > 1
-    assert sorted(own(bag, "/b")) == sorted(read(bag, "/b"))
-    with BagReader(bag) as found:
-        times = [time_ns for _, time_ns, _ in found.serialized("/b")]
-    assert times == sorted(times)
-
-
-@pytest.mark.parametrize("plugin", list(StoragePlugin))
-@pytest.mark.parametrize("compression", [None, *CompressionMode])
-def test_bags_of_other_writers_are_the_librarys(
-    plugin: StoragePlugin,
-    compression: CompressionMode | None,
-    tmp_path: Path,
-    wrench_bytes: Bytes,
-) -> None:
-    writer = Writer(tmp_path / "bag", version=Writer.VERSION_LATEST, storage_plugin=plugin)
-    if compression not in (None, CompressionMode.NONE):
-        if compression is CompressionMode.STORAGE and plugin is StoragePlugin.SQLITE3:
-            pytest.skip("SQLite has no compression of its own")
-        writer.set_compression(compression, CompressionFormat.ZSTD)
-    with writer:
-        connections = [writer.add_connection(name, WRENCH, typestore=STORE) for name in TOPICS]
-        for number in range(200):
-            writer.write(connections[number % 3], 1000 + number, wrench_bytes(number, 1.0))
-    expected = read(tmp_path / "bag", "/b")
-    assert len(expected) == 67
-    assert own(tmp_path / "bag", "/b") == expected
-
-
-def test_a_bag_without_messages(storage: str, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", storage) as bag:
-        bag.add_topic("/a", WRENCH)
-    assert own(tmp_path / "bag") == []
 
 
 def with_checksums(bag: Path) -> Path:

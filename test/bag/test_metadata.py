@@ -7,7 +7,6 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -15,6 +14,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
+from bag.record import metadata
 from hapticmech_ros import load_scene
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.check import check, inspect_bag
@@ -39,11 +39,6 @@ def bag(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
         writer.write("/s", 1_000_000_007, HELLO)
         writer.write("/s", 3_000_000_009, HELLO)
     return tmp_path / "bag"
-
-
-def load(bag: Path) -> dict[str, Any]:
-    found: dict[str, Any] = YAML(typ="safe").load((bag / "metadata.yaml").read_text())
-    return found
 
 
 def test_every_field(bag: Path) -> None:
@@ -73,19 +68,17 @@ def test_every_field(bag: Path) -> None:
         "offered_qos_profiles": profiles,
         "type_description_hash": STRING_HASH,
     }
-    assert load(bag) == {
-        "rosbag2_bagfile_information": {
-            "version": 9,
-            "storage_identifier": "mcap" if name.endswith("mcap") else "sqlite3",
-            **span,
-            "topics_with_message_count": [{"topic_metadata": topic, "message_count": 2}],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [name],
-            "files": [{"path": name, **span}],
-            "custom_data": None,
-            "ros_distro": "jazzy",
-        }
+    assert metadata(bag) == {
+        "version": 9,
+        "storage_identifier": "mcap" if name.endswith("mcap") else "sqlite3",
+        **span,
+        "topics_with_message_count": [{"topic_metadata": topic, "message_count": 2}],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [name],
+        "files": [{"path": name, **span}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
     }
 
 
@@ -107,7 +100,7 @@ def test_the_storage_says_the_same_as_the_metadata(bag: Path) -> None:
         ((version, text),) = database.execute("SELECT metadata_version, metadata FROM metadata")
         database.close()
         assert version == 9
-    outside = load(bag)["rosbag2_bagfile_information"]
+    outside = metadata(bag)
     yaml = YAML(typ="safe")
     assert yaml.load(text) == outside
     topic = outside["topics_with_message_count"][0]["topic_metadata"]
@@ -132,7 +125,7 @@ def test_metadata_is_there_from_the_beginning_and_says_so(storage: str, tmp_path
     writer.add_topic("/s", STRING)
     writer.write("/s", 1, HELLO)
     writer.flush()
-    found = load(tmp_path / "bag")["rosbag2_bagfile_information"]
+    found = metadata(tmp_path / "bag")
     assert [t["topic_metadata"]["name"] for t in found["topics_with_message_count"]] == ["/s"]
     with pytest.raises(BagError, match=r"unfinished: .*`hapticmech bag repair .*bag`"):
         BagReader(tmp_path / "bag")

@@ -7,7 +7,6 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,15 +14,13 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from hapticmech_ros.bag import BagReader, BagWriter
+from bag.record import MS, WRENCH, Bytes, record
+from hapticmech_ros.bag import BagReader
 from hapticmech_ros.bag.repair import repair
 from hapticmech_ros.bag.writer import FLUSH_NS
 from hapticmech_ros.errors import BagError
 
-Bytes = Callable[[int, float], bytes]
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 STORAGES = ("mcap", "sqlite3")
-MS = 1_000_000
 
 KILLED = """
 import os, signal, sys
@@ -50,10 +47,8 @@ def times(bag: Path) -> list[int]:
 
 
 def write(path: Path, storage: str, make: Bytes, count: int = 3000, split: int = 0) -> None:
-    with BagWriter(path, storage, split_ns=split or None) as bag:
-        bag.add_topic("/f", WRENCH, "latched")
-        for i in range(count):
-            bag.write("/f", i * MS, make(i, float(i)))
+    sent = [("/f", i * MS, make(i, float(i))) for i in range(count)]
+    record(path, sent, storage, qos="latched", split_ns=split or None)
 
 
 @pytest.mark.parametrize("storage", STORAGES)
@@ -139,34 +134,6 @@ def test_only_the_last_of_several_files_is_damaged(
     assert [file.messages for file in report.files[:2]] == [1001, 1001]
     assert times(report.path)[:2002] == [i * MS for i in range(2002)]
     assert report.stated == 3000 > report.messages >= 2002
-
-
-@pytest.mark.parametrize("storage", STORAGES)
-def test_metadata_lost(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    write(tmp_path / "bag", storage, wrench_bytes, count=20)
-    (tmp_path / "bag" / "metadata.yaml").unlink()
-    report = repair(tmp_path / "bag")
-    assert (report.messages, report.lost_bytes, report.refused) == (20, 0, {})
-    assert times(report.path) == [i * MS for i in range(20)]
-
-
-@pytest.mark.parametrize("mode", [CompressionMode.MESSAGE, CompressionMode.FILE])
-@pytest.mark.parametrize("plugin", list(StoragePlugin))
-def test_compressed_bags_are_read_and_repaired(
-    plugin: StoragePlugin, mode: CompressionMode, tmp_path: Path, wrench_bytes: Bytes
-) -> None:
-    writer = Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        store = get_typestore(Stores.ROS2_JAZZY)
-        connection = writer.add_connection("/f", WRENCH, typestore=store)
-        for i in range(50):
-            writer.write(connection, i * MS, wrench_bytes(i, float(i)))
-    sent = [("/f", i * MS, wrench_bytes(i, float(i))) for i in range(50)]
-    with BagReader(tmp_path / "bag") as bag:
-        assert list(bag.serialized()) == sent
-    with BagReader(repair(tmp_path / "bag").path) as bag:
-        assert list(bag.serialized()) == sent
 
 
 def test_a_type_that_nobody_here_knows_survives(tmp_path: Path) -> None:

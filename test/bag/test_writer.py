@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 import threading
 from collections.abc import Callable
@@ -13,8 +12,6 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.interfaces import QosDurability, QosReliability, QosTime
-from rosbags.rosbag2 import Reader
 
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.check import inspect_bag
@@ -39,37 +36,6 @@ def write(path: Path, storage: str, wrench_bytes: Bytes) -> list[bytes]:
     return sent
 
 
-@pytest.mark.parametrize("storage", STORAGES)
-def test_bytes_and_times_come_back(storage: str, tmp_path: Path, wrench_bytes: Bytes) -> None:
-    sent = write(tmp_path / "bag", storage, wrench_bytes)
-    with BagReader(tmp_path / "bag") as bag:
-        got = list(bag.serialized("/a/force"))
-        assert bag.topics["/a/force"].type == WRENCH
-        assert bag.topics["/a/closures"].count == 0
-        assert bag.span_ns == (TIMES[0], TIMES[-1])
-    assert got == [("/a/force", t, data) for t, data in zip(TIMES, sent, strict=True)]
-
-
-@pytest.mark.parametrize("storage", STORAGES)
-def test_offers_what_the_publishers_offer(
-    storage: str, tmp_path: Path, wrench_bytes: Bytes
-) -> None:
-    write(tmp_path / "bag", storage, wrench_bytes)
-    with Reader(tmp_path / "bag") as reader:
-        offered = {c.topic: c.ext.offered_qos_profiles for c in reader.connections}
-    durability = {"/a/force": QosDurability.VOLATILE, "/a/closures": QosDurability.TRANSIENT_LOCAL}
-    for topic, profiles in offered.items():
-        (profile,) = profiles
-        assert profile.reliability is QosReliability.RELIABLE
-        assert profile.durability is durability[topic]
-        for_ever = QosTime(9223372036, 854775807)
-        assert profile.deadline == profile.lifespan == for_ever
-        assert profile.liveliness_lease_duration == for_ever
-    text = (tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8")
-    assert re.search(r"version: 9\n", text)
-    assert re.search(rf"storage_identifier: {storage}\n", text)
-
-
 def test_mcap_packages_decode_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
     write(tmp_path / "bag", "mcap", wrench_bytes)
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
@@ -87,14 +53,6 @@ def test_mcap_packages_decode_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
         stamp = decoded.header.stamp
         assert stamp.sec * 1_000_000_000 + stamp.nanosec == TIMES[index]
         assert decoded.header.frame_id == "world"
-
-
-def test_sqlite_holds_it(tmp_path: Path, wrench_bytes: Bytes) -> None:
-    sent = write(tmp_path / "bag", "sqlite3", wrench_bytes)
-    connection = sqlite3.connect(tmp_path / "bag" / "bag_0.db3")
-    rows = connection.execute("SELECT timestamp, data FROM messages ORDER BY timestamp").fetchall()
-    connection.close()
-    assert rows == list(zip(TIMES, sent, strict=True))
 
 
 def test_sqlite_file_needs_no_journal_once_it_is_closed(

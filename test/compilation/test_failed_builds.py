@@ -52,21 +52,23 @@ def wait_for(condition, timeout=30.0):
     raise AssertionError("not in time")
 
 
-def test_what_a_builder_says_last_is_the_reason(builder, alone):
-    builder("print('1 of 2'); print('no such instruction'); sys.exit(1)")
-    with pytest.raises(LibraryError, match=r"cannot be compiled: no such instruction$"):
-        library.library()
-
-
-def test_a_builder_that_writes_nothing(builder, alone):
-    builder("")
-    with pytest.raises(LibraryError, match="nothing was written"):
-        library.library()
-
-
-def test_a_builder_that_is_killed(builder, alone):
-    builder("os.kill(os.getpid(), 9)")
-    with pytest.raises(LibraryError, match="ended by signal 9"):
+@pytest.mark.parametrize(
+    ("lines", "patience", "rule"),
+    [
+        (
+            *("print('1 of 2'); print('no such instruction'); sys.exit(1)", 600.0),
+            r"cannot be compiled: no such instruction$",
+        ),
+        ("", 600.0, "nothing was written"),
+        ("os.kill(os.getpid(), 9)", 600.0, "ended by signal 9"),
+        ("time.sleep(600)", 0.5, r"not done after 0\.5 s"),
+    ],
+    ids=["says why", "writes nothing", "killed", "hangs"],
+)
+def test_a_builder_that_fails(builder, alone, monkeypatch, lines, patience, rule):
+    monkeypatch.setattr(library, "COMPILE_TIMEOUT_S", patience)
+    builder(lines)
+    with pytest.raises(LibraryError, match=rule):
         library.library()
 
 
@@ -78,13 +80,6 @@ def test_a_disk_without_room_for_a_temporary_folder(builder, alone, monkeypatch)
     with pytest.raises(LibraryError, match=f"kernels cannot be compiled: .*{missing}") as refused:
         library.library()
     assert "\n" not in str(refused.value)
-
-
-def test_a_builder_that_hangs_is_given_up(builder, alone, monkeypatch):
-    monkeypatch.setattr(library, "COMPILE_TIMEOUT_S", 0.5)
-    builder("time.sleep(600)")
-    with pytest.raises(LibraryError, match=r"not done after 0\.5 s"):
-        library.library()
 
 
 def test_what_a_builder_has_started_ends_with_it(builder, alone, monkeypatch, tmp_path):

@@ -8,8 +8,10 @@ import json
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 from hapticmech_ros.formats.shapes import notes_of_shapes
 from hapticmech_ros.formats.stops import with_metrics, with_stops
@@ -53,8 +55,7 @@ class Read:
         return next(link.joint for link in self.scene.links if link.joint.name == ours)
 
     def inertia(self, q):
-        full = np.triu(pin.crba(self.model, self.data, q))
-        return full + np.triu(full, 1).T
+        return mass_matrix(self.model, self.data, q)
 
     def bias(self, q, v):
         return pin.nonLinearEffects(self.model, self.data, q, v).copy()
@@ -65,6 +66,83 @@ class Read:
         link, place = self.imported.places[name]
         joint, own = self.tree.link_joint[link]
         return self.data.oMi[joint] * own * place
+
+
+def saved(folder, name, text):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def refused(path, rule):
+    """Assert that a file breaks one rule, and return where: a line and element of the file."""
+    with pytest.raises(SceneError) as caught:
+        read_model(path)
+    (problem,) = caught.value.problems
+    assert rule in problem.rule
+    assert str(path) in str(caught.value)
+    assert problem.key_path.startswith("line")
+    return problem.key_path
+
+
+def counts_in(imported):
+    """Return how many of what is said of a file, its shapes included."""
+    return {note.what: note.count for note in notes_in(imported)}
+
+
+def mass_matrix(model, data, q):
+    """Return D (nv, nv) of a model of Pinocchio's, which computes a half of it."""
+    upper = np.triu(pin.crba(model, data, q))
+    return upper + np.triu(upper, 1).T
+
+
+def in_order_of(ours, theirs, names):
+    """Return where each rate of theirs is among ours; and q as ours from q as theirs."""
+    rates, q_from = np.zeros(theirs.nv, dtype=int), []
+    for name in names:
+        joint = theirs.joints[theirs.getJointId(name)]
+        own = ours.model.joints[ours.joint(name)]
+        assert own.nv == joint.nv
+        rates[joint.idx_v : joint.idx_v + joint.nv] = range(own.idx_v, own.idx_v + own.nv)
+        q_from.append((own.idx_q, own.nq, joint.idx_q, joint.nq))
+
+    def convert(q):
+        found = np.zeros(ours.model.nq)
+        for at, size, there, size_there in q_from:
+            part = q[there : there + size_there]
+            turned = size == 1 and size_there == 2
+            found[at : at + size] = np.arctan2(part[1], part[0]) if turned else part
+        return found
+
+    return rates, convert
+
+
+def same_dynamics(ours, theirs, error, names=()):
+    """Yield three states of a model of Pinocchio's, with data, at which all is the same as in ours.
+
+    Args:
+        ours: a file as :class:`Read` has it.
+        theirs: model of Pinocchio's.
+        error: of inertia and bias forces, as a share of the largest of each.
+        names: of their joints; empty where these come in the same order.
+
+    Yields:
+        Their q, and ours.
+    """
+    theirs.gravity.linear = ours.model.gravity.linear = np.array((0.3, -0.2, -9.81))
+    assert ours.model.nv == theirs.nv
+    rates, convert = in_order_of(ours, theirs, names) if names else (np.arange(theirs.nv), np.array)
+    data, rng = theirs.createData(), np.random.default_rng(1)
+    for _ in range(3):
+        q, v = random_state(theirs, rng)
+        at, rate = convert(q), np.zeros(theirs.nv)
+        rate[rates] = v
+        full = mass_matrix(theirs, data, q)
+        inertia = ours.inertia(at)[np.ix_(rates, rates)]
+        assert np.abs(inertia - full).max() <= error * np.abs(full).max()
+        bias = pin.nonLinearEffects(theirs, data, q, v)
+        assert np.abs(ours.bias(at, rate)[rates] - bias).max() <= error * np.abs(bias).max()
+        yield q, at
 
 
 def random_state(model, rng):

@@ -9,6 +9,7 @@ import re
 import pytest
 from typer.testing import CliRunner
 
+from formats.imports import saved
 from formats.test_sdf import joint, link, written
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.cli import app
@@ -18,7 +19,7 @@ from hapticmech_ros.formats import read_model
 HEAD = "format: hapticmech-scene/1\n"
 MASS = """<inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
-FILE = """<robot name="r">{head}<link name="base"/><link name="a">{mass}</link>
+FILE = """<robot name="r"><link name="base"/><link name="a">{mass}</link>
 <link name="b">{mass}</link><link name="c">{mass}</link>
 <joint name="i" type="{kind}"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
 <limit lower="{lower}" upper="{upper}"/></joint>
@@ -31,17 +32,13 @@ LOOP = '<joint name="l" type="fixed"><parent link="b"/><child link="c"/></joint>
 
 
 def urdf(folder, kind="revolute", stops=(-1, 1), mimic="", mass=MASS, tail=""):
-    path = folder / "model.urdf"
     lower, upper = stops
     given = {"kind": kind, "lower": lower, "upper": upper, "mimic": mimic, "tail": tail}
-    path.write_text(FILE.format(head="", mass=mass, **given))
-    return path
+    return saved(folder, "model.urdf", FILE.format(mass=mass, **given))
 
 
 def scene(folder, said):
-    path = folder / "scene.yaml"
-    path.write_text(HEAD + said)
-    return path
+    return saved(folder, "scene.yaml", HEAD + said)
 
 
 @pytest.mark.parametrize(("stops", "none"), [((-1, -0.25), True), ((-1, -0.2), False)])

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from formats.imports import saved
 from hapticmech_ros import Mechanism, Simulator, load_scene
 from hapticmech_ros.formats.reading import read_model
 from hapticmech_ros.mechanism.redundancy import redundancy
@@ -41,12 +42,10 @@ def four_bar(folder, pins):
     }
     for name, (a, b) in pins.items():
         parts.append(JOINT.format(name=name, place=places[name, b], a=a, b=b))
-    file = folder / f"{'_'.join('_'.join(pair) for pair in pins.values())}.sdf"
-    text = "".join(parts)
-    file.write_text(f'<sdf version="1.7"><model name="four_bar">{text}</model></sdf>')
-    scene = file.with_suffix(".yaml")
-    scene.write_text(SCENE.format(file=file.name))
-    return file, scene
+    name = "_".join("_".join(pair) for pair in pins.values())
+    text = f'<sdf version="1.7"><model name="four_bar">{"".join(parts)}</model></sdf>'
+    file = saved(folder, f"{name}.sdf", text)
+    return file, saved(folder, f"{name}.yaml", SCENE.format(file=file.name))
 
 
 def felt(scene):
@@ -83,8 +82,8 @@ def test_a_body_that_nothing_joins_to_the_world_is_the_ground(tmp_path, joined):
             LINK.format(name="other", place="1 0 0 0 0 0", com="0 0 0 0 0 0", mass=1.0),
             JOINT.format(name="pin", place="0 0 0 0 0 0", a="world", b="other"),
         ]
-    file = tmp_path / "base.sdf"
-    file.write_text(f'<sdf version="1.7"><model name="m">{"".join(parts)}</model></sdf>')
+    text = f'<sdf version="1.7"><model name="m">{"".join(parts)}</model></sdf>'
+    file = saved(tmp_path, "base.sdf", text)
     mechanism = Mechanism(load_scene(str(file)))
     assert mechanism.nv == 1 + joined
     assert not [note for note in read_model(file).notes if "no joint carries" in note.what]

@@ -1,21 +1,30 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutants of good files: each loads and evaluates to finite numbers, or is refused in our words."""
+"""Mutants of good files: each loads and evaluates to finite numbers, or is refused in our words.
+
+Of models and scene files, and of what a scene takes from a model's files: shapes, includes, meshes.
+"""
 
 from __future__ import annotations
 
-import re
+import json
+from itertools import cycle
+from random import Random
 
-import numpy as np
 import pytest
 
+from benchmarks.reliability.mutants import mutated
 from formats.children import outcomes
 from formats.five_bars import PIN, REST, mjcf, sdf, urdf
+from formats.meshes import TETRAHEDRON, TEXTS, stl
 from formats.test_mjcf import EQUALITIES, INERTIAL, LOOPS, TREES
+from formats.test_mjcf_include import FILES
 from formats.test_sdf_gears import GEARS
 from formats.test_sdf_nested import NESTED
-from formats.test_urdf import random_urdf
+from formats.test_shapes import GEOMETRIES, MJCF, SDF_GEOMETRIES, URDF, collision, sdf_collision
+from formats.test_urdf import inertial_of, random_urdf
 from formats.test_urdf_mimic import MIMICS
+from hapticmech_ros.scene.rules import MESH_SUFFIXES
 from sampling import sampled
 
 MUTANTS = len(sampled(range(200), every=8))
@@ -45,75 +54,109 @@ SEEDS = {
     ],
     "yaml": [SIDECAR],
 }
-NUMBERS = ("0", "-1", "1e30", "-1e30", "1e-30", "nan", "inf", "1e999", "", "x", "0 0 0", "9" * 400)
-IN_YAML = (
-    "0.0",
-    "-1.0",
-    "1.0",
-    "0.01",
-    "2.5",
-    "-0.3",
-    "1.0e+30",
-    "1.0e+308",
-    "-1.0e-30",
-    ".nan",
-    ".inf",
-    "",
-    "x",
-    "[]",
-    "{}",
-    "~",
-    "[1.0]",
-)
+SHAPES = {
+    "urdf": URDF.format(
+        a=collision(GEOMETRIES["box"]),
+        b=collision(GEOMETRIES["mesh"].replace("file://{folder}/", "package://parts/")),
+        c=collision(GEOMETRIES["sphere"]),
+        d=collision(GEOMETRIES["cylinder"], name="rod"),
+        inertial=inertial_of(1),
+    ),
+    "xml": MJCF,
+    "sdf": '<sdf version="1.9"><model name="m">{}</model></sdf>'.format(
+        "".join(NESTED).replace(
+            '<link name="upper">',
+            '<link name="upper">'
+            + "".join(
+                sdf_collision(kind, text.replace("body.stl", "parts/body.stl"))
+                for kind, (text, _) in SDF_GEOMETRIES.items()
+            ),
+        )
+    ),
+}
+NAMED = {
+    "urdf": ("base_collision", "post_collision", "arm_collision", "rod"),
+    "xml": ("floor", "ball", "pill", "rod", "log", "block", "beam", "piece", "turned"),
+    "sdf": (*SDF_GEOMETRIES, "c"),
+}
+ON_WORLD = ("base_collision", "post_collision", "floor", "ball")
+PROBE = {"kind": "sphere", "radius": 0.1}
+PROBES = {"urdf": "tool", "xml": "b", "sdf": "arm::hand::palm"}
 
 
-def mutated(text, rng, numbers):
-    """Return the text with a change or two: of bytes, of numbers, of words, of whole elements."""
-    data = text
-    for _ in range(int(rng.integers(1, 3))):
-        at, to = sorted(int(x) for x in rng.integers(0, len(data) + 1, size=2))
-        to = min(to, at + int(rng.integers(1, 200)))
-        # A scene file bears less: most changes of bytes leave no YAML.
-        choice = int(rng.integers(0, 6)) if "<" in data else int(rng.choice((0, 1, 3, 3, 3, 4, 5)))
-        if choice == 0:
-            data = data[:at] + chr(int(rng.integers(1, 0x2FF))) + data[at + 1 :]
-        elif choice == 1:
-            data = data[:at] + data[to:]
-        elif choice == 2:
-            data = data[:to] + data[at:to] + data[to:]
-        else:
-            data = changed(data, rng, numbers, choice)
-    return data
+def written(path, data, number, good):
+    """Write a file as it is if its number is among the first few, or else a mutant of it."""
+    content = data if isinstance(data, bytes) else data.encode()
+    path.write_bytes(content if number < good else mutated(content, Random(number)))
+    return path
 
 
-def changed(data, rng, numbers, choice):
-    """Return the text with one number, word in quotes or whole element replaced."""
-    pattern = {
-        3: r"(?<![\w.])-?\d+\.?\d*(e-?\d+)?",
-        4: r'"[^"]*"' if "<" in data else r"\b\w+\b",
-        5: r"<(\w+)[^<>]*/>" if "<" in data else r"\{[^{}]*\}",
-    }[choice]
-    found = list(re.finditer(pattern, data))
-    if not found:
-        return data
-    one, other = (found[int(k)] for k in rng.integers(0, len(found), size=2))
-    value = {3: str(rng.choice(numbers)), 4: other[0], 5: other[0] * int(rng.integers(0, 3))}
-    return data[: one.start()] + value[choice] + data[one.end() :]
+def naming(kind, model):
+    """Return a scene that names shapes of a model."""
+    shapes = [
+        {"name": name, "link": link, "geometry": PROBE}
+        for name, link in (("here", "world"), ("there", PROBES[kind]))
+    ]
+    contacts = [
+        {"name": f"c{k}", "a": name, "b": "there" if name in ON_WORLD else "here", "stiffness": 1.0}
+        for k, name in enumerate(NAMED[kind])
+    ]
+    document = {"format": "hapticmech-scene/1", "model": model, "shapes": shapes}
+    return json.dumps({**document, "contacts": contacts})
+
+
+def assert_no_bugs(paths, good):
+    """Read files in a child, of which the first few are good ones."""
+    found = outcomes(paths, evaluated=True)
+    assert found[:good] == ["loads"] * good
+    bugs = [(str(p), one) for p, one in zip(paths, found, strict=True) if one.startswith("bug")]
+    assert not bugs
+    loaded = found.count("loads")
+    assert 0.05 * len(paths) < loaded < 0.9 * len(paths), "mutants all alike test nothing"
 
 
 @pytest.mark.parametrize("kind", SEEDS)
-def test_mutants_load_or_are_refused(tmp_path, kind):
-    rng = np.random.default_rng(7)
+def test_models_and_scene_files(tmp_path, kind):
     (tmp_path / "five_bar.urdf").write_text(urdf())
+    seeds = SEEDS[kind]
+    paths = [
+        written(tmp_path / f"{number}.{kind}", seed, number, len(seeds))
+        for number, seed in zip(range(MUTANTS), cycle(seeds), strict=False)
+    ]
+    assert_no_bugs(paths, len(seeds))
+
+
+def test_models_whose_shapes_are_named(tmp_path):
+    (tmp_path / "parts").mkdir()
+    for name in ("body.stl", "turned.stl"):
+        stl(tmp_path / "parts" / name, TETRAHEDRON)
     paths = []
-    for number in range(MUTANTS):
-        text = SEEDS[kind][number % len(SEEDS[kind])]
-        if number >= len(SEEDS[kind]):  # those themselves come first
-            text = mutated(text, rng, IN_YAML if kind == "yaml" else NUMBERS)
-        paths.append(tmp_path / f"{number}.{kind}")
-        paths[-1].write_text(text, encoding="utf-8")
-    found = outcomes(paths, evaluated=True)
-    bugs = [(p.name, one) for p, one in zip(paths, found, strict=True) if one.startswith("bug")]
-    assert not bugs
-    loaded = found.count("loads")
-    assert 0.05 * MUTANTS < loaded < 0.9 * MUTANTS, "mutants that are all alike test nothing"
+    for number, (kind, text) in zip(range(MUTANTS), cycle(SHAPES.items()), strict=False):
+        model = written(tmp_path / f"{number}.{kind}", text, number, len(SHAPES))
+        paths.append(model.with_suffix(".yaml"))
+        paths[-1].write_text(naming(kind, model.name))
+    assert_no_bugs(paths, len(SHAPES))
+
+
+def test_included_files(tmp_path):
+    """One of the files is a mutant each time."""
+    for number, changed in zip(range(MUTANTS), cycle(FILES), strict=False):
+        folder = tmp_path / str(number)
+        (folder / "arm").mkdir(parents=True)
+        for name, text in FILES.items():
+            written(folder / name, text, number if name == changed else 0, 1)
+    assert_no_bugs([tmp_path / str(number) / "model.xml" for number in range(MUTANTS)], 1)
+
+
+def test_meshes(tmp_path):
+    """What reads them is not ours: it must not take us down with it."""
+    data = {"stl": stl(tmp_path / "body.stl", TETRAHEDRON).read_bytes(), **TEXTS}
+    assert {f".{kind}" for kind in data} == set(MESH_SUFFIXES)
+    paths = []
+    for number, (kind, text) in zip(range(MUTANTS), cycle(data.items()), strict=False):
+        mesh = written(tmp_path / f"{number}.{kind}", text, number, len(data))
+        model = SHAPES["urdf"].replace("package://parts/body.stl", mesh.name)
+        (tmp_path / f"{number}.urdf").write_text(model)
+        paths.append(tmp_path / f"{number}.yaml")
+        paths[-1].write_text(naming("urdf", f"{number}.urdf"))
+    assert_no_bugs(paths, len(data))

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from formats.imports import saved
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.formats.reading import read_model
 
@@ -40,8 +41,8 @@ MJCF = """<mujoco model="lock"><compiler angle="radian"/><worldbody>
 @pytest.mark.parametrize("kind", ["urdf", "sdf", "xml"])
 @pytest.mark.parametrize("at", [0.5, 0.0, -1.25])
 def test_it_is_one_body_with_what_carries_it(tmp_path, kind, at):
-    path = tmp_path / f"lock.{kind}"
-    path.write_text({"urdf": URDF, "sdf": SDF, "xml": MJCF}[kind].format(at=at))
+    text = {"urdf": URDF, "sdf": SDF, "xml": MJCF}[kind].format(at=at)
+    path = saved(tmp_path, f"lock.{kind}", text)
     note = read_model(path).notes[0]
     assert str(note) == f"joint elbow: lower = upper (1 x): locked at {at:g}"
     mechanism = Mechanism(load_scene(str(path)))

@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 import pytest
 
 from formats.children import outcomes
-from formats.imports import Read
 from formats.meshes import TETRAHEDRON, stl
-from formats.test_mjcf import SAME, Theirs
+from formats.test_mjcf import SAME, assert_as_mujoco_has_it
 from formats.test_shapes import scene
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
@@ -47,22 +45,9 @@ def written(folder, files):
 
 
 def test_a_model_of_several_files_is_mujocos(tmp_path):
-    path = written(tmp_path, FILES)
-    ours, theirs = Read(path), Theirs(path)
-    assert ours.model.nv == theirs.model.nv == 3
+    ours, theirs = assert_as_mujoco_has_it(written(tmp_path, FILES), SAME, 0.0)
+    assert (ours.model.nv, theirs.model.nsite) == (3, 1)
     assert ours.scene.gravity == (1.0, 2.0, 3.0)
-    rng = np.random.default_rng(1)
-    for _ in range(3):
-        q, v, turn = theirs.state(ours, rng)
-        inertia = turn.T @ theirs.inertia() @ turn
-        assert np.abs(ours.inertia(q) - inertia).max() <= SAME * np.abs(inertia).max()
-        bias = turn.T @ theirs.data.qfrc_bias
-        assert np.abs(ours.bias(q, v) - bias).max() <= SAME * np.abs(bias).max()
-        for body in range(1, theirs.model.nbody):
-            pose = ours.pose(theirs.model.body(body).name, q)
-            assert np.abs(pose.translation - theirs.data.xpos[body]).max() <= SAME
-            assert np.abs(pose.rotation - theirs.data.xmat[body].reshape(3, 3)).max() <= SAME
-        assert np.abs(ours.pose("s", q).translation - theirs.data.site_xpos[0]).max() <= SAME
     for name in "jkl":
         damping = theirs.model.dof_damping[theirs.model.joint(name).dofadr[0]]
         assert ours.written(name).damping == damping == 2.0

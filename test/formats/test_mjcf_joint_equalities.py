@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from formats.imports import refused, saved
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats.reading import read_model
 from hapticmech_ros.operational.analysis import coupling
 
@@ -45,15 +45,7 @@ CURVES = {
 
 
 def written(folder, text):
-    path = folder / "model.xml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def refused(folder, text):
-    with pytest.raises(SceneError) as caught:
-        read_model(written(folder, text))
-    return str(caught.value)
+    return saved(folder, "model.xml", text)
 
 
 @pytest.mark.parametrize(("joint", "at"), [(HINGE, 0.5), (SLIDE, 0.2)])
@@ -142,16 +134,17 @@ def test_on_the_curve_everything_is_as_mujoco_has_it(tmp_path, text):
         assert np.abs(own[np.ix_(order, order)] - inertia).max() < 1e-13
 
 
+FOOT = """format: hapticmech-scene/1
+model: model.xml
+operational_points: [{name: foot, link: foot}]
+"""
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.7])
 def test_a_rolling_knee_is_felt_as_its_curve_says(tmp_path, angle):
     """X at the foot is j jᵀ / (Jᵀ M J), J the slopes along the curve."""
-    path = tmp_path / "scene.yaml"
     written(tmp_path, KNEE)
-    path.write_text("""format: hapticmech-scene/1
-model: model.xml
-operational_points: [{name: foot, link: foot}]
-""")
-    mechanism = Mechanism(load_scene(str(path)))
+    mechanism = Mechanism(load_scene(saved(tmp_path, "scene.yaml", FOOT)))
     x, y = np.array((0.02, -0.01, 0.002)), np.array((0.01, 0.005, 0.0))
     powers = angle ** np.arange(1, 4)
     q = np.array((x @ powers, y @ powers, angle))
@@ -189,7 +182,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(("joint", "more", "rule"), REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_is_refused_with_what_to_write_instead(tmp_path, joint, more, rule):
-    assert rule in refused(tmp_path, ARM.format(joint=joint, more=more))
+    refused(written(tmp_path, ARM.format(joint=joint, more=more)), rule)
 
 
 @pytest.mark.parametrize("more", ["", ' joint2="s"'])

@@ -7,7 +7,7 @@ from __future__ import annotations
 import mujoco
 import pytest
 
-from formats.imports import notes_in
+from formats.imports import counts_in, saved
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
 
@@ -25,9 +25,8 @@ EQUALITIES = """<tendon><fixed name="t"><joint joint="j" coef="1"/>
 
 
 def written(folder, inside, rest=""):
-    path = folder / "model.xml"
-    path.write_text(f"<mujoco><worldbody>{OUTSIDE}{inside}</worldbody>\n{rest}</mujoco>")
-    return path
+    text = f"<mujoco><worldbody>{OUTSIDE}{inside}</worldbody>\n{rest}</mujoco>"
+    return saved(folder, "model.xml", text)
 
 
 def test_references_are_those_that_mujoco_compiles(tmp_path):
@@ -53,8 +52,7 @@ def test_references_are_those_that_mujoco_compiles(tmp_path):
         assert armatures[joint.name] == pytest.approx(
             float(joint.armature[0]) + (1.2 if joint.name.startswith("j") else 0.0)
         )
-    notes = {note.what: note.count for note in notes_in(ours)}
-    assert notes["reference from a replica to what is not in it"] == 1
+    assert counts_in(ours)["reference from a replica to what is not in it"] == 1
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from formats.imports import Read, random_state
+from formats.imports import Read, refused, same_dynamics, saved
 from hapticmech_ros import load_scene
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.formats import read_model
@@ -40,11 +40,9 @@ def joint(name, parent, child, axis="1 2 3", kind="revolute", inside="", of_axis
 
 
 def written(folder, parts, version="1.9", model=""):
-    path = folder / "model.sdf"
     inside = "".join(parts)
     text = f'<sdf version="{version}"><model name="m"{model}>{inside}</model></sdf>'
-    path.write_text(text, encoding="utf-8")
-    return path
+    return saved(folder, "model.sdf", text)
 
 
 @pytest.fixture
@@ -79,17 +77,8 @@ def built(places_in_world, joints):
 
 
 def assert_same(path, theirs, places_in_world, names, joints):
-    ours = Read(path)
-    theirs.gravity.linear = ours.model.gravity.linear = np.array((1.0, 2.0, -3.0))
-    data = theirs.createData()
-    rng = np.random.default_rng(2)
-    for _ in range(3):
-        q, v = random_state(theirs, rng)
-        full = np.triu(pin.crba(theirs, data, q))
-        full += np.triu(full, 1).T
-        assert np.abs(ours.inertia(q) - full).max() <= 10 * SAME * np.abs(full).max()
-        bias = pin.nonLinearEffects(theirs, data, q, v)
-        assert np.abs(ours.bias(q, v) - bias).max() <= 10 * SAME * np.abs(bias).max()
+    ours, data = Read(path), theirs.createData()
+    for q, _ in same_dynamics(ours, theirs, 10 * SAME):
         pin.forwardKinematics(theirs, data, q)
         for k, (name, place) in enumerate(zip(names, places_in_world, strict=True)):
             there = data.oMi[k + 1] * joints[k][0].actInv(place)
@@ -294,27 +283,17 @@ BROKEN = {
 
 @pytest.mark.parametrize(("parts", "rule"), BROKEN.values(), ids=BROKEN)
 def test_errors_name_line_element_and_rule(tmp_path, parts, rule):
-    path = written(tmp_path, parts)
-    with pytest.raises(SceneError) as caught:
-        read_model(path)
-    (problem,) = caught.value.problems
-    assert rule in problem.rule
-    assert str(path) in str(caught.value)
-    assert problem.key_path.startswith("line")
+    refused(written(tmp_path, parts), rule)
 
 
 def test_a_model_placed_by_one_of_its_frames_is_refused(tmp_path):
-    path = written(tmp_path, [link("a"), HINGE], model=' placement_frame="a"')
-    with pytest.raises(SceneError, match="placed by its own"):
-        read_model(path)
+    placed = ' placement_frame="a"'
+    refused(written(tmp_path, [link("a"), HINGE], model=placed), "placed by its own")
 
 
 @pytest.mark.parametrize("models", ["", '<model name="a"/><model name="b"/>'])
 def test_one_model_is_read(tmp_path, models):
-    path = tmp_path / "model.sdf"
-    path.write_text(f"<sdf>{models}</sdf>")
-    with pytest.raises(SceneError, match="needs one <model>"):
-        read_model(path)
+    refused(saved(tmp_path, "model.sdf", f"<sdf>{models}</sdf>"), "needs one <model>")
 
 
 def test_rotors_that_drakes_tags_give_are_those_of_joints(tmp_path):
@@ -344,10 +323,8 @@ WORLDS = """<sdf version="1.9"><world name="w"><gravity>0 0 -3</gravity>
 
 
 def world_of_two(folder):
-    path = folder / "world.sdf"
     parts = [link(name) + joint(f"j_{name}", "world", name) for name in ("a", "b")]
-    path.write_text(WORLDS.format(one=parts[0], two=parts[1]), encoding="utf-8")
-    return path
+    return saved(folder, "world.sdf", WORLDS.format(one=parts[0], two=parts[1]))
 
 
 def test_one_model_of_several_is_named(tmp_path):
@@ -374,7 +351,6 @@ def test_without_a_name_of_one_the_models_are_named(tmp_path, name, rule):
 
 
 def test_other_files_have_one_model(tmp_path):
-    path = tmp_path / "model.urdf"
-    path.write_text('<robot name="r"><link name="a"/></robot>')
+    path = saved(tmp_path, "model.urdf", '<robot name="r"><link name="a"/></robot>')
     with pytest.raises(SceneError, match="only an SDF file"):
         read_model(path, name="r")

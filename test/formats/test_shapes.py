@@ -13,12 +13,20 @@ import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
-from formats.imports import Read, notes_in, random_state, scene_naming_all, shape_pose, supports
+from formats.imports import (
+    Read,
+    counts_in,
+    in_order_of,
+    random_state,
+    scene_naming_all,
+    shape_pose,
+    supports,
+)
 from formats.meshes import TETRAHEDRON, stl
 from formats.robots import robot
 from formats.test_sdf import joint, link
 from formats.test_sdf import written as sdf_written
-from formats.test_urdf import in_order_of, inertial_of
+from formats.test_urdf import inertial_of
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import SceneError
@@ -313,7 +321,7 @@ def test_geoms_that_no_scene_has_are_noted_and_refused(tmp_path):
     text = MJCF.replace(body, f'{body}{fitted}<geom name="i" type="mesh" mesh="i"/>')
     text = text.replace("</asset>", inline)
     path = mjcf(tmp_path, text)
-    counts = {note.what: note.count for note in notes_in(read_model(path))}
+    counts = counts_in(read_model(path))
     assert counts["geom that collides: box about a mesh"] == 1
     assert counts["geom that collides: ellipsoid"] == 1
     assert counts["geom"] == 1

@@ -111,9 +111,10 @@ def test_the_command_prints_the_same(tmp_path):
     found = CliRunner().invoke(app, ["scene", "check", "five_bar"])
     assert found.exit_code == 0, found.output
     assert "mobility 2" in found.output
-    told = CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"])
-    assert json.loads(told.output)["mobility"] == 2
-    assert json.loads(told.output)["notes"] == []
+    assert "accuracy of steps" in found.output
+    told = json.loads(CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"]).output)
+    assert (told["mobility"], told["notes"]) == (2, [])
+    assert told["accuracy"]["position_m"] < 1e-12
 
 
 def test_the_list_has_each_scene_and_its_purpose():

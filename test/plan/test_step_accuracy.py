@@ -2,14 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``scene check`` says of the mechanism's steps."""
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.plan.scene_plan import check_scene
 from hapticmech_ros.plan.step_accuracy import step_accuracy
 from hapticmech_ros.scene import document_of, scene_from_document
@@ -73,11 +69,3 @@ def test_what_cannot_be_run_is_told():
     check = check_scene(scene_from_document(document))
     assert "the step at" in check.accuracy.failed
     assert any("ends early: the step at" in warning for warning in check.warnings)
-
-
-def test_the_command_says_it():
-    said = CliRunner().invoke(app, ["scene", "check", "five_bar"])
-    assert said.exit_code == 0
-    assert "accuracy of steps" in said.output
-    told = json.loads(CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"]).output)
-    assert told["accuracy"]["position_m"] < 1e-12

@@ -85,10 +85,6 @@ def test_json_has_no_numbers_that_json_has_not(monkeypatch):
 
 def test_the_command_says_what_to_set():
     command = ["scene", "steps", "two_link", "--set", SHORT, "--error", "1e-5"]
-    said = CliRunner().invoke(app, [*command, "--json"])
-    assert said.exit_code == 0, said.output
-    found = json.loads(said.stdout)
-    assert found["best"]["error_m"] <= 1e-5
     shown = CliRunner().invoke(app, command)
     assert shown.exit_code == 0, shown.output
     assert "--set simulation.integrator=" in shown.output
@@ -104,6 +100,7 @@ def test_a_copy_of_the_scene_has_what_takes_the_least_time(tmp_path):
     said = CliRunner().invoke(app, [*base, "--error", "1e-5", "--out", str(out), "--json"])
     assert said.exit_code == 0, said.output
     best, mine = json.loads(said.stdout)["best"], load_scene(out)
+    assert best["error_m"] <= 1e-5
     assert mine.simulation.integrator == best["integrator"]
     assert mine.simulation.substeps == best["substeps"]
     assert mine.experiment.duration == 0.4

@@ -6,9 +6,11 @@ import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.loading.loader import with_own_paths
 from hapticmech_ros.scene import document_of, scene_from_document
-from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT, with_mesh_paths
+from hapticmech_ros.scene.rules import MESH_SIZE_LIMIT
 from oracles.touching import on_floor
+from scene.broken import place, problems_of
 
 # key path | value | words of the rule
 BROKEN = [
@@ -27,32 +29,19 @@ BROKEN = [
 WHERE = {"contacts[0].a": "contacts[0].b", "shapes[1].geometry.kind": "shapes[1].geometry"}
 
 
-def place(document, path, value):
-    keys = path.replace("[", ".").replace("]", "").split(".")
-    for key in keys[:-1]:
-        document = document[int(key) if key.isdigit() else key]
-    document[keys[-1]] = value
-
-
-def problems(document):
-    with pytest.raises(SceneError) as caught:
-        scene_from_document(document, source="scene.yaml")
-    return caught.value.problems
-
-
 @pytest.mark.parametrize(("path", "value", "rule"), BROKEN)
 def test_a_broken_rule_names_key_and_rule(path, value, rule):
     document = on_floor("sphere")
     place(document, path, value)
     wanted = WHERE.get(path, path) if value in ("floor", "cone") and path in WHERE else path
-    found = [p for p in problems(document) if p.key_path == wanted]
-    assert any(rule in p.rule for p in found), problems(document)
+    problems = problems_of(document)
+    assert any(rule in p.rule for p in problems if p.key_path == wanted), problems
 
 
 def test_two_half_spaces_do_not_touch():
     document = on_floor("sphere")
     document["shapes"][1]["geometry"] = {"kind": "half_space"}
-    (found,) = problems(document)
+    (found,) = problems_of(document)
     assert found.key_path == "contacts[0].b"
     assert "two half-spaces" in found.rule
 
@@ -60,7 +49,7 @@ def test_two_half_spaces_do_not_touch():
 def test_a_mesh_that_is_not_there():
     document = on_floor("sphere")
     document["shapes"][1]["geometry"] = {"kind": "mesh", "file": "nowhere.stl"}
-    (found,) = problems(document)
+    (found,) = problems_of(document)
     assert (found.key_path, found.rule) == ("shapes[1].geometry.file", "no such file")
 
 
@@ -70,16 +59,16 @@ def test_a_mesh_that_is_flattened_or_of_no_known_kind(tmp_path):
     file.touch()
     geometry = {"kind": "mesh", "file": str(file), "scale": [1.0, 0.0, -1.0]}
     document["shapes"][1]["geometry"] = geometry
-    (found,) = problems(document)
+    (found,) = problems_of(document)
     assert (found.key_path, found.rule) == ("shapes[1].geometry.scale[1]", "must not be zero")
     geometry["scale"] = [1.0, 2.0, -1.0]
-    (found,) = problems(document)
+    (found,) = problems_of(document)
     assert "must end in one of ('.stl'," in found.rule
     large = tmp_path / "body.stl"
     with large.open("wb") as written:
         written.truncate(MESH_SIZE_LIMIT + 1)
     geometry["file"] = str(large)
-    (found,) = problems(document)
+    (found,) = problems_of(document)
     assert found.rule == f"a mesh's file must have at most {MESH_SIZE_LIMIT} bytes (32000001)"
 
 
@@ -99,12 +88,19 @@ def test_a_mesh_that_is_no_body(tmp_path, text, rule):
     assert caught.value.problems[0].key_path == "shapes[1].geometry.file"
 
 
-def test_paths_of_meshes_are_from_the_scenes_file(tmp_path):
-    geometry = {"kind": "mesh", "file": "parts/cube.obj"}
-    document = {"shapes": [{"name": "cube", "geometry": geometry}]}
-    moved = with_mesh_paths(document, tmp_path)
-    assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "parts/cube.obj")
-    assert geometry["file"] == "parts/cube.obj"
+def test_paths_of_meshes_and_scripts_are_from_the_scenes_file(tmp_path):
+    mesh, push = {"kind": "mesh", "file": "cube.obj"}, {"kind": "scripted", "file": "push.csv"}
+    document = {
+        "shapes": [{"name": "cube", "geometry": mesh}],
+        "hand": push,
+        "hands": [{"point": "a"}, {"point": "b", "hand": push}],
+    }
+    moved = with_own_paths(document, tmp_path / "scene.yaml")
+    assert moved["shapes"][0]["geometry"]["file"] == str(tmp_path / "cube.obj")
+    whole = {"kind": "scripted", "file": str(tmp_path / "push.csv")}
+    assert moved["hand"] == whole
+    assert moved["hands"] == [{"point": "a"}, {"point": "b", "hand": whole}]
+    assert (mesh["file"], push["file"]) == ("cube.obj", "push.csv")
 
 
 def test_what_a_scene_says_of_contacts_survives_a_document():

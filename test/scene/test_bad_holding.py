@@ -6,24 +6,17 @@ import os
 
 import pytest
 
-from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import document_of, scene_from_document
 from hapticmech_ros.scene.hand import FILE_SIZE_LIMIT
+from scene.broken import problems_of
 
 HEADING = "time,fx,fy,fz,tx,ty,tz\n"
 ARM = {"kind": "arm", "waypoints": [{"time": 0.5, "xyz": [0.01, 0, 0]}]}
 PUSH = {"kind": "constant_wrench"}
 
 
-def problem(document):
-    with pytest.raises(SceneError) as caught:
-        scene_from_document(document, source="scene.yaml")
-    (found,) = caught.value.problems
-    return found
-
-
-# key path | device | words of the rule
+# key path | device or hand | words of the rule
 DEVICES = [
     ("device.preset", {"preset": "omega_9"}, "unknown device: must be one of"),
     ("device.preset", {"preset": 3.0}, "valid string"),
@@ -41,14 +34,6 @@ DEVICES = [
 ]
 
 
-@pytest.mark.parametrize(("path", "device", "rule"), DEVICES)
-def test_a_bad_device_is_named(planar, path, device, rule):
-    found = problem({**planar, "device": device})
-    assert found.key_path == path
-    assert rule in found.rule
-
-
-# key path | hand | words of the rule
 HANDS = [
     ("hand.mass", {**ARM, "mass": -1.0}, "greater than or equal to 0"),
     ("hand.impedance", {**ARM, "impedance": "nervous"}, "'relaxed' or 'firm'"),
@@ -72,9 +57,9 @@ HANDS = [
 ]
 
 
-@pytest.mark.parametrize(("path", "hand", "rule"), HANDS)
-def test_a_bad_hand_is_named(planar, path, hand, rule):
-    found = problem({**planar, "hand": hand})
+@pytest.mark.parametrize(("path", "said", "rule"), DEVICES + HANDS)
+def test_a_bad_device_or_hand_is_named(planar, path, said, rule):
+    (found,) = problems_of({**planar, path.partition(".")[0]: said})
     assert found.key_path == path
     assert rule in found.rule
 
@@ -104,7 +89,7 @@ SCRIPTS = [
 def test_a_bad_script_is_named_with_its_line(planar, tmp_path, text, rule):
     file = tmp_path / "push.csv"
     file.write_text(text)
-    found = problem({**planar, "hand": {"kind": "scripted", "file": str(file)}})
+    (found,) = problems_of({**planar, "hand": {"kind": "scripted", "file": str(file)}})
     assert found.key_path == "hand.file"
     assert rule in found.rule
 
@@ -113,16 +98,16 @@ def test_a_script_too_large_or_not_text_is_refused(planar, tmp_path):
     file = tmp_path / "push.csv"
     document = {**planar, "hand": {"kind": "scripted", "file": str(file)}}
     file.write_bytes(b"\xff\xfe\x00" * 9)
-    assert "cannot be read" in problem(document).rule
+    assert "cannot be read" in problems_of(document)[0].rule
     with file.open("wb") as stream:
         stream.truncate(FILE_SIZE_LIMIT + 1)
-    assert "bytes" in problem(document).rule
+    assert "bytes" in problems_of(document)[0].rule
 
 
 def test_a_script_that_is_no_regular_file_is_not_waited_for(planar, tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for file in (tmp_path / "pipe.csv", "/dev/zero", tmp_path):
-        found = problem({**planar, "hand": {"kind": "scripted", "file": str(file)}})
+        (found,) = problems_of({**planar, "hand": {"kind": "scripted", "file": str(file)}})
         assert "must be a regular file" in found.rule
 
 

@@ -3,32 +3,15 @@
 """Every rule that a scene can break: the error names key path, value and rule."""
 
 import math
-import re
 
 import pytest
 
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import scene_from_document
+from scene.broken import place, problems_of
 
 NAN, INF = math.nan, math.inf
-
-
-def place(document, path, value):
-    """Set ``value`` at a key path such as ``links[0].joint.axis``."""
-    keys = [int(k) if k.isdigit() else k for k in re.findall(r"[^.\[\]]+", path)]
-    for key in keys[:-1]:
-        document = document[key]
-    document[keys[-1]] = value
-
-
-def problems_of(document):
-    with pytest.raises(SceneError) as caught:
-        scene_from_document(document, source="scene.yaml")
-    for problem in caught.value.problems:
-        assert f"{problem.key_path}: {problem.rule}" in str(caught.value)
-    assert str(caught.value).startswith("scene.yaml: ")
-    return caught.value.problems
 
 
 def same(a, b):
@@ -145,12 +128,6 @@ ELSEWHERE = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("path", "value", "where", "rule"), ELSEWHERE)
-def test_a_problem_is_named_where_it_is(planar, path, value, where, rule):
-    place(planar, path, value)
-    assert [p.key_path for p in problems_of(planar) if rule in p.rule] == [where]
-
-
 SPATIAL = [
     ("links[6].inertial.inertia", {"ixx": 1.0, "iyy": 1.0, "izz": 2.1},
      "links[6].inertial.inertia", "must not exceed the sum of the other two"),
@@ -179,10 +156,15 @@ ELEMENTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("path", "value", "where", "rule"), ELEMENTS)
-def test_elements_have_rules(planar, path, value, where, rule):
-    place(planar, path, value)
-    assert [p.key_path for p in problems_of(planar) if rule in p.rule] == [where]
+IN_SCENES = [("planar", *case) for case in ELSEWHERE + ELEMENTS]
+IN_SCENES += [("spatial", *case) for case in SPATIAL]
+
+
+@pytest.mark.parametrize(("scene", "path", "value", "where", "rule"), IN_SCENES)
+def test_a_problem_is_named_where_it_is(request, scene, path, value, where, rule):
+    document = request.getfixturevalue(scene)
+    place(document, path, value)
+    assert [p.key_path for p in problems_of(document) if rule in p.rule] == [where]
 
 
 @pytest.mark.parametrize("field", ["stiffness", "friction", "effort"])
@@ -221,12 +203,6 @@ def test_a_scene_in_which_all_joints_are_locked_is_refused(planar):
     (rule,) = [p.rule for p in problems_of(planar) if p.key_path == "links"]
     assert rule.startswith("at least one joint must move; locked, ")
     assert rule.endswith(f" are {names}")
-
-
-@pytest.mark.parametrize(("path", "value", "where", "rule"), SPATIAL)
-def test_spatial_scenes_have_rules_too(spatial, path, value, where, rule):
-    place(spatial, path, value)
-    assert [p.key_path for p in problems_of(spatial) if rule in p.rule] == [where]
 
 
 def test_a_planar_pin_needs_the_plane(spatial):

@@ -3,6 +3,7 @@
 """Scenes with several hands: what each user has, and the rules."""
 
 import pytest
+import yaml
 
 from hapticmech_ros import InvalidInputError, load_scene
 from hapticmech_ros.errors import SceneError
@@ -63,24 +64,9 @@ def test_a_scene_is_written_and_read_as_it_was():
 def test_a_network_is_that_of_each(tmp_path):
     document = two_points() | {"hands": [{"point": "a", "connection": {}}, {"point": "b"}]}
     path = tmp_path / "scene.yaml"
-    import yaml
-
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     scene = load_scene(path, network_delay=0.03)
     assert [scene.held_at(p).connection.expected for p in "ab"] == [0.03, 0.03]
-
-
-def test_scripts_are_found_beside_the_scene(tmp_path):
-    import yaml
-
-    (tmp_path / "hand.csv").write_text(
-        "time,fx,fy,fz,tx,ty,tz\n0,0,0,0,0,0,0\n1,1,0,0,0,0,0\n", encoding="utf-8"
-    )
-    hand = {"kind": "scripted", "file": "hand.csv"}
-    path = tmp_path / "scene.yaml"
-    document = two_points() | {"hands": [{"point": "b", "hand": hand}]}
-    path.write_text(yaml.safe_dump(document), encoding="utf-8")
-    assert load_scene(path).held_at("b").hand.file == str(tmp_path / "hand.csv")
 
 
 BAD = [
