@@ -12,7 +12,7 @@ import pytest
 from hapticmech_ros import Mechanism, Scene, SharedSession, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.live.commands import Drag, Draggable, Failed, Hold, Open, Record, Reset, Tune
-from hapticmech_ros.live.live_picture import Drawing, LivePicture
+from hapticmech_ros.live.live_picture import LivePicture
 from hapticmech_ros.live.live_session import LiveSession, holding
 from hapticmech_ros.live.page_controls import History, numbers_html, you_html
 from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, OWN_HAND, changes_of
@@ -153,8 +153,8 @@ def test_hands_are_chosen_for_each_user(path):
 
 def test_the_picture_has_every_hand_and_knows_which_is_meant(live):
     until(live, 0.0, 0.3)
-    drawing, state = Drawing(LivePicture(live.opened)), live.state()
-    drawn = drawing.drawn(state, frozenset())
+    picture, state = LivePicture(live.opened), live.state()
+    drawn = picture.drawn(state, frozenset())
     shown = {shape.namespace for shape in drawn.frame.shapes}
     for name in ("left", "right"):
         assert {f"{one}/{name}" for one in ("device", "mass", "free_directions")} <= shown
@@ -167,7 +167,7 @@ def test_the_picture_has_every_hand_and_knows_which_is_meant(live):
     assert drawn.body_at(eye, far, "link1") == ("link", "link1")
     assert drawn.body_at(eye, far, None) is None
     assert set(drawn.picture.hues) == {"left", "right"}
-    hidden = drawing.drawn(state, frozenset({"mass felt", "forces", "rigid and free directions"}))
+    hidden = picture.drawn(state, frozenset({"mass felt", "forces", "rigid and free directions"}))
     assert not {"mass", "free_directions"} & {s.meaning for s in hidden.frame.shapes}
 
 

@@ -269,5 +269,5 @@ def test_of_several_users_each_has_names_and_a_hue_of_its_own():
     (letters,) = [s.text for s in both if s.namespace == "count/other"]
     assert letters == "other: 1 joint constraint"
     # One user has the colours that the document explains, whatever other points there are.
-    assert {s.colour for s in alone if s.namespace == "hand_force"} == {palette.HAND}
-    assert {s.colour for s in alone if s.namespace == "contact_force"} == {palette.CONTACT}
+    for meaning in ("hand_force", "contact_force"):
+        assert {s.colour for s in alone if s.namespace == meaning} == {palette.MEANING[meaning]}
