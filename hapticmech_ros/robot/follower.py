@@ -56,12 +56,24 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import dtrsv
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
-from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState, WrenchSensor
-from hapticmech_ros.robot.law import OperationalLaw, RobotState, Target, Tuning, TuningRamp
+from hapticmech_ros.robot.interfaces import (
+    EARTH,
+    Interface,
+    VirtualRobot,
+    VirtualState,
+    WrenchSensor,
+)
+from hapticmech_ros.robot.law import (
+    OperationalLaw,
+    RobotState,
+    Target,
+    Tuning,
+    TuningRamp,
+    check_not_negative,
+    check_positive,
+)
 from hapticmech_ros.scene import Scene
 
-# m/s². URDF does not say where down is; by convention z is up.
-EARTH = np.array([0.0, 0.0, -9.81])
 NO_GRAVITY = np.empty(0)
 
 
@@ -81,6 +93,7 @@ def load_arm(file: str, gravity: Array = NO_GRAVITY) -> Scene:
     if gravity.size == 0:
         if Path(file).suffix.lower() != ".urdf":
             return scene
+        # URDF does not say where down is; by convention z is up.
         gravity = EARTH
     if gravity.shape != (3,) or not np.isfinite(gravity).all():
         raise InvalidInputError("gravity", gravity, "must be three numbers")
@@ -305,15 +318,14 @@ class FollowerSettings:
         if self.interface not in ("effort", "velocity", "position"):
             rule = "must be effort, velocity or position"
             raise InvalidInputError("interface", self.interface, rule)
-        times = ("period", "joint_timeout", "target_timeout", "wrench_timeout")
-        for name in (*times, "largest_error"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInputError(name, value, "must be a positive number")
-        for name in ("swing_speed", "gain_ramp"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(name, value, "must be 0 or more")
+        check_positive(
+            period=self.period,
+            joint_timeout=self.joint_timeout,
+            target_timeout=self.target_timeout,
+            wrench_timeout=self.wrench_timeout,
+            largest_error=self.largest_error,
+        )
+        check_not_negative(swing_speed=self.swing_speed, gain_ramp=self.gain_ramp)
 
 
 class Order(NamedTuple):
@@ -625,7 +637,7 @@ class Follower:
         self.counts.saturated += setpoint.command.limited.saturated
         self.counts.leashed += setpoint.leashed
         is_velocity = self._settings.interface == "velocity"
-        values = setpoint.velocity if is_velocity else setpoint.position
+        values = setpoint.velocity if is_velocity else self._state.q
         return Order(values, "", felt, self._state.v)
 
     def _target(self, now: float) -> Target:
