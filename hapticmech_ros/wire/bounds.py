@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -218,8 +219,10 @@ def message_bounds(kind: type[Message], limits: Limits | None = None) -> Bounds:
     return bounds_of(kind.what, kind.layout, limits)
 
 
-# Where no scene is known.
-_any_bounds: dict[type[Message], Bounds] = {}
+@cache
+def _any_bounds(kind: type[Message]) -> Bounds:
+    """Return the bounds of a kind of message where no scene is known."""
+    return message_bounds(kind)
 
 
 def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
@@ -235,9 +238,7 @@ def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
     """
     # Numbers inside a message's bytes need not lie as kernels expect.
     values = kind.completed(np.array(data, dtype=float))
-    if bounds is None and kind not in _any_bounds:
-        _any_bounds[kind] = message_bounds(kind)
-    (bounds or _any_bounds[kind]).stamp(values)
+    (bounds or _any_bounds(kind)).stamp(values)
     return kind(values)
 
 
