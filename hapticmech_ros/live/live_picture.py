@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -143,10 +143,7 @@ def line_segments(shapes: Sequence[Shape]) -> tuple[Array, Array]:
 def _parts(shape: Shape) -> list[_Part]:
     colour = shape.colour
     if shape.kind in ("sphere", "cylinder", "box"):
-        body: Body = "sphere" if shape.kind == "sphere" else "box"
-        if shape.kind == "cylinder":
-            body = "cylinder"
-        turned = _wxyz(shape.pose.rotation)
+        body, turned = cast(Body, shape.kind), _wxyz(shape.pose.rotation)
         return [(body, 0, shape.pose.translation, turned, np.array(shape.size), colour)]
     if shape.kind == "arrow":
         tail, tip = shape.points

@@ -108,6 +108,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -238,10 +239,6 @@ class ForceTask:
         return left
 
 
-def _nothing() -> Array:
-    return np.zeros(6)
-
-
 @dataclass(frozen=True, slots=True)
 class Target:
     """Where the operational point is to be, and how it is to move.
@@ -254,8 +251,8 @@ class Target:
     """
 
     pose: pin.SE3
-    twist: Array = field(default_factory=_nothing)
-    acceleration: Array = field(default_factory=_nothing)
+    twist: Array = field(default_factory=partial(np.zeros, 6))
+    acceleration: Array = field(default_factory=partial(np.zeros, 6))
     force: ForceTask | None = None
 
 

@@ -76,6 +76,7 @@ class Bounds:
         Raises:
             InvalidInputError: as :meth:`stamp`.
         """
+        # Numbers inside a message's bytes need not lie as kernels expect.
         values = np.array(data, dtype=float)
         return self.stamp(values), values
 
@@ -236,9 +237,8 @@ def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
     Raises:
         InvalidInputError: as :meth:`Bounds.stamp`.
     """
-    # Numbers inside a message's bytes need not lie as kernels expect.
-    values = kind.completed(np.array(data, dtype=float))
-    (bounds or _any_bounds(kind)).stamp(values)
+    whole = kind.completed(np.asarray(data, dtype=float))
+    _, values = (bounds or _any_bounds(kind)).checked(whole)
     return kind(values)
 
 

@@ -274,6 +274,7 @@ def test_settings_that_are_none_are_refused():
         {"joint_timeout": np.nan},
         {"interface": "steam"},
         {"gain_ramp": -1.0},
+        {"swing_speed": -1.0},
     ):
         with pytest.raises(InvalidInputError, match=next(iter(changed))):
             FollowerSettings(**changed)
