@@ -547,9 +547,7 @@ class Follower:
         if settings.has_sensor and now - self._wrench_at > settings.wrench_timeout:
             self.counts.wrench_stale += 1
             return self._stop("the wrench sensor is stale", self._law.braking(state))
-        if self._clutch is None:
-            self._engage(state)
-        target = self._target(now)
+        target = self._target(self._clutch or self._engage(state), now)
         away = target.pose.translation - state.point.pose.translation
         if float(np.linalg.norm(away)) > settings.largest_error:
             self.counts.slipped += 1
@@ -606,16 +604,17 @@ class Follower:
         rate = max(self._law.gains.linear_rate, 1.0)
         return SwingWatch(self._settings.swing_speed, self._law.lever, WINDOW / rate)
 
-    def _engage(self, state: RobotState) -> None:
+    def _engage(self, state: RobotState) -> Clutch:
         """Come together with the target where both are."""
         self.counts.engagements += 1
         self._held = None
-        self._clutch = engage(0.0, self._pose, state.point.pose)
+        self._clutch = clutch = engage(0.0, self._pose, state.point.pose)
         self._state = self._virtual.at_rest(self._q)
         self._before = None
         self._watch.begin()
         # Of the last two orders: one acts over a period that begins when it has been sent.
         self._torques = [state.bias_force, state.bias_force]
+        return clutch
 
     def _follow(self, state: RobotState, target: Target) -> Order:
         rotation = state.point.pose.rotation
@@ -640,11 +639,8 @@ class Follower:
         values = setpoint.velocity if is_velocity else self._state.q
         return Order(values, "", felt, self._state.v)
 
-    def _target(self, now: float) -> Target:
+    def _target(self, clutch: Clutch, now: float) -> Target:
         """Return the target now: its last sample, carried on by its twist."""
-        clutch = self._clutch
-        if clutch is None:
-            return Target(self._pose)
         later = max(now - self._target_at, 0.0)
         turn = pin.exp3(later * self._twist[3:])
         place = self._pose.translation + later * self._twist[:3]

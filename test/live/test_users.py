@@ -77,11 +77,12 @@ def test_gains_are_a_users_own_and_kept_by_a_reset(live, path):
 def test_a_user_holds_elsewhere_and_the_other_one_does_not(live):
     now = until(live, 0.0, 0.2)
     kept = live.state().user("right").device
-    told = live.take(Hold("left", "link1"), now)
-    assert told.scene.operational_point("left").link == "link1"
-    assert live.state().number == told.number
-    # A link on a pin of the ground turns and does nothing else.
     assert live.state().user("left").count == 2
+    told = live.take(Hold("left", "link2"), now)
+    assert told.scene.operational_point("left").link == "link2"
+    assert live.state().number == told.number
+    # Its joint to link 1 moves on a circle, and it turns there.
+    assert live.state().user("left").count == 1
     assert told.scene.operational_point("right").link == "link3"
     # Held a moment later, both where they are.
     until(live, now, now + 0.5)

@@ -34,10 +34,7 @@ def under_world(frames):
 
 
 def matrix(pose):
-    rotation, position = pose
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, position
-    return found
+    return pin.SE3(*pose).homogeneous
 
 
 @pytest.mark.parametrize("seed", range(8))
