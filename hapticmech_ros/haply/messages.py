@@ -86,18 +86,18 @@ class Link:
             if self._socket is None:
                 self._begin()
             else:
-                self._go_on(0.0)
+                self._go_on(self._socket, 0.0)
         except (OSError, LinkError) as error:
             self._end(str(error))
 
     def send(self, text: str) -> bool:
         """Send a message, if the last one has been answered; return whether it was sent."""
-        if not self._opened or self.unanswered:
+        if self._socket is None or not self._opened or self.unanswered:
             return False
         self._protocol.send_text(text.encode())
         self.unanswered = True
         try:
-            self._flush()
+            self._flush(self._socket)
         except (OSError, LinkError) as error:
             self._end(str(error))
             return False
@@ -113,7 +113,7 @@ class Link:
         while self._socket is not None and (self.unanswered or not self._frames):
             left = end - time.monotonic()
             try:
-                self._go_on(max(left, 0.0))
+                self._go_on(self._socket, max(left, 0.0))
             except (OSError, LinkError) as error:
                 self._end(str(error))
             if left <= 0.0:
@@ -144,47 +144,43 @@ class Link:
         self._parts.clear()
         found.connect_ex(address)
 
-    def _go_on(self, wait: float) -> None:
+    def _go_on(self, link: socket.socket, wait: float) -> None:
         """Take what has come within ``wait`` s.
 
         Raises:
             LinkError: the connection has ended.
         """
-        if self._socket is None:
-            return
         if not self._greeted:
-            self._greet()
+            self._greet(link)
             return
-        readable, _, _ = select.select([self._socket], [], [], wait)
+        readable, _, _ = select.select([link], [], [], wait)
         if not readable:
             if not self._opened and time.monotonic() > self._until:
                 raise LinkError("it does not answer")
             return
-        data = self._socket.recv(_CHUNK)
+        data = link.recv(_CHUNK)
         if data:
             self._protocol.receive_data(data)
         else:
             self._protocol.receive_eof()
         self._take()
-        self._flush()
+        self._flush(link)
         if not data:
             raise LinkError("it has ended the connection")
 
-    def _greet(self) -> None:
+    def _greet(self, link: socket.socket) -> None:
         """Ask for a WebSocket once the connection is there."""
-        if self._socket is None:
-            return
-        _, writable, _ = select.select([], [self._socket], [], 0.0)
+        _, writable, _ = select.select([], [link], [], 0.0)
         if not writable:
             if time.monotonic() > self._until:
                 raise LinkError("it cannot be reached")
             return
-        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        code = link.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             raise OSError(code, os.strerror(code))
         self._protocol.send_request(self._protocol.connect())
         self._greeted = True
-        self._flush()
+        self._flush(link)
 
     def _take(self) -> None:
         """Take what the protocol makes of what has come."""
@@ -206,18 +202,16 @@ class Link:
                     self._parts.clear()
                     self.unanswered = False
 
-    def _flush(self) -> None:
+    def _flush(self, link: socket.socket) -> None:
         """Send what the protocol has to send.
 
         Raises:
             LinkError: it was not taken whole.
         """
         for data in self._protocol.data_to_send():
-            if self._socket is None:
-                return
             if not data:
-                self._socket.shutdown(socket.SHUT_WR)
-            elif self._socket.send(data) < len(data):
+                link.shutdown(socket.SHUT_WR)
+            elif link.send(data) < len(data):
                 raise LinkError("it takes no more messages")
 
     def _end(self, reason: str) -> None:

@@ -68,8 +68,15 @@ class ContactLayout:
         """Return the serialized message of what touches; None: nothing does."""
         rows = np.zeros((0, POINT.size))
         if touching is not None:
-            t = touching
-            rows = np.column_stack((t.pairs, t.points, t.normals, t.depths, t.forces))
+            rows = np.column_stack(
+                (
+                    touching.pairs,
+                    touching.points,
+                    touching.normals,
+                    touching.depths,
+                    touching.forces,
+                )
+            )
         count = len(rows)
         if count not in self._flat:
             self._flat[count] = FlatArray(self._fields(count))
