@@ -316,15 +316,6 @@ class LiveFrame:
     analyses: dict[str, OperationalAnalysis]
     masses: dict[str, Array]
 
-    def in_link(self, link: str, place: Array) -> Array:
-        """Return a place (3,) of the world, m, in the frame of a link.
-
-        Args:
-            link: its name.
-            place: (3,) m, world axes.
-        """
-        return np.asarray(self.placement.links[link].actInv(place))
-
 
 class LivePicture:
     """Draws the states of a scene.
@@ -537,4 +528,4 @@ class Drawn:
         """
         if body.kind == "hand":
             return self.state.user(body.name).device[:, 3], np.zeros(3)
-        return place, self.frame.in_link(body.name, place)
+        return place, np.asarray(self.frame.placement.links[body.name].actInv(place))
