@@ -12,7 +12,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -220,10 +219,8 @@ def message_bounds(kind: type[Message], limits: Limits | None = None) -> Bounds:
     return bounds_of(kind.what, kind.layout, limits)
 
 
-@cache
-def _any_bounds(kind: type[Message]) -> Bounds:
-    """Return the bounds of a kind of message where no scene is known."""
-    return message_bounds(kind)
+# Where no scene is known.
+_any_bounds: dict[type[Message], Bounds] = {}
 
 
 def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
@@ -238,7 +235,9 @@ def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
         InvalidInputError: as :meth:`Bounds.stamp`.
     """
     whole = kind.completed(np.asarray(data, dtype=float))
-    _, values = (bounds or _any_bounds(kind)).checked(whole)
+    if bounds is None and kind not in _any_bounds:
+        _any_bounds[kind] = message_bounds(kind)
+    _, values = (bounds or _any_bounds[kind]).checked(whole)
     return kind(values)
 
 
