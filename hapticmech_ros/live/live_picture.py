@@ -40,7 +40,7 @@ from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, Use
 from hapticmech_ros.view.drawn import ABOVE, ASIDE
 from hapticmech_ros.view.palette import Colour, hues, looks
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
-from hapticmech_ros.view.shapes import MASS, mass_ellipsoid, rotation_to
+from hapticmech_ros.view.shapes import MASS, LinkShape, mass_ellipsoid, rotation_to
 
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
@@ -403,7 +403,9 @@ class LivePicture:
             if number >= 0 or with_visuals
         }
         if with_visuals:
-            shown = [s for s in shown if s.namespace != "links" or s.link not in self._covered]
+            shown = [
+                s for s in shown if s.namespace != "links" or self.link_of(s) not in self._covered
+            ]
         return LiveFrame(shown, poses, placement, analyses, masses)
 
     def drawn(self, state: LiveState, hidden: frozenset[str]) -> Drawn:
@@ -422,7 +424,8 @@ class LivePicture:
 
     def link_of(self, drawn: Shape | Solid) -> str | None:
         """Return the link that a body moves with; None for what is of no link, such as arrows."""
-        return drawn.link if any(one.name == drawn.link for one in self._scene.links) else None
+        link = drawn.link if isinstance(drawn, LinkShape | Solid) else None
+        return link if any(one.name == link for one in self._scene.links) else None
 
     def hand_at(self, state: LiveState, eye: Array, place: Array) -> str | None:
         """Return whose hand somebody means who points at a place, which may be in front of it.

@@ -21,7 +21,7 @@ they are turned first: forces are gathered into as few columns as possible.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -347,7 +347,6 @@ class Shape:
         colour: red, green, blue and opacity, 0 to 1.
         points: (n, 3) in the world: tail and tip of an arrow, corners of a strip or of triangles.
         text: what a text says.
-        link: that it moves with; empty for what is of no link, such as arrows.
     """
 
     namespace: str
@@ -358,7 +357,6 @@ class Shape:
     colour: Colour
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     text: str = ""
-    link: str = ""
 
     @property
     def key(self) -> Key:
@@ -376,9 +374,21 @@ def numbered(namespace: str, shapes: Iterable[Shape], first: int = 0) -> list[Sh
     return [replace(s, namespace=namespace, number=i) for i, s in enumerate(shapes, first)]
 
 
-def moving_with(link: str, shapes: Iterable[Shape]) -> list[Shape]:
+@dataclass(frozen=True, slots=True)
+class LinkShape(Shape):
+    """A shape that moves with a link, as arrows do not.
+
+    Attributes:
+        link: its name, or ``world``.
+    """
+
+    link: str = ""
+
+
+def moving_with(link: str, shapes: Iterable[Shape]) -> list[LinkShape]:
     """Return the shapes as those of a link."""
-    return [replace(shape, link=link) for shape in shapes]
+    names = [one.name for one in fields(Shape)]
+    return [LinkShape(*(getattr(shape, name) for name in names), link) for shape in shapes]
 
 
 def vanished(before: Iterable[Key], now: Iterable[Shape]) -> list[Key]:

@@ -56,24 +56,34 @@ class JointStates:
             self._parts.append((kind, tree.position_slice(index), tree.velocity_slice(index)))
         self.names = tuple(names)
 
-    def at(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return positions (n,), rad or m, and rates (n,), rad/s or m/s; passive joints included.
+    def at(self, q: Array) -> Array:
+        """Return the positions, rad or m, at q (nq,); passive joints included.
+
+        Args:
+            q: (nq,) configuration.
+        """
+        found: list[float] = []
+        for kind, part, _ in self._parts:
+            if kind == "spherical":
+                found += hinge_angles(pin.Quaternion(q[part]).matrix())
+            else:
+                found.append(float(q[part.start]))
+        return np.array(found)
+
+    def rates(self, q: Array, v: Array) -> Array:
+        """Return the rates of the positions, rad/s or m/s, at q (nq,) and v (nv,).
 
         Args:
             q: (nq,) configuration.
             v: (nv,) rates, rad/s or m/s.
         """
-        positions: list[float] = []
-        rates: list[float] = []
+        found: list[float] = []
         for kind, part, moving in self._parts:
             if kind == "spherical":
-                rotation = pin.Quaternion(q[part]).matrix()
-                positions += hinge_angles(rotation)
-                rates += hinge_rates(rotation, v[moving])
+                found += hinge_rates(pin.Quaternion(q[part]).matrix(), v[moving])
             else:
-                positions.append(float(q[part.start]))
-                rates.append(float(v[moving.start]))
-        return np.array(positions), np.array(rates)
+                found.append(float(v[moving.start]))
+        return np.array(found)
 
 
 def hinge_name(joint: str, axis: str) -> str:

@@ -46,10 +46,9 @@ def test_rates_are_those_of_the_angles(seed):
     joints, rng, step = JointStates(mechanism), np.random.default_rng(seed), 1e-5
     q = pin.randomConfiguration(mechanism.model, -np.ones(mechanism.nq), np.ones(mechanism.nq))
     v = rng.normal(size=mechanism.nv)
-    there = [pin.integrate(mechanism.model, q, s * v) for s in (step, -step)]
-    ahead, behind = (joints.at(one, v)[0] for one in there)
+    ahead, behind = (joints.at(pin.integrate(mechanism.model, q, s * v)) for s in (step, -step))
     turned = (ahead - behind + np.pi) % (2.0 * np.pi) - np.pi
-    _, found = joints.at(q, v)
+    found = joints.rates(q, v)
     assert np.abs(turned / (2.0 * step) - found).max(initial=0.0) < 1e-5 * (1.0 + found @ found)
 
 
@@ -59,8 +58,7 @@ def test_only_what_one_number_can_say_is_listed():
         joints = JointStates(mechanism)
         sizes = {"revolute": 1, "prismatic": 1, "spherical": 3}
         expected = sum(sizes.get(kind, 0) for kind in mechanism.tree.joint_types)
-        positions, _ = joints.at(pin.neutral(mechanism.model), np.zeros(mechanism.nv))
-        assert len(joints.names) == expected == positions.size
+        assert len(joints.names) == expected == joints.at(pin.neutral(mechanism.model)).size
 
 
 def test_positions_follow_their_names():
@@ -77,6 +75,6 @@ def test_positions_follow_their_names():
     document["operational_points"].append({"name": "tip", "link": "link2"})
     joints = JointStates(Mechanism(scene_from_document(document)))
     q = np.array((0.3, 9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, -0.2))
-    positions, rates = joints.at(q, np.arange(8.0))
     assert joints.names == ("joint0", "joint2")
-    assert (positions.tolist(), rates.tolist()) == ([0.3, -0.2], [0.0, 7.0])
+    assert joints.at(q).tolist() == [0.3, -0.2]
+    assert joints.rates(q, np.arange(8.0)).tolist() == [0.0, 7.0]

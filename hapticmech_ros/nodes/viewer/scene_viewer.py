@@ -279,8 +279,8 @@ class SceneOutputs:
         """
         if self._publish_joints.wanted:
             message = JointState(name=list(self._joints.names))
-            positions, rates = self._joints.at(q, v)
-            message.position, message.velocity = positions.tolist(), rates.tolist()
+            message.position = self._joints.at(q).tolist()
+            message.velocity = self._joints.rates(q, v).tolist()
             set_stamp(message.header.stamp, time_ns)
             self._publish_joints.publish(message)
 
