@@ -388,7 +388,7 @@ class LinkShape(Shape):
 def moving_with(link: str, shapes: Iterable[Shape]) -> list[LinkShape]:
     """Return the shapes as those of a link."""
     names = [one.name for one in fields(Shape)]
-    return [LinkShape(*(getattr(shape, name) for name in names), link) for shape in shapes]
+    return [LinkShape(**{n: getattr(shape, n) for n in names}, link=link) for shape in shapes]
 
 
 def vanished(before: Iterable[Key], now: Iterable[Shape]) -> list[Key]:
