@@ -23,7 +23,7 @@ import select
 import socket
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -86,18 +86,18 @@ class Link:
             if self._socket is None:
                 self._begin()
             else:
-                self._go_on(0.0)
+                self._go_on(self._socket, 0.0)
         except (OSError, LinkError) as error:
             self._end(str(error))
 
     def send(self, text: str) -> bool:
         """Send a message, if the last one has been answered; return whether it was sent."""
-        if not self._opened or self.unanswered:
+        if self._socket is None or not self._opened or self.unanswered:
             return False
         self._protocol.send_text(text.encode())
         self.unanswered = True
         try:
-            self._flush()
+            self._flush(self._socket)
         except (OSError, LinkError) as error:
             self._end(str(error))
             return False
@@ -113,7 +113,7 @@ class Link:
         while self._socket is not None and (self.unanswered or not self._frames):
             left = end - time.monotonic()
             try:
-                self._go_on(max(left, 0.0))
+                self._go_on(self._socket, max(left, 0.0))
             except (OSError, LinkError) as error:
                 self._end(str(error))
             if left <= 0.0:
@@ -144,47 +144,43 @@ class Link:
         self._parts.clear()
         found.connect_ex(address)
 
-    def _go_on(self, wait: float) -> None:
+    def _go_on(self, link: socket.socket, wait: float) -> None:
         """Take what has come within ``wait`` s.
 
         Raises:
             LinkError: the connection has ended.
         """
-        if self._socket is None:
-            return
         if not self._greeted:
-            self._greet()
+            self._greet(link)
             return
-        readable, _, _ = select.select([self._socket], [], [], wait)
+        readable, _, _ = select.select([link], [], [], wait)
         if not readable:
             if not self._opened and time.monotonic() > self._until:
                 raise LinkError("it does not answer")
             return
-        data = self._socket.recv(_CHUNK)
+        data = link.recv(_CHUNK)
         if data:
             self._protocol.receive_data(data)
         else:
             self._protocol.receive_eof()
         self._take()
-        self._flush()
+        self._flush(link)
         if not data:
             raise LinkError("it has ended the connection")
 
-    def _greet(self) -> None:
+    def _greet(self, link: socket.socket) -> None:
         """Ask for a WebSocket once the connection is there."""
-        if self._socket is None:
-            return
-        _, writable, _ = select.select([], [self._socket], [], 0.0)
+        _, writable, _ = select.select([], [link], [], 0.0)
         if not writable:
             if time.monotonic() > self._until:
                 raise LinkError("it cannot be reached")
             return
-        code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        code = link.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
             raise OSError(code, os.strerror(code))
         self._protocol.send_request(self._protocol.connect())
         self._greeted = True
-        self._flush()
+        self._flush(link)
 
     def _take(self) -> None:
         """Take what the protocol makes of what has come."""
@@ -206,18 +202,16 @@ class Link:
                     self._parts.clear()
                     self.unanswered = False
 
-    def _flush(self) -> None:
+    def _flush(self, link: socket.socket) -> None:
         """Send what the protocol has to send.
 
         Raises:
             LinkError: it was not taken whole.
         """
         for data in self._protocol.data_to_send():
-            if self._socket is None:
-                return
             if not data:
-                self._socket.shutdown(socket.SHUT_WR)
-            elif self._socket.send(data) < len(data):
+                link.shutdown(socket.SHUT_WR)
+            elif link.send(data) < len(data):
                 raise LinkError("it takes no more messages")
 
     def _end(self, reason: str) -> None:
@@ -263,6 +257,8 @@ _IDENTITY = {
     "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
     "scale": {"x": 1.0, "y": 1.0, "z": 1.0},
 }
+_KINDS: dict[type, str] = {dict: "an object", list: "a list", str: "a text"}
+Kind = TypeVar("Kind", dict[str, Any], list[Any], str)
 # A quaternion's norm is 1 within this, of what sends single precision.
 _NORM = 1e-2
 # Of a status: what is wrong if one is false.
@@ -303,9 +299,7 @@ def parsed(text: str | bytes) -> Mapping[str, Any]:
         frame = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InvalidInputError("frame", text[:80], f"must be JSON: {error}") from None
-    if not isinstance(frame, dict):
-        raise InvalidInputError("frame", frame, "must be an object")
-    return frame
+    return _object(frame, "frame")
 
 
 class Found(NamedTuple):
@@ -340,15 +334,16 @@ def found_in(frame: Mapping[str, Any], wanted: str) -> Found | None:
     device = _device_of(frame, wanted)
     if device is None:
         return None
-    identity = _text(device, "device_id")
+    identity = _checked(str, device.get("device_id"), "device_id")
     known = _checked_configuration(device)
     return Found(identity, known, _cursor(frame, device))
 
 
 def _device_of(frame: Mapping[str, Any], wanted: str) -> Mapping[str, Any] | None:
     """Return what a frame says of the Inverse3 that is wanted; None if it says nothing of it."""
-    devices = [_object(one, INVERSE3) for one in _list(frame, INVERSE3)]
-    names = [_text(one, "device_id") for one in devices]
+    listed = _checked(list, frame.get(INVERSE3, []), INVERSE3)
+    devices = [_object(one, INVERSE3) for one in listed]
+    names = [_checked(str, one.get("device_id"), "device_id") for one in devices]
     if not wanted and len(devices) > 1:
         raise InvalidInputError("device_id", wanted, f"must be one of {', '.join(names)}")
     found = (one for one, name in zip(devices, names, strict=True) if wanted in ("", name))
@@ -428,7 +423,7 @@ def whole_state() -> str:
 def _grip_of(frame: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the state of the first handle in a frame; without one nothing."""
     for group in _GRIPS:
-        for grip in _list(frame, group):
+        for grip in _checked(list, frame.get(group, []), group):
             state = _object(_object(grip, group).get("state", {}), "state")
             if "orientation" in state or "buttons" in state or "button" in state:
                 return state
@@ -475,21 +470,12 @@ def _numbers(given: Any, name: str, keys: str, largest: float) -> list[float]:
     return [float(value) for value in found if value is not None]
 
 
-def _object(given: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(given, dict):
-        raise InvalidInputError(name, given, "must be an object")
+def _checked(kind: type[Kind], given: Any, name: str) -> Kind:
+    """Return what a frame says, if it is of a kind; a text that is empty is none."""
+    if not isinstance(given, kind) or given == "":
+        raise InvalidInputError(name, given, f"must be {_KINDS[kind]}")
     return given
 
 
-def _list(frame: Mapping[str, Any], name: str) -> list[Any]:
-    given = frame.get(name, [])
-    if not isinstance(given, list):
-        raise InvalidInputError(name, given, "must be a list")
-    return given
-
-
-def _text(owner: Mapping[str, Any], name: str) -> str:
-    given = owner.get(name)
-    if not isinstance(given, str) or not given:
-        raise InvalidInputError(name, given, "must be a text")
-    return given
+def _object(given: Any, name: str) -> dict[str, Any]:
+    return _checked(dict, given, name)

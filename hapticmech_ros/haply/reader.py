@@ -137,8 +137,7 @@ class CursorReader:
 
     def mean(self, seconds: float) -> Array:
         """Return the mean of where the cursor is for a while, (3,)."""
-        place: Array = self.path(seconds).mean(axis=0)
-        return place
+        return np.asarray(self.path(seconds).mean(axis=0))
 
     def close(self) -> None:
         """End the connection."""

@@ -19,11 +19,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
 
+from hapticmech_ros.contact.hull import Polytope, drawn_hulls, mesh_hulls
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Draggable, LiveState, Opened, UserState
 from hapticmech_ros.loading import find_scene
@@ -34,12 +35,12 @@ from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.operational.results import felt_masses
-from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 from hapticmech_ros.view import Picture, Placement, Placer, Shape, Snapshot, UserSnapshot, palette
+from hapticmech_ros.view.drawn import ABOVE, ASIDE
 from hapticmech_ros.view.palette import Colour, hues, looks
 from hapticmech_ros.view.picture import DEVICE_DIAMETER
-from hapticmech_ros.view.shapes import MASS, Key, joint_shape, mass_ellipsoid, rotation_to
+from hapticmech_ros.view.shapes import MASS, LinkShape, mass_ellipsoid, rotation_to
 
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
@@ -125,26 +126,24 @@ def instance_parts(shapes: Sequence[Shape]) -> dict[Body, list[tuple[Shape, _Par
 
 
 def line_segments(shapes: Sequence[Shape]) -> tuple[Array, Array]:
-    """Return (n, 2, 3) ends, m, and (n, 2, 3) colours, 0 to 255, of the lines among shapes."""
-    ends: list[Array] = []
-    colours: list[tuple[Colour, int]] = []
+    """Return (n, 2, 3) ends, m, and (n, 2, 3) colours, 0 to 255, of the lines among shapes.
+
+    Of none a line without length, as a page takes no empty set.
+    """
+    ends, rgb = [], []
     for shape in shapes:
         if shape.kind == "strip":
             ends.append(np.stack((shape.points[:-1], shape.points[1:]), axis=1))
-            colours.append((shape.colour, len(shape.points) - 1))
+            rgb.append(np.tile(np.array(shape.colour[:3]), (len(shape.points) - 1, 2, 1)))
     if not ends:
-        return np.zeros((0, 2, 3)), np.zeros((0, 2, 3), dtype=np.uint8)
-    rgb = [np.tile(np.array(colour[:3]), (count, 2, 1)) for colour, count in colours]
+        return np.zeros((1, 2, 3)), np.zeros((1, 2, 3), dtype=np.uint8)
     return np.concatenate(ends), np.round(255.0 * np.concatenate(rgb)).astype(np.uint8)
 
 
 def _parts(shape: Shape) -> list[_Part]:
     colour = shape.colour
     if shape.kind in ("sphere", "cylinder", "box"):
-        body: Body = "sphere" if shape.kind == "sphere" else "box"
-        if shape.kind == "cylinder":
-            body = "cylinder"
-        turned = _wxyz(shape.pose.rotation)
+        body, turned = cast(Body, shape.kind), _wxyz(shape.pose.rotation)
         return [(body, 0, shape.pose.translation, turned, np.array(shape.size), colour)]
     if shape.kind == "arrow":
         tail, tip = shape.points
@@ -209,23 +208,25 @@ def _turned(profile: Array) -> tuple[Array, Array]:
     return places, found[area > _NOTHING**2]
 
 
-class VisualBody(NamedTuple):
-    """A body that is drawn of a link.
+class Solid(NamedTuple):
+    """A body with corners of its own that is drawn of a link; of a mesh it is the convex hull.
 
     Attributes:
         link: of the scene, or ``world``.
         place: its frame in the link's.
         corners: (n, 3) m, in its frame.
         triangles: (k, 3) of corners.
+        colour: of the palette.
     """
 
     link: str
     place: pin.SE3
     corners: Array
     triangles: Array
+    colour: Colour
 
 
-def visual_bodies(scene: str) -> list[VisualBody]:
+def visual_bodies(scene: str) -> list[Solid]:
     """Return what the model's file of a scene draws; what cannot be read is left out.
 
     Args:
@@ -238,23 +239,18 @@ def visual_bodies(scene: str) -> list[VisualBody]:
         shapes = drawn_shapes(find_scene(scene))
     except HapticMechError:
         return []
-    hulls = iter(_drawn_hulls([one.geometry for one in shapes if isinstance(one.geometry, Mesh)]))
+    hulls = iter(drawn_hulls([one.geometry for one in shapes if isinstance(one.geometry, Mesh)]))
     found = []
     for shape in shapes:
         geometry = shape.geometry
-        body = next(hulls) if isinstance(geometry, Mesh) else _primitive(geometry)
+        body = _corners(next(hulls)) if isinstance(geometry, Mesh) else _primitive(geometry)
         if body is not None:
-            found.append(VisualBody(shape.link, se3(shape.origin), *body))
+            found.append(Solid(shape.link, se3(shape.origin), *body, palette.LINK))
     return found
 
 
-def _drawn_hulls(meshes: list[Mesh]) -> list[tuple[Array, Array] | None]:
-    if not meshes:
-        return []
-    from hapticmech_ros.contact.hull import drawn_hulls
-
-    found = drawn_hulls(meshes)
-    return [None if one is None else (one.vertices, one.triangles) for one in found]
+def _corners(hull: Polytope | None) -> tuple[Array, Array] | None:
+    return None if hull is None else (hull.vertices, hull.triangles)
 
 
 def _primitive(
@@ -278,44 +274,20 @@ def _primitive(
     return thick * corners + apart * np.array((0.0, 0.0, 1.0)), triangles
 
 
-# A limb is a capsule: a cylinder and two balls. Of a mesh there is no shape, but a hull.
-_CAPSULE = 3
-
-
-def shape_links(scene: Scene, placement: Placement) -> dict[Key, str]:
-    """Return shape -> name of the link that it moves with; what is fixed is left out."""
-    drawn = [name for name, _ in placement.limbs for _ in range(_CAPSULE)]
-    limbs = {name for name, _ in placement.limbs}
-    drawn += [link.name for link in scene.links if link.name not in limbs]
-    joints = [link.name for link in scene.links if link.joint.type == "prismatic"]
-    for link in scene.links:
-        pose, axis = placement.links[link.name], placement.axes[link.name]
-        joints += [link.name] * len(joint_shape(link.joint, pose, axis, 1.0))
-    solids: list[str] = []
-    for shape in scene.shapes:
-        parts = _CAPSULE if isinstance(shape.geometry, Capsule) else 1
-        solids += [shape.link] * (0 if isinstance(shape.geometry, Mesh) else parts)
-    found = {
-        (namespace, number): name
-        for namespace, names in (("links", drawn), ("joints", joints), ("solids", solids))
-        for number, name in enumerate(names)
-    }
-    for point in scene.operational_points:
-        for axes in (f"point/{point.name}", f"point/{point.name}_world"):
-            found.update({(axes, number): point.link for number in range(3)})
-    return {key: name for key, name in found.items() if name in placement.links}
-
-
 # Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
 FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5
 # Half axes of the ellipsoid: the lightest direction at the start, and the longest one drawn.
 LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
 # The ball of the hand is larger than elsewhere, as it is what people take hold of.
 _BALL = 1.6
-# Whence it is looked at, at first; from as far, as a share of what is seen.
-ABOVE, ASIDE, DISTANCE = np.array((0.0, 0.0, 1.0)), np.array((1.0, -1.6, 0.9)), 1.6
+# From as far it is looked at, at first, as a share of what is seen.
+DISTANCE = 1.6
 # The layer of what a model's file draws, in place of rods.
 VISUALS = "shapes of the model's file"
+# What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
+_GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
+# Body, and whether it can be grabbed.
+NodeKey = tuple[Body, bool]
 # What people may leave out, and how the namespaces of its shapes begin.
 LAYERS: dict[str, tuple[str, ...]] = {
     "forces": ("hand_force", "device_command", "contact_force", "point_command"),
@@ -327,46 +299,22 @@ LAYERS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Hull:
-    """A mesh that may touch or is drawn alone, as its convex hull; or another body that is drawn.
-
-    Attributes:
-        vertices: (n, 3) m, in the frame of its shape.
-        triangles: (k, 3) of vertices.
-        colour: of the palette.
-    """
-
-    vertices: Array
-    triangles: Array
-    colour: Colour = palette.MEANING["hulls"]
-
-
-@dataclass(frozen=True, slots=True)
 class LiveFrame:
     """One picture.
 
     Attributes:
         shapes: in it.
-        hulls: number of a hull -> pose in the world.
+        solids: number of a solid -> pose in the world.
         placement: where all is.
         analyses: of each point that is held, by its name.
         masses: (k,) felt there, kg, lightest first, infinite where rigid.
     """
 
     shapes: list[Shape]
-    hulls: dict[int, pin.SE3]
+    solids: dict[int, pin.SE3]
     placement: Placement
     analyses: dict[str, OperationalAnalysis]
     masses: dict[str, Array]
-
-    def in_link(self, link: str, place: Array) -> Array:
-        """Return a place (3,) of the world, m, in the frame of a link.
-
-        Args:
-            link: its name.
-            place: (3,) m, world axes.
-        """
-        return np.asarray(self.placement.links[link].actInv(place))
 
 
 class LivePicture:
@@ -377,8 +325,8 @@ class LivePicture:
 
     Attributes:
         closures: names, as a state has them.
-        hulls: number of a shape of the scene -> its hull; those that are drawn alone have negative
-            numbers.
+        solids: number of a mesh among the scene's shapes -> its hull; what the model's file draws
+            has negative numbers.
         unit: the mechanism's length, m.
         planar: whether all is in a plane.
         directions: in which the devices render.
@@ -405,12 +353,15 @@ class LivePicture:
             FORCE_SHARE * self.unit / max((one.force_limit for one in devices), default=1.0),
             TORQUE_SHARE * self.unit / max((one.torque_limit for one in devices), default=1.0),
         )
-        self.hulls = _hulls_of(opened)
-        self._visuals = {-1 - i: one for i, one in enumerate(visual_bodies(opened.asked.scene))}
-        for number, (_, _, corners, triangles) in self._visuals.items():
-            self.hulls[number] = Hull(corners, triangles, palette.LINK)
-        self._covered = {visual.link for visual in self._visuals.values()}
+        visuals = visual_bodies(opened.asked.scene)
+        self.solids = {-1 - i: one for i, one in enumerate(visuals)}
+        for number, hull in mesh_hulls(scene.shapes).items():
+            shape = scene.shapes[number]
+            place, colour = se3(shape.origin), palette.MEANING["hulls"]
+            self.solids[number] = Solid(shape.link, place, hull.vertices, hull.triangles, colour)
+        self._covered = {visual.link for visual in visuals}
         self._metres_per_kg = 0.0
+        self._instances: dict[NodeKey, Instances] = {}
 
     def draw(self, state: LiveState, hidden: frozenset[str] = frozenset()) -> LiveFrame:
         """Return the picture of a state of this scene, without some layers."""
@@ -444,25 +395,36 @@ class LivePicture:
         shapes = [_enlarged(one) if one.meaning == "device" else one for one in shapes]
         without = tuple(start for layer in hidden for start in LAYERS[layer])
         shown = [s for s in shapes if s.kind != "text" and not s.namespace.startswith(without)]
-        poses = {index: placement.solids[index] for index in self.hulls if index >= 0}
-        if VISUALS not in hidden and self._visuals:
-            links = {**placement.links, "world": pin.SE3.Identity()}
-            poses |= {n: links[one.link] * one.place for n, one in self._visuals.items()}
-            found_links = shape_links(self._scene, placement)
+        with_visuals = VISUALS not in hidden
+        links = {**placement.links, "world": pin.SE3.Identity()}
+        poses = {
+            number: links[one.link] * one.place
+            for number, one in self.solids.items()
+            if number >= 0 or with_visuals
+        }
+        if with_visuals:
             shown = [
-                s
-                for s in shown
-                if s.namespace != "links" or found_links.get(s.key) not in self._covered
+                s for s in shown if s.namespace != "links" or self.link_of(s) not in self._covered
             ]
         return LiveFrame(shown, poses, placement, analyses, masses)
 
-    def link_of(self, shape: Shape, frame: LiveFrame) -> str | None:
-        """Return the link that a shape moves with; None for what is of no link, such as arrows."""
-        return shape_links(self._scene, frame.placement).get(shape.key)
+    def drawn(self, state: LiveState, hidden: frozenset[str]) -> Drawn:
+        """Return the picture of a state as a page sends it, without some layers.
 
-    def link_of_hull(self, number: int) -> str | None:
-        """Return the link that a hull moves with; None for one that is fixed in the world."""
-        link = self._scene.shapes[number].link if number >= 0 else self._visuals[number].link
+        What is drawn keeps its place in the arrays from picture to picture.
+        """
+        frame, instances = self.draw(state, hidden), {}
+        for grabbed in (True, False):
+            shapes = [s for s in frame.shapes if (s.meaning in _GRABBED) == grabbed]
+            for body, parts in instance_parts(shapes).items():
+                arrays = self._instances.setdefault((body, grabbed), Instances()).arranged(parts)
+                if len(arrays.shapes):
+                    instances[body, grabbed] = arrays
+        return Drawn(self, state, frame, instances, line_segments(frame.shapes))
+
+    def link_of(self, drawn: Shape | Solid) -> str | None:
+        """Return the link that a body moves with; None for what is of no link, such as arrows."""
+        link = drawn.link if isinstance(drawn, LinkShape | Solid) else None
         return link if any(one.name == link for one in self._scene.links) else None
 
     def hand_at(self, state: LiveState, eye: Array, place: Array) -> str | None:
@@ -500,17 +462,6 @@ def _enlarged(shape: Shape) -> Shape:
     return replace(shape, size=size) if shape.kind == "sphere" else shape
 
 
-def _hulls_of(opened: Opened) -> dict[int, Hull]:
-    shapes = opened.scene.shapes
-    if not any(isinstance(shape.geometry, Mesh) for shape in shapes):
-        return {}
-    # Here, so that scenes without meshes do not load what reads them.
-    from hapticmech_ros.contact.hull import mesh_hulls
-
-    found = mesh_hulls(shapes)
-    return {index: Hull(one.vertices, one.triangles) for index, one in found.items()}
-
-
 def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Array]:
     """Return from where (3,) to look at what (3,), m, and what is up (3,).
 
@@ -529,12 +480,6 @@ def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Arr
     towards = ABOVE if planar else ASIDE / np.linalg.norm(ASIDE)
     up = np.array((0.0, 1.0, 0.0)) if planar else ABOVE
     return centre + DISTANCE * size * towards, centre, up
-
-
-# What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
-_GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
-# Body, and whether it can be grabbed.
-NodeKey = tuple[Body, bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -559,7 +504,7 @@ class Drawn:
         """Return the link of an instance; None for what is of no link, such as hands."""
         shapes = self.instances[body, True].shapes
         shape = shapes[place] if place is not None and place < len(shapes) else None
-        return None if shape is None else self.picture.link_of(shape, self.frame)
+        return None if shape is None else self.picture.link_of(shape)
 
     def body_at(self, eye: Array, place: Array, link: str | None) -> Draggable | None:
         """Return what somebody means to drag; None for nothing.
@@ -586,33 +531,4 @@ class Drawn:
         """
         if body.kind == "hand":
             return self.state.user(body.name).device[:, 3], np.zeros(3)
-        return place, self.frame.in_link(body.name, place)
-
-
-class Drawing:
-    """Draws states of a scene, so that what is drawn keeps its place from picture to picture.
-
-    Args:
-        picture: of the scene.
-
-    Attributes:
-        picture: this.
-    """
-
-    def __init__(self, picture: LivePicture) -> None:
-        self.picture = picture
-        self._instances: dict[NodeKey, Instances] = {}
-
-    def drawn(self, state: LiveState, hidden: frozenset[str]) -> Drawn:
-        """Return the picture of a state, without some layers."""
-        frame, instances = self.picture.draw(state, hidden), {}
-        for grabbed in (True, False):
-            shapes = [s for s in frame.shapes if (s.meaning in _GRABBED) == grabbed]
-            for body, parts in instance_parts(shapes).items():
-                arrays = self._instances.setdefault((body, grabbed), Instances()).arranged(parts)
-                if len(arrays.shapes):
-                    instances[body, grabbed] = arrays
-        ends, colours = line_segments(frame.shapes)
-        if not len(ends):
-            ends, colours = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), dtype=np.uint8)
-        return Drawn(self.picture, state, frame, instances, (ends, colours))
+        return place, np.asarray(self.frame.placement.links[body.name].actInv(place))

@@ -39,8 +39,7 @@ from hapticmech_ros.live.commands import (
 )
 from hapticmech_ros.live.grip import Dragging
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import Active, flat_grasps
+from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, ScriptedHand
@@ -83,39 +82,41 @@ class StateBag:
 
     Args:
         folder: to make.
-        mechanism: whose states they are.
+        session: whose states they are.
 
     Raises:
         BagError: as of :class:`~hapticmech_ros.bag.writer.BagWriter`.
     """
 
-    def __init__(self, folder: str, mechanism: Mechanism) -> None:
+    def __init__(self, folder: str, session: SharedSession) -> None:
         self.folder = folder
-        self._mechanism = mechanism
+        self._mechanism = mechanism = session.simulator.mechanism
         self._layout = StateLayout(mechanism)
         self._messages = FlatArray(self._layout.fields, self._layout.bounds)
         self._writer = BagWriter(folder)
         self._writer.add_topic(_NAME, STATE.type, STATE.qos)
 
-    def add(self, time: float, q: Array, v: Array, active: Active, contacts: Array) -> None:
-        """Add a state.
+    def add(self, samples: Mapping[str, Sample]) -> None:
+        """Add the state of a tick, with F_c at every operational point.
 
         Args:
-            time: of the session, s.
-            q: (nq,) configuration.
-            v: (nv,) rates.
-            active: per closure, whether it is closed.
-            contacts: (points, 6) F_c at every operational point, N and N m, world axes.
+            samples: of the tick, by the operational point of the user.
 
         Raises:
             BagError: it cannot be written.
             OutputError: numbers beyond the limits of the scene.
         """
-        stamp_ns, scene = nanoseconds(time), self._mechanism.scene
-        commanded = (True,) * len(scene.operational_points)
-        state = WireState(stamp_ns, active, q, v, contacts, flat_grasps(scene), commanded)
-        data = self._messages.encode(self._layout.pack(state))
-        self._writer.write(_NAME, stamp_ns, data)
+        contacts = np.zeros((len(self._mechanism.point_names), 6))
+        for point, one in samples.items():
+            at = self._mechanism.point_index(point)
+            contacts[at] = one.contact_wrench + one.external_wrench
+        sample = next(iter(samples.values()))
+        found, scene = sample.mechanism, self._mechanism.scene
+        stamp_ns, commanded = nanoseconds(sample.time), (True,) * len(contacts)
+        state = WireState(
+            stamp_ns, found.active, found.q, found.v, contacts, flat_grasps(scene), commanded
+        )
+        self._writer.write(_NAME, stamp_ns, self._messages.encode(self._layout.pack(state)))
 
     def close(self) -> None:
         """Write what is left."""
@@ -262,30 +263,31 @@ class LiveSession:
         self._pause(False, now)
 
     def _take(self, command: Command, now: float) -> Report | None:
-        if isinstance(command, Drag):
-            self._dragging.drag_to(command, now)
-        elif isinstance(command, Release):
-            self._dragging.release(command.body)
-        elif isinstance(command, Pause):
-            self._pause(command.paused or bool(self._error), now)
-        elif isinstance(command, Step):
-            self._steps += max(command.ticks, 0) if self._paused else 0
-        elif isinstance(command, Tune):
-            self._tune(command)
-        elif isinstance(command, DragStiffness):
-            self._dragging.stiffen(command.factor)
-        elif isinstance(command, SwitchClosure):
-            self.session.switch_closure(command.name, command.closed)
-        elif isinstance(command, Record):
-            self._record(command.folder)
-        elif isinstance(command, Hold):
-            return self._hold(command)
-        elif isinstance(command, Reset):
-            self._begin(self._asked, self._tuned, now)
-            return self.opened
-        else:
-            self._begin(command, {}, now)
-            return self.opened
+        match command:
+            case Drag():
+                self._dragging.drag_to(command, now)
+            case Release():
+                self._dragging.release(command.body)
+            case Pause():
+                self._pause(command.paused or bool(self._error), now)
+            case Step():
+                self._steps += max(command.ticks, 0) if self._paused else 0
+            case Tune():
+                self._tune(command)
+            case DragStiffness():
+                self._dragging.stiffen(command.factor)
+            case SwitchClosure():
+                self.session.switch_closure(command.name, command.closed)
+            case Record():
+                self._record(command.folder)
+            case Hold():
+                return self._hold(command)
+            case Reset():
+                self._begin(self._asked, self._tuned, now)
+                return self.opened
+            case Open():
+                self._begin(command, {}, now)
+                return self.opened
         return None
 
     def _tune(self, command: Tune) -> None:
@@ -306,7 +308,7 @@ class LiveSession:
     def _record(self, folder: str) -> None:
         self.close()
         if folder:
-            self._bag = StateBag(folder, self.session.simulator.mechanism)
+            self._bag = StateBag(folder, self.session)
 
     def _pause(self, paused: bool, now: float) -> None:
         self._paused = paused
@@ -332,23 +334,16 @@ class LiveSession:
             self._samples = session.tick(hand_wrenches=hands, on_links=links)
             self._done += 1
             if self._bag is not None:
-                self._add_to_bag(self._bag)
+                self._add_to(self._bag)
 
     def _devices(self) -> dict[str, tuple[Array, Array]]:
         """Return place (3,), m, and velocity (3,), m/s, world axes, of each device."""
         devices = {point: self.session.user(point).device for point in self.session.points}
         return {p: (one.pose.translation, one.twist[:3]) for p, one in devices.items()}
 
-    def _add_to_bag(self, bag: StateBag) -> None:
-        mechanism = self.session.simulator.mechanism
-        contacts = np.zeros((len(mechanism.point_names), 6))
-        for point, sample in self._samples.items():
-            at = mechanism.point_index(point)
-            contacts[at] = sample.contact_wrench + sample.external_wrench
-        sample = self._samples[self.session.points[0]]
-        state = sample.mechanism
+    def _add_to(self, bag: StateBag) -> None:
         try:
-            bag.add(sample.time, state.q, state.v, state.active, contacts)
+            bag.add(self._samples)
         except HapticMechError:
             self.close()
             raise

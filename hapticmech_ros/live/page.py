@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page itself: all that is known of viser is here, and in ``page_nodes`` and ``page_controls``.
+"""The page itself: all that is known of viser is here, and in ``page_controls``.
 
 What viser is told is told in its event loop: its messages are not safe to send from other threads.
 Pictures are computed outside it, so that the mouse is heard meanwhile.
@@ -16,14 +16,14 @@ from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import viser
 
 from hapticmech_ros.live.commands import Backend, Drag, Failed, LiveState, Open, Opened
 from hapticmech_ros.live.grip import Mice
-from hapticmech_ros.live.live_picture import Drawing, Drawn, LivePicture, first_view
+from hapticmech_ros.live.live_picture import Drawn, LivePicture, first_view
 from hapticmech_ros.live.page_controls import (
     Controls,
     History,
@@ -35,6 +35,7 @@ from hapticmech_ros.live.page_controls import (
 from hapticmech_ros.view.drawn import draw_shapes
 from hapticmech_ros.view.shapes import MASS
 
+Made = TypeVar("Made")
 # Pictures, numbers and plots a second, at most.
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
 # How often a drag is told again, s.
@@ -80,7 +81,7 @@ class LivePage:
         self._mice = Mice(backend.send)
         # What each browser alone is told: which one it is, and why it drags nothing.
         self._you: dict[int, Any] = {}
-        self._drawing: Drawing | None = None
+        self._picture: LivePicture | None = None
         self._newest: LiveState | None = None
         self._shown: Drawn | None = None
         self._has_view = False
@@ -88,8 +89,11 @@ class LivePage:
         self._history = History()
         self._nodes = SceneNodes(server, self._dragged)
         self._drawn = dict.fromkeys(("picture", "numbers", "plots"), 0.0)
-        self._controls: Controls
-        self._with_viser(lambda: self._make_controls(first, given, scenes))
+        self._controls = self._with_viser(
+            lambda: Controls(
+                server, backend, first, given, scenes, self._history, self._save_picture
+            )
+        )
 
         async def came(client: Any) -> None:
             number = client.client_id
@@ -131,20 +135,19 @@ class LivePage:
         while not ended():
             for report in self._backend.news(REPEAT_S):
                 if isinstance(report, Opened):
-                    drawing = Drawing(LivePicture(report))
-                    self._with_viser(partial(self._open, report, drawing))
+                    self._with_viser(partial(self._open, report, LivePicture(report)))
                 elif isinstance(report, Failed):
                     self._controls.said = report.reason
                 elif report.number == self._number:
                     self._newest = report
-            state, current = self._newest, self._drawing
-            if state is None or current is None:
+            state, picture = self._newest, self._picture
+            if state is None or picture is None:
                 continue
             self._history.add(state)
             if not self._has_view:
-                self._with_viser(partial(self._look_at_scene, current.picture, state))
+                self._with_viser(partial(self._look_at_scene, picture, state))
             if self.looked_at and self._due("picture", PICTURES_HZ):
-                self._with_viser(partial(self._show, current.drawn(state, self._controls.hidden)))
+                self._with_viser(partial(self._show, picture.drawn(state, self._controls.hidden)))
 
     def close(self) -> None:
         """Serve it no more."""
@@ -159,29 +162,23 @@ class LivePage:
         self._drawn[what] = now
         return True
 
-    def _make_controls(self, first: str, given: Sequence[str], scenes: Sequence[str]) -> None:
-        self._controls = Controls(
-            self._server, self._backend, first, given, scenes, self._history, self._save_picture
-        )
-
     # What is seen.
 
-    def _with_viser(self, work: Callable[[], None]) -> None:
-        """Do it in viser's event loop, and wait until it is done."""
+    def _with_viser(self, work: Callable[[], Made]) -> Made:
+        """Do it in viser's event loop, wait until it is done, and return what came of it."""
 
-        async def done() -> None:
-            work()
+        async def done() -> Made:
+            return work()
 
-        asyncio.run_coroutine_threadsafe(done(), self._server.get_event_loop()).result()
+        return asyncio.run_coroutine_threadsafe(done(), self._server.get_event_loop()).result()
 
-    def _open(self, opened: Opened, drawing: Drawing) -> None:
+    def _open(self, opened: Opened, picture: LivePicture) -> None:
         """Draw another scene, or the same held elsewhere."""
         self._mice.let_go()
         self._controls.said = ""
-        new = self._drawing is None or opened.asked != self._asked
+        new = self._picture is None or opened.asked != self._asked
         self._asked, self._number, self._name = opened.asked, opened.number, opened.scene.name
-        picture = drawing.picture
-        self._drawing, self._shown, self._newest = drawing, None, None
+        self._picture, self._shown, self._newest = picture, None, None
         self._history.begin(picture.users, picture.directions)
         self._nodes.clear()
         if new:
@@ -194,7 +191,7 @@ class LivePage:
         self._nodes.show(new, holders)
         if self._due("numbers", NUMBERS_HZ):
             self._controls.tell(new, self._name, holders)
-        if self._controls.wants_plots and self._due("plots", PLOTS_HZ):
+        if self._due("plots", PLOTS_HZ):
             self._controls.plot()
 
     def _look_at_scene(self, picture: LivePicture, state: LiveState) -> None:

@@ -219,35 +219,22 @@ class History:
             row += user.observation[: self._directions].tolist()
         self._rows.append(np.array(row))
 
-    def count(self, user: int = 0) -> tuple[Array, ...]:
-        """Return times (n,), s, and the number of joint constraints (n,) that a user feels."""
-        return self._columns(self._first(user))
-
-    def spectrum(self, user: int = 0) -> tuple[Array, ...]:
-        """Return times (n,), s, and a user's s_i (n,), as many as there are directions."""
-        first = self._first(user) + 3
-        return self._columns(*range(first, first + self._directions))
-
-    def forces(self, user: int = 0) -> tuple[Array, ...]:
-        """Return times (n,), s, and norms (n,) of a user's F_h and of the device's force, N."""
-        first = self._first(user) + 1
-        return self._columns(first, first + 1)
-
-    def rate(self) -> tuple[Array, ...]:
-        """Return times (n,), s, and the real-time factor (n,)."""
-        return self._columns(1)
-
     def plots(self) -> Iterator[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]]]:
-        """Yield every plot: title, names of lines, and what gives times (n,), values (n,)."""
+        """Yield every plot: title, names of lines, and what gives times (n,), s, and values (n,).
+
+        Of each user the number of joint constraints felt, s_i in as many directions as there are,
+        and the norms of F_h and of the device's force; then the real-time factor.
+        """
         spectrum = tuple(f"s{i + 1}" for i in range(self._directions))
         several = len(self._users) > 1
         for index, user in enumerate(self._users):
-            of = f" ({user})" if several else ""
-            yield f"joint constraints{of}", ("count",), partial(self.count, index)
-            yield f"s{of}", spectrum, partial(self.spectrum, index)
+            of, first = f" ({user})" if several else "", self._first(index)
+            yield f"joint constraints{of}", ("count",), partial(self._columns, first)
+            s = range(first + 3, first + 3 + self._directions)
+            yield f"s{of}", spectrum, partial(self._columns, *s)
             names = ("by the hand", "by the device")
-            yield f"forces, N{of}", names, partial(self.forces, index)
-        yield "real-time factor", ("factor",), self.rate
+            yield f"forces, N{of}", names, partial(self._columns, first + 1, first + 2)
+        yield "real-time factor", ("factor",), partial(self._columns, 1)
 
     def _first(self, user: int) -> int:
         """Return the column in which a user's values begin."""
@@ -277,12 +264,12 @@ class SceneNodes:
         self._shown: Drawn | None = None
         self._nodes: dict[NodeKey, Any] = {}
         self._lines: Any = None
-        self._hulls: dict[int, Any] = {}
+        self._solids: dict[int, Any] = {}
         self._labels: dict[str, Any] = {}
 
     def clear(self) -> None:
         """Show nothing."""
-        kinds: tuple[dict[Any, Any], ...] = (self._nodes, self._hulls, self._labels)
+        kinds: tuple[dict[Any, Any], ...] = (self._nodes, self._solids, self._labels)
         for node in (*(one for kind in kinds for one in kind.values()), self._lines):
             if node is not None:
                 node.remove()
@@ -302,12 +289,12 @@ class SceneNodes:
             for key, arrays in new.instances.items():
                 self._show_instances(key, arrays, None if old is None else old.instances.get(key))
             self._show_lines(*new.lines)
-            for number, pose in new.frame.hulls.items():
-                node = self._hulls.get(number) or self._made_hull(picture, number)
+            for number, pose in new.frame.solids.items():
+                node = self._solids.get(number) or self._made_solid(picture, number)
                 turned = np.roll(quaternion_of(pose.rotation), 1)
                 node.position, node.wxyz = pose.translation, turned
-            for number, node in self._hulls.items():
-                node.visible = number in new.frame.hulls
+            for number, node in self._solids.items():
+                node.visible = number in new.frame.solids
             self._show_labels(new, holders)
 
     def _show_labels(self, new: Drawn, holders: Mapping[Draggable, int]) -> None:
@@ -383,24 +370,24 @@ class SceneNodes:
             node.on_drag("left")(dragged)
         return node
 
-    def _made_hull(self, picture: LivePicture, number: int) -> Any:
-        hull = picture.hulls[number]
+    def _made_solid(self, picture: LivePicture, number: int) -> Any:
+        solid = picture.solids[number]
         node = self._server.scene.add_mesh_simple(
-            f"/hulls/{number}",
-            hull.vertices,
-            hull.triangles,
-            color=tuple(round(255 * part) for part in hull.colour[:3]),
-            opacity=hull.colour[3],
+            f"/solids/{number}",
+            solid.corners,
+            solid.triangles,
+            color=tuple(round(255 * part) for part in solid.colour[:3]),
+            opacity=solid.colour[3],
             flat_shading=True,
             cast_shadow=False,
             receive_shadow=False,
         )
 
         async def dragged(event: Any) -> None:
-            self._on_drag(event, picture.link_of_hull(number))
+            self._on_drag(event, picture.link_of(solid))
 
         node.on_drag("left")(dragged)
-        self._hulls[number] = node
+        self._solids[number] = node
         return node
 
 
@@ -468,15 +455,11 @@ class Controls:
             if box.value != wanted:
                 box.value = wanted
 
-    @property
-    def wants_plots(self) -> bool:
-        """Whether plots are to be drawn."""
-        return bool(self._with_plots.value)
-
     def plot(self) -> None:
-        """Draw the plots anew."""
-        for plot, columns in self._plots:
-            plot.data = columns()
+        """Draw the plots anew, if they are wanted."""
+        if self._with_plots.value:
+            for plot, columns in self._plots:
+                plot.data = columns()
 
     def open(self, opened: Opened, closures: Sequence[str]) -> None:
         """Make the controls that are of a scene anew.
@@ -560,7 +543,8 @@ class Controls:
             self._begin_with = gui.add_folder("begin with", expand_by_default=False)
             with self._begin_with:
                 self._delay = gui.add_slider("delay, ms", 0.0, LONGEST_DELAY_MS, 1.0, 0.0)
-                self._pressed(gui.add_button("begin anew"), self._begun_anew)
+                anew = gui.add_button("begin anew")
+                self._pressed(anew, lambda: self._opening(self._scene.value))
         with gui.add_folder("show", expand_by_default=False):
             boxes = {
                 name: gui.add_checkbox(name, initial_value=name not in HIDDEN) for name in LAYERS
@@ -611,9 +595,6 @@ class Controls:
             for prefix, one in zip(prefixes, chain(chosen, repeat(MOUSE_ALONE)))  # noqa: B905
         ]
         return self._hands
-
-    def _begun_anew(self) -> Open | None:
-        return self._opening(self._scene.value)
 
     def _opening(self, name: str) -> Open | None:
         """Return what begins a scene as it is chosen; None, and say why, if it is refused."""

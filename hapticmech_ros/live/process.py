@@ -101,6 +101,8 @@ class LiveProcess:
         HapticMechError: the scene is refused, or cannot begin.
     """
 
+    takes: frozenset[type] = COMMANDS
+
     def __init__(self, asked: Open) -> None:
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
@@ -129,11 +131,6 @@ class LiveProcess:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-    @property
-    def takes(self) -> frozenset[type]:
-        """Commands that it obeys: all."""
-        return COMMANDS
 
     def send(self, command: Command) -> None:
         """Tell the session a command; to one that has ended, nothing."""

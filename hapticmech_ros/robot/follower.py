@@ -56,12 +56,24 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.inertia import dtrsv
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import turned
-from hapticmech_ros.robot.interfaces import Interface, VirtualRobot, VirtualState, WrenchSensor
-from hapticmech_ros.robot.law import OperationalLaw, RobotState, Target, Tuning, TuningRamp
+from hapticmech_ros.robot.interfaces import (
+    EARTH,
+    Interface,
+    VirtualRobot,
+    VirtualState,
+    WrenchSensor,
+)
+from hapticmech_ros.robot.law import (
+    OperationalLaw,
+    RobotState,
+    Target,
+    Tuning,
+    TuningRamp,
+    check_not_negative,
+    check_positive,
+)
 from hapticmech_ros.scene import Scene
 
-# m/s². URDF does not say where down is; by convention z is up.
-EARTH = np.array([0.0, 0.0, -9.81])
 NO_GRAVITY = np.empty(0)
 
 
@@ -81,6 +93,7 @@ def load_arm(file: str, gravity: Array = NO_GRAVITY) -> Scene:
     if gravity.size == 0:
         if Path(file).suffix.lower() != ".urdf":
             return scene
+        # URDF does not say where down is; by convention z is up.
         gravity = EARTH
     if gravity.shape != (3,) or not np.isfinite(gravity).all():
         raise InvalidInputError("gravity", gravity, "must be three numbers")
@@ -305,15 +318,14 @@ class FollowerSettings:
         if self.interface not in ("effort", "velocity", "position"):
             rule = "must be effort, velocity or position"
             raise InvalidInputError("interface", self.interface, rule)
-        times = ("period", "joint_timeout", "target_timeout", "wrench_timeout")
-        for name in (*times, "largest_error"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInputError(name, value, "must be a positive number")
-        for name in ("swing_speed", "gain_ramp"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(name, value, "must be 0 or more")
+        check_positive(
+            period=self.period,
+            joint_timeout=self.joint_timeout,
+            target_timeout=self.target_timeout,
+            wrench_timeout=self.wrench_timeout,
+            largest_error=self.largest_error,
+        )
+        check_not_negative(swing_speed=self.swing_speed, gain_ramp=self.gain_ramp)
 
 
 class Order(NamedTuple):
@@ -535,9 +547,7 @@ class Follower:
         if settings.has_sensor and now - self._wrench_at > settings.wrench_timeout:
             self.counts.wrench_stale += 1
             return self._stop("the wrench sensor is stale", self._law.braking(state))
-        if self._clutch is None:
-            self._engage(state)
-        target = self._target(now)
+        target = self._target(self._clutch or self._engage(state), now)
         away = target.pose.translation - state.point.pose.translation
         if float(np.linalg.norm(away)) > settings.largest_error:
             self.counts.slipped += 1
@@ -594,16 +604,17 @@ class Follower:
         rate = max(self._law.gains.linear_rate, 1.0)
         return SwingWatch(self._settings.swing_speed, self._law.lever, WINDOW / rate)
 
-    def _engage(self, state: RobotState) -> None:
+    def _engage(self, state: RobotState) -> Clutch:
         """Come together with the target where both are."""
         self.counts.engagements += 1
         self._held = None
-        self._clutch = engage(0.0, self._pose, state.point.pose)
+        self._clutch = clutch = engage(0.0, self._pose, state.point.pose)
         self._state = self._virtual.at_rest(self._q)
         self._before = None
         self._watch.begin()
         # Of the last two orders: one acts over a period that begins when it has been sent.
         self._torques = [state.bias_force, state.bias_force]
+        return clutch
 
     def _follow(self, state: RobotState, target: Target) -> Order:
         rotation = state.point.pose.rotation
@@ -625,14 +636,11 @@ class Follower:
         self.counts.saturated += setpoint.command.limited.saturated
         self.counts.leashed += setpoint.leashed
         is_velocity = self._settings.interface == "velocity"
-        values = setpoint.velocity if is_velocity else setpoint.position
+        values = setpoint.velocity if is_velocity else self._state.q
         return Order(values, "", felt, self._state.v)
 
-    def _target(self, now: float) -> Target:
+    def _target(self, clutch: Clutch, now: float) -> Target:
         """Return the target now: its last sample, carried on by its twist."""
-        clutch = self._clutch
-        if clutch is None:
-            return Target(self._pose)
         later = max(now - self._target_at, 0.0)
         turn = pin.exp3(later * self._twist[3:])
         place = self._pose.translation + later * self._twist[:3]

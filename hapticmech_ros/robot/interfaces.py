@@ -46,7 +46,13 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.inertia import dtrsv
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.saturation import limited
-from hapticmech_ros.robot.law import Command, OperationalLaw, Target
+from hapticmech_ros.robot.law import (
+    Command,
+    OperationalLaw,
+    Target,
+    check_not_negative,
+    check_positive,
+)
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
 
 _METRIC = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
@@ -76,14 +82,12 @@ class FeedbackSettings:
     allowance: float = 5e-4
 
     def __post_init__(self) -> None:
-        for name in ("period", "share", "force", "torque", "allowance"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(name, value, "must be a number of 0 or more")
+        check_positive(period=self.period)
+        check_not_negative(
+            share=self.share, force=self.force, torque=self.torque, allowance=self.allowance
+        )
         if self.share > 1.0:
             raise InvalidInputError("share", self.share, "must be at most 1")
-        if self.period == 0.0:
-            raise InvalidInputError("period", self.period, "must be positive")
 
 
 class FeedbackPort:
@@ -101,9 +105,8 @@ class FeedbackPort:
 
     def __init__(self, settings: FeedbackSettings) -> None:
         self.settings = settings
-        self.given = self.dissipated = 0.0
-        self.changed = 0
-        self._acted, self._acting, self._twist = np.zeros(6), np.zeros(6), np.zeros(6)
+        self.dissipated, self.changed = 0.0, 0
+        self.begin()
 
     def begin(self) -> None:
         """Begin a new account."""
@@ -169,8 +172,7 @@ class WrenchSensor:
         offset: Array = np.zeros(6),  # noqa: B008
         gravity: Array = EARTH,
     ) -> None:
-        if not (np.isfinite(mass) and mass >= 0.0):
-            raise InvalidInputError("tool_mass", mass, "must be a number of 0 or more")
+        check_not_negative(tool_mass=mass)
         for name, values, size in (("tool_centre", centre, 3), ("sensor_offset", offset, 6)):
             if np.shape(values) != (size,) or not np.isfinite(values).all():
                 raise InvalidInputError(name, values, f"must be {size} finite numbers")
@@ -243,19 +245,15 @@ class VirtualState(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """What a controller of joints is given.
+    """What a controller of joints is given beside q_c.
 
     Attributes:
-        position: (nv,) q_c, rad or m.
         velocity: (nv,) v_c, with a correction towards q_c, rad/s or m/s.
-        acceleration: (nv,) v̇_c, rad/s² or m/s².
         leashed: whether the virtual robot was held back.
         command: of the law, at the virtual robot.
     """
 
-    position: Array
     velocity: Array
-    acceleration: Array
     leashed: bool
     command: Command
 
@@ -279,10 +277,7 @@ class VirtualRobot:
     def __init__(
         self, law: OperationalLaw, period: float, leash: float = 0.1, correction: float = CORRECTION
     ) -> None:
-        given = {"period": period, "leash": leash, "correction": correction}
-        for name, value in given.items():
-            if not (np.isfinite(value) and value > 0.0):
-                raise InvalidInputError(name, value, "must be a positive number")
+        check_positive(period=period, leash=leash, correction=correction)
         self.law = law
         self.period, self.leash, self.correction = period, leash, correction
 
@@ -298,7 +293,7 @@ class VirtualRobot:
     def next(
         self, state: VirtualState, measured: Array, target: Target, contact: Array
     ) -> tuple[Setpoint, VirtualState]:
-        """Return setpoints for the coming period, and the state at its end.
+        """Return setpoints for the coming period, and the state at its end, of which q is q_c.
 
         Args:
             state: of the virtual robot.
@@ -322,8 +317,7 @@ class VirtualRobot:
         q = held + period * v
         integral = law.next_integral(state.integral, target.force, contact, period)
         velocity = v + self.correction * (held - measured)
-        setpoint = Setpoint(q, velocity, acceleration, leashed, command)
-        return setpoint, VirtualState(q, v, integral)
+        return Setpoint(velocity, leashed, command), VirtualState(q, v, integral)
 
 
 # Rate of a joint's error, 1/s, critically damped: that of an industrial robot's servo.

@@ -106,9 +106,9 @@ What a robot is to do at its operational point: a motion, and along one directio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -125,6 +125,28 @@ from hapticmech_ros.operational.results import RANK_TOLERANCE
 
 # Beyond this a rate, 1/s, is no gain that a loop in discrete time can have.
 _LARGEST = 1e4
+
+
+def check_positive(**values: float) -> None:
+    """Refuse numbers, each by its name, that are not positive and finite.
+
+    Raises:
+        InvalidInputError: one is not.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InvalidInputError(name, value, "must be a positive number")
+
+
+def check_not_negative(**values: float) -> None:
+    """Refuse numbers, each by its name, that are negative or not finite.
+
+    Raises:
+        InvalidInputError: one is.
+    """
+    for name, value in values.items():
+        if not (math.isfinite(value) and value >= 0.0):
+            raise InvalidInputError(name, value, "must be a number of 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +196,11 @@ class Gains:
         if self.contact_share > 1.0:
             raise InvalidInputError("contact_share", self.contact_share, "must be at most 1")
 
+    @property
+    def rates(self) -> Array:
+        """(6,) ω of the point's position along three axes and of its orientation, 1/s."""
+        return np.repeat((self.linear_rate, self.angular_rate), 3)
+
 
 # How far from 1 the length of a direction may be: what is left of one written with six digits.
 _UNIT = 1e-5
@@ -212,10 +239,6 @@ class ForceTask:
         return left
 
 
-def _nothing() -> Array:
-    return np.zeros(6)
-
-
 @dataclass(frozen=True, slots=True)
 class Target:
     """Where the operational point is to be, and how it is to move.
@@ -228,8 +251,8 @@ class Target:
     """
 
     pose: pin.SE3
-    twist: Array = field(default_factory=_nothing)
-    acceleration: Array = field(default_factory=_nothing)
+    twist: Array = field(default_factory=partial(np.zeros, 6))
+    acceleration: Array = field(default_factory=partial(np.zeros, 6))
     force: ForceTask | None = None
 
 
@@ -329,8 +352,7 @@ def loop_rates(delay: float, inertia_ratio: float = 1.0, observed: bool = True) 
     Raises:
         InvalidInputError: a delay that is not positive, or a ratio below 1.
     """
-    if not (math.isfinite(delay) and delay > 0.0):
-        raise InvalidInputError("delay", delay, "must be a positive number of seconds")
+    check_positive(delay=delay)
     if not (math.isfinite(inertia_ratio) and inertia_ratio >= 1.0):
         raise InvalidInputError("inertia_ratio", inertia_ratio, "must be a number of 1 or more")
     gain = 0.5 / delay
@@ -354,8 +376,7 @@ def inertia_ratio(state: RobotState, payload: float, place: Array) -> float:
     Raises:
         InvalidInputError: a payload that is negative or not finite.
     """
-    if not (math.isfinite(payload) and payload >= 0.0):
-        raise InvalidInputError("payload", payload, "must be a number of 0 or more")
+    check_not_negative(payload=payload)
     jacobian, turn = state.point.jacobian, state.point.pose.rotation
     there = jacobian[:3] - pin.skew(turn @ place) @ jacobian[3:]
     moved = dtrsm(1.0, state.factor, there.T, lower=1)
@@ -422,68 +443,6 @@ def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array
 
 # λ / s_on.
 COASTING = 0.1
-
-
-class RigidDirections:
-    """The part of the law along rigid directions at a state (R7).
-
-    Args:
-        analysis: of the operational point.
-        shaped: directions there.
-        gains: of the law.
-        s_on: where directions become rigid.
-        error: (6,) e, m and rad.
-        bend: returns J̇(w) w (6,), m/s² and rad/s², for joint rates w (nv,).
-    """
-
-    def __init__(
-        self,
-        analysis: OperationalAnalysis,
-        shaped: ShapedInertia,
-        gains: Gains,
-        s_on: float,
-        error: Array,
-        bend: Callable[[Array], Array],
-    ) -> None:
-        found, rows = analysis.spectrum, analysis.rows
-        self._rows, self._wrenches, self._s = rows, found.wrenches, found.s
-        self._units, self._rigid = shaped.units, 1.0 - shaped.free
-        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)[rows]
-        own = np.sum(found.wrenches * found.duals * rates[:, None], axis=0)
-        self._own_rates = np.maximum(own, 0.0)
-        self._most = shaped.rates(gains.joint_rate)
-        self._error = np.zeros_like(found.s)
-        for at in np.flatnonzero(self._rigid):
-            n = found.wrenches[:, at]
-            bent = float(n @ bend(shaped.joints[:, at])[rows])
-            self._error[at] = abs(float(n @ error[rows]) * bent)
-        self._damped = found.s**2 + self._error + (COASTING * s_on) ** 2
-
-    @property
-    def passed(self) -> Array:
-        """Shares (t,) w_i ε_i² / (s_i² + ε_i² + λ²) of torques of the null space along u_i."""
-        return np.asarray(self._rigid * self._error / self._damped)
-
-    def acceleration(self, speed: Array, twist: Array, ahead: Array) -> Array:
-        """Return Σ y_i u_i (nv,), by the factor Lᵀ times joint accelerations.
-
-        Args:
-            speed: (nv,) Lᵀ v.
-            twist: (6,) p, m/s and rad/s, world axes at the point.
-            ahead: (6,) ẍ_d - J̇ v, m/s² and rad/s², likewise.
-        """
-        n, s = self._wrenches.T, self._s
-        undamped = s**2 + self._error
-        wanted = s * (n @ twist[self._rows])
-        # As σ(wanted / undamped), which may be 0 / 0 in the singular pose.
-        size = np.maximum(np.hypot(self._most * undamped, wanted), np.finfo(float).tiny)
-        limited = self._most * wanted / size
-        braked = undamped / self._damped
-        driven = s * (n @ ahead[self._rows]) / self._damped
-        most = np.maximum(self._most * self._own_rates, np.finfo(float).tiny)
-        driven = driven / np.hypot(1.0, driven / most)
-        towards = self._own_rates * braked * (limited - self._units.T @ speed)
-        return np.asarray(self._units @ (self._rigid * (towards + driven)))
 
 
 class Limited(NamedTuple):
@@ -732,31 +691,55 @@ class OperationalLaw:
             target: of the operational point.
             error: (6,) e, m and rad.
         """
-        gains = self.gains
-        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
-        twist = target.twist + 0.5 * rates * error
+        twist = target.twist + 0.5 * self.gains.rates * error
         ahead = target.acceleration - state.point.drift
         if target.force is not None:
             error, twist, ahead = (target.force.without(one) for one in (error, twist, ahead))
-        directions = RigidDirections(
-            state.analysis,
-            state.shaped,
-            gains,
-            self.mechanism.scene.perception.s_on,
-            error,
-            lambda rates: self._bend(state.q, rates),
-        )
-        led = directions.acceleration(state.factor.T @ state.v, twist, ahead)
+        led, passed = self.led(state, error, twist, ahead)
         posture = dtrsv(state.factor, self.posture_torque(state), lower=1)
-        left = state.shaped.null(posture, directions.passed)
-        return np.asarray(state.factor @ (led + left))
+        return np.asarray(state.factor @ (led + state.shaped.null(posture, passed)))
+
+    def led(
+        self, state: RobotState, error: Array, twist: Array, ahead: Array
+    ) -> tuple[Array, Array]:
+        """Return what joints do along rigid directions (R7).
+
+        Args:
+            state: of the robot.
+            error: (6,) e, m and rad.
+            twist: (6,) p, m/s and rad/s, world axes at the point.
+            ahead: (6,) ẍ_d - J̇ v, m/s² and rad/s², likewise.
+
+        Returns:
+            Σ y_i u_i (nv,), by the factor Lᵀ times joint accelerations; and the shares (t,)
+            w_i ε_i² / (s_i² + ε_i² + λ²) of torques of the null space that pass along u_i.
+        """
+        rows, found, shaped = state.analysis.rows, state.analysis.spectrum, state.shaped
+        n, s, rigid = found.wrenches.T, found.s, 1.0 - shaped.free
+        rates = np.sum(found.wrenches * found.duals * self.gains.rates[rows, None], axis=0)
+        rates = np.maximum(rates, 0.0)
+        most, tiny = shaped.rates(self.gains.joint_rate), np.finfo(float).tiny
+        bent = np.zeros_like(s)
+        for at in np.flatnonzero(rigid):
+            drift = self._bend(state.q, shaped.joints[:, at])[rows]
+            bent[at] = abs(float(n[at] @ error[rows]) * float(n[at] @ drift))
+        undamped = s**2 + bent
+        damped = undamped + (COASTING * self.mechanism.scene.perception.s_on) ** 2
+        wanted = s * (n @ twist[rows])
+        # As σ(wanted / undamped), which may be 0 / 0 in the singular pose.
+        limited = most * wanted / np.maximum(np.hypot(most * undamped, wanted), tiny)
+        driven = s * (n @ ahead[rows]) / damped
+        driven = driven / np.hypot(1.0, driven / np.maximum(most * rates, tiny))
+        speed = shaped.units.T @ (state.factor.T @ state.v)
+        towards = rates * (undamped / damped) * (limited - speed)
+        return np.asarray(shaped.units @ (rigid * (towards + driven))), rigid * bent / damped
 
     def _too_fast(self, state: RobotState, target: Target, error: Array) -> Array:
         """Return what of ẍ_c (6,) is due to errors that ask for more than joints may do (R3)."""
         if target.force is not None:
             error = target.force.without(error)
         gains, rows, found = self.gains, state.analysis.rows, state.analysis.spectrum
-        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
+        rates = gains.rates
         damped = 2.0 * gains.damping_ratio * rates
         # Without a damper there is no rate that an error asks for.
         pull = rates**2 * error / np.where(damped > 0.0, damped, np.inf)
@@ -832,8 +815,7 @@ class OperationalLaw:
             state: of the robot.
             target: of the operational point.
         """
-        gains = self.gains
-        rates = np.repeat((gains.linear_rate, gains.angular_rate), 3)
+        gains, rates = self.gains, self.gains.rates
         asked = (
             target.acceleration
             + 2.0 * gains.damping_ratio * rates * (target.twist - state.point.twist)

@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.robot.law import check_not_negative
 
 # Of the contact between tool and a mass, N/m and N s/m.
 CONTACT = 20e3, 40.0
@@ -33,10 +33,7 @@ class Impedance:
     mass: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InvalidInputError(name, value, "must be a number of 0 or more")
+        check_not_negative(**asdict(self))
 
     def dynamic_stiffness(self, s: Array) -> Array:
         """Return E(s) (k,), N/m: K + B s, or with a mass that of both in series with its contact.

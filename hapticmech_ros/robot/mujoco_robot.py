@@ -221,7 +221,7 @@ class MujocoRobot:
         self._mujoco = mujoco = mujoco_module()
         around = around or Around()
         tree, held = build_tree(scene), scene.operational_point(point)
-        if set(tree.joint_types) - {"revolute", "prismatic"} or scene.closures:
+        if set(tree.joint_types) - set(SIMPLE) or scene.closures:
             raise InvalidInputError("robot", scene.name, "must be a tree of simple joints")
         spec = mujoco.MjSpec()
         spec.option.gravity = np.array(scene.gravity)
@@ -246,7 +246,8 @@ class MujocoRobot:
                 joint.damping[0] += extra.damping
                 joint.frictionloss = extra.friction
         if around.wall is not None:
-            _add_contact(mujoco, spec, added.bodies[number], place, around)
+            body, radius = added.bodies[number], around.tool_radius
+            _add_contact(mujoco, spec, body, place, radius, around.wall)
         mujoco.set_mju_user_warning(_say_nothing)
         try:
             self.model: Any = spec.compile()
@@ -377,19 +378,15 @@ class MujocoRobot:
         return inertia, np.array(self.data.qfrc_bias), jacobian
 
 
-def _add_contact(mujoco: Any, spec: Any, body: Any, place: Array, around: Around) -> None:
+def _add_contact(
+    mujoco: Any, spec: Any, body: Any, place: Array, tool_radius: float, wall: Wall
+) -> None:
     """Add the tool's ball and the wall."""
-    wall = around.wall
-    if wall is None:
-        return
     normal = np.asarray(wall.normal, dtype=float)
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).toRotationMatrix()
-    given = {
-        "solref": np.array([wall.time_constant, 1.0]),
-        "condim": 1,
-    }
+    given = {"solref": np.array([wall.time_constant, 1.0]), "condim": 1}
     kinds = mujoco.mjtGeom
-    radius = np.array([around.tool_radius, 0.0, 0.0])
+    radius = np.array([tool_radius, 0.0, 0.0])
     ball = {"name": _TOOL, "type": kinds.mjGEOM_SPHERE, "size": radius, "pos": place}
     body.add_geom(**ball, **given, mass=0.0)
     half = 0.5 * np.array([wall.size, wall.size, _THICK])

@@ -67,17 +67,6 @@ JOINT: Colour = (0.25, 0.28, 0.33, 1.0)
 CLOSED: Colour = (0.16, 0.65, 0.30, 1.0)
 OPEN: Colour = (0.55, 0.55, 0.55, 0.8)
 SOLID: Colour = (0.80, 0.68, 0.50, 0.6)
-SPRING: Colour = (0.55, 0.40, 0.20, 1.0)
-HAND: Colour = (0.93, 0.53, 0.10, 1.0)
-CONTACT: Colour = (0.75, 0.20, 0.65, 1.0)
-DEVICE_COMMAND: Colour = (0.85, 0.15, 0.15, 1.0)
-POINT_COMMAND: Colour = (0.15, 0.45, 0.85, 1.0)
-RIGID: Colour = (0.60, 0.35, 1.00, 0.9)
-TOUCH: Colour = (1.00, 0.40, 0.55, 1.0)
-FREE: Colour = (0.10, 0.65, 0.70, 0.45)
-DEVICE: Colour = (0.95, 0.75, 0.20, 0.6)
-MASS: Colour = (0.35, 0.55, 0.90, 0.25)
-LETTERS: Colour = (0.90, 0.90, 0.90, 1.0)
 # Axes are red, green and blue for x, y and z, as everywhere; those of the world are paler.
 AXES: tuple[Colour, Colour, Colour] = (
     (0.90, 0.10, 0.10, 1.0),
@@ -126,16 +115,16 @@ MEANING: dict[str, Colour] = {
     "closures": CLOSED,
     "open_closures": OPEN,
     "solids": SOLID,
-    "springs": SPRING,
-    "hand_force": HAND,
-    "contact_force": CONTACT,
+    "springs": (0.55, 0.40, 0.20, 1.0),
+    "hand_force": (0.93, 0.53, 0.10, 1.0),
+    "contact_force": (0.75, 0.20, 0.65, 1.0),
     "hulls": SOLID,
-    "touch_force": TOUCH,
-    "device_command": DEVICE_COMMAND,
-    "point_command": POINT_COMMAND,
-    "rigid_directions": RIGID,
-    "free_directions": FREE,
-    "device": DEVICE,
-    "mass": MASS,
-    "count": LETTERS,
+    "touch_force": (1.00, 0.40, 0.55, 1.0),
+    "device_command": (0.85, 0.15, 0.15, 1.0),
+    "point_command": (0.15, 0.45, 0.85, 1.0),
+    "rigid_directions": (0.60, 0.35, 1.00, 0.9),
+    "free_directions": (0.10, 0.65, 0.70, 0.45),
+    "device": (0.95, 0.75, 0.20, 0.6),
+    "mass": (0.35, 0.55, 0.90, 0.25),
+    "count": (0.90, 0.90, 0.90, 1.0),
 }

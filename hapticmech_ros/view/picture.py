@@ -31,6 +31,7 @@ from hapticmech_ros.view.shapes import (
     directions,
     joint_shapes,
     link_shapes,
+    moving_with,
     numbered,
     rotation_to,
     sphere,
@@ -49,14 +50,15 @@ def solid_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]
     """Return every shape that may touch; of meshes none."""
     shapes: list[Shape] = []
     for shape, pose in zip(scene.shapes, placement.solids, strict=True):
-        shapes += _solid(shape.geometry, pose, unit)
+        shapes += moving_with(shape.link, _solid(shape.geometry, pose, unit))
     return numbered("solids", shapes)
 
 
 def spring_shapes(placement: Placement, unit: float) -> list[Shape]:
     """Return a line with as many coils, however long it is, for every spring between points."""
+    width, colour = SPRING_WIDTH * unit, palette.MEANING["springs"]
     coils = [_coils(ends, COIL_RADIUS * unit) for ends in placement.springs]
-    return numbered("springs", [strip(c, SPRING_WIDTH * unit, palette.SPRING) for c in coils])
+    return numbered("springs", [strip(coil, width, colour) for coil in coils])
 
 
 def _solid(geometry: Geometry, pose: pin.SE3, unit: float) -> list[Shape]:
@@ -165,8 +167,9 @@ class Picture:
             *joint_shapes(self._scene, placement, unit),
             *closure_shapes(placement, closed, unit),
         ]
-        for name, pose in placement.points.items():
-            shapes += _point(name, pose, unit)
+        for point in self._scene.operational_points:
+            found = _point(point.name, placement.points[point.name], unit)
+            shapes += moving_with(point.link, found)
         look_of = looks([user.point for user in snapshot.users])
         shapes += self._point_wrenches(snapshot, placement, look_of)
         for user in snapshot.users:

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
+from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
@@ -148,37 +148,35 @@ def skeleton(scene: Scene, q: Array) -> Skeleton:
         scene: whose.
         q: (nq,) configuration.
     """
-    tree = build_tree(scene)
-    data = tree.pinocchio.createData()
-    pin.forwardKinematics(tree.pinocchio, data, np.asarray(q, dtype=float))
+    placement = Placer(Mechanism(scene)).at(np.asarray(q, dtype=float))
+    frames = {**placement.links, WORLD: pin.SE3.Identity()}
+
+    def place(link: str, origin: Origin) -> Array:
+        return np.array((frames[link] * se3(origin)).translation)
+
     lines: list[tuple[str, Array]] = []
     joints: list[Array] = []
     ground = [
-        _place(tree, data, "world", link.joint.origin)
+        place(WORLD, link.joint.origin)
         for link in scene.links
-        if link.parent == "world" and link.joint.type not in ("free", "planar")
+        if link.parent == WORLD and link.joint.type not in ("free", "planar")
     ]
     for name, origin, is_joint in attachments(scene):
-        end = _place(tree, data, name, origin)
-        if name == "world":
+        end = place(name, origin)
+        if name == WORLD:
             ground.append(end)
             continue
         if is_joint:
             joints.append(end)
-        start = _place(tree, data, name, Origin())
+        start = frames[name].translation
         if np.linalg.norm(end - start) > _SAME_PLACE:
             lines.append((name, np.array((start, end))))
-    pairs = [
-        ((rod.a.link, rod.a.origin), (rod.b.link, rod.b.origin))
+    rods = [
+        np.array([place(end.link, end.origin) for end in (rod.a, rod.b)])
         for rod in scene.closures
         if rod.kind == "rod" and rod.active
     ]
-    pairs += [
-        ((link.parent, link.joint.origin), (link.name, Origin()))
-        for link in scene.links
-        if link.joint.type == "prismatic"
-    ]
-    bars = [np.array([_place(tree, data, *end) for end in pair]) for pair in pairs]
+    bars = (*rods, *placement.slides)
     long = tuple(bar for bar in bars if np.linalg.norm(bar[1] - bar[0]) > _SAME_PLACE)
     return Skeleton(tuple(lines), _rows(joints), _rows(ground), long)
 
@@ -198,16 +196,8 @@ def attachments(scene: Scene) -> list[tuple[str, Origin, bool]]:
     return found
 
 
-def _place(tree: TreeModel, data: pin.Data, link: str, origin: Origin) -> Array:
-    joint, placement = tree.link_joint[link]
-    return np.array((data.oMi[joint] * placement * se3(origin)).translation)
-
-
 def _rows(points: list[Array]) -> Array:
     return np.array(points).reshape(-1, 3)
-
-
-# Frames nearer than this (m) to a link's own are at its joint: no limb.
 
 
 @dataclass(frozen=True, slots=True)

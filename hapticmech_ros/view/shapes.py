@@ -21,7 +21,7 @@ they are turned first: forces are gathered into as few columns as possible.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -188,22 +188,23 @@ class Hulls:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._corners: list[tuple[int, Array]] = []
+        self._corners: dict[int, Array] = {}
         if any(isinstance(shape.geometry, Mesh) for shape in scene.shapes):
             # Here, so that scenes without meshes do not load what reads them.
             from hapticmech_ros.contact.hull import mesh_hulls
 
-            for index, hull in mesh_hulls(scene.shapes).items():
-                self._corners.append((index, hull.vertices[hull.triangles.ravel()]))
+            hulls = mesh_hulls(scene.shapes)
+            self._corners = {i: hull.vertices[hull.triangles.ravel()] for i, hull in hulls.items()}
 
     def draw(self, placement: Placement) -> list[Shape]:
         """Return every hull where its link is; its number is that of the scene's shape."""
-        return [self._hull(i, corners, placement.solids[i]) for i, corners in self._corners]
-
-    def _hull(self, index: int, corners: Array, pose: pin.SE3) -> Shape:
-        points = corners @ pose.rotation.T + pose.translation
-        colour, size = palette.MEANING[HULLS], (1.0, 1.0, 1.0)
-        return Shape(HULLS, index, "triangles", pin.SE3.Identity(), size, colour, points)
+        shapes, colour, size = [], palette.MEANING[HULLS], (1.0, 1.0, 1.0)
+        for index, corners in self._corners.items():
+            pose = placement.solids[index]
+            points = corners @ pose.rotation.T + pose.translation
+            world = pin.SE3.Identity()
+            shapes.append(Shape(HULLS, index, "triangles", world, size, colour, points))
+        return shapes
 
 
 def touch_shapes(found: ContactPoints, scales: Scales) -> list[Shape]:
@@ -226,14 +227,13 @@ def link_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]:
     """Return a capsule for every limb; a ball for a link that has none."""
     thick = LINK_DIAMETER * unit
     shapes: list[Shape] = []
-    for _, (start, end) in placement.limbs:
-        shapes += capsule(start, end, thick, palette.LINK)
+    for name, (start, end) in placement.limbs:
+        shapes += moving_with(name, capsule(start, end, thick, palette.LINK))
     drawn = {name for name, _ in placement.limbs}
-    shapes += [
-        sphere(placement.links[link.name].translation, thick, palette.LINK)
-        for link in scene.links
-        if link.name not in drawn
-    ]
+    for link in scene.links:
+        if link.name not in drawn:
+            ball = sphere(placement.links[link.name].translation, thick, palette.LINK)
+            shapes += moving_with(link.name, [ball])
     return numbered("links", shapes)
 
 
@@ -242,7 +242,7 @@ def joint_shapes(scene: Scene, placement: Placement, unit: float) -> list[Shape]
     shapes = [strip(line, SLIDE_WIDTH * unit, palette.JOINT) for line in placement.slides]
     for link in scene.links:
         pose, axis = placement.links[link.name], placement.axes[link.name]
-        shapes += joint_shape(link.joint, pose, axis, unit)
+        shapes += moving_with(link.name, joint_shape(link.joint, pose, axis, unit))
     return numbered("joints", shapes)
 
 
@@ -372,6 +372,23 @@ class Shape:
 def numbered(namespace: str, shapes: Iterable[Shape], first: int = 0) -> list[Shape]:
     """Return the shapes under a namespace, numbered from ``first``."""
     return [replace(s, namespace=namespace, number=i) for i, s in enumerate(shapes, first)]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkShape(Shape):
+    """A shape that moves with a link, as arrows do not.
+
+    Attributes:
+        link: its name, or ``world``.
+    """
+
+    link: str = ""
+
+
+def moving_with(link: str, shapes: Iterable[Shape]) -> list[LinkShape]:
+    """Return the shapes as those of a link."""
+    names = [one.name for one in fields(Shape)]
+    return [LinkShape(**{n: getattr(shape, n) for n in names}, link=link) for shape in shapes]
 
 
 def vanished(before: Iterable[Key], now: Iterable[Shape]) -> list[Key]:

@@ -25,7 +25,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import placement_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.mechanism import Joint, Link
+from hapticmech_ros.scene.mechanism import Link
 from hapticmech_ros.view import palette
 from hapticmech_ros.view.placement import Placer
 from hapticmech_ros.view.shapes import LINK_DIAMETER, Shape, capsule, joint_shape, sphere
@@ -184,7 +184,7 @@ def _add_link(robot: Element, link: Link, ends: list[Array], unit: float) -> Non
 def _add_visual(link: Element, shape: Shape, material: str) -> None:
     visual = SubElement(link, "visual")
     rpy = pin.rpy.matrixToRpy(shape.pose.rotation)
-    SubElement(visual, "origin", xyz=_numbers(shape.pose.translation), rpy=_numbers(rpy))
+    SubElement(visual, "origin", _origin(shape.pose.translation, rpy))
     geometry = SubElement(visual, "geometry")
     width, _, length = shape.size
     if shape.kind == "cylinder":
@@ -198,47 +198,52 @@ def _add_visual(link: Element, shape: Shape, material: str) -> None:
 
 def _add_joints(robot: Element, link: Link, scene: Scene) -> None:
     joint, parent = link.joint, link.parent
+    place = _origin(joint.origin.xyz, joint.origin.rpy)
     if joint.locked:
-        element = _add_joint(robot, joint.name, "fixed", parent, link.name)
         pose = placement_of(scene, joint)
-        rpy = pin.rpy.matrixToRpy(pose.rotation)
-        SubElement(element, "origin", xyz=_numbers(pose.translation), rpy=_numbers(rpy))
-        return
-    if joint.type != "spherical":
-        element = _add_joint(robot, joint.name, _TYPES[joint.type], parent, link.name)
-        _place(element, joint)
-        if joint.type in ("revolute", "prismatic"):
-            SubElement(element, "axis", xyz=_numbers(joint.axis))
-        elif joint.type == "planar":
-            SubElement(element, "axis", xyz="0 0 1")
+        place = _origin(pose.translation, pin.rpy.matrixToRpy(pose.rotation))
+        _add_joint(robot, joint.name, "fixed", parent, link.name, place)
+    elif joint.type == "spherical":
+        for axis, direction in zip(HINGES, np.eye(3), strict=True):
+            child = link.name if axis == HINGES[-1] else f"{link.name}_{axis}"
+            if child != link.name:
+                SubElement(robot, "link", name=child)
+            name = hinge_name(joint.name, axis)
+            _add_joint(robot, name, "continuous", parent, child, place, _numbers(direction))
+            parent, place = child, {}
+    else:
+        simple = joint.type in ("revolute", "prismatic")
+        axis = _numbers(joint.axis) if simple else "0 0 1" if joint.type == "planar" else ""
+        kind = _TYPES[joint.type]
+        element = _add_joint(robot, joint.name, kind, parent, link.name, place, axis)
         if joint.type == "prismatic":
             limits = {"lower": f"-{_NO_LIMIT}", "upper": _NO_LIMIT}
             SubElement(element, "limit", limits, effort=_NO_LIMIT, velocity=_NO_LIMIT)
         if joint.damping:
             SubElement(element, "dynamics", damping=repr(joint.damping))
-        return
-    for index, axis in enumerate(HINGES):
-        last = index == len(HINGES) - 1
-        child = link.name if last else f"{link.name}_{axis}"
-        if not last:
-            SubElement(robot, "link", name=child)
-        name = hinge_name(joint.name, axis)
-        element = _add_joint(robot, name, "continuous", parent, child)
-        if index == 0:
-            _place(element, joint)
-        SubElement(element, "axis", xyz=_numbers(np.eye(3)[index]))
-        parent = child
 
 
-def _add_joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:
+def _add_joint(
+    robot: Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    place: dict[str, str],
+    axis: str = "",
+) -> Element:
     element = SubElement(robot, "joint", name=name, type=kind)
     SubElement(element, "parent", link=parent)
     SubElement(element, "child", link=child)
+    if place:
+        SubElement(element, "origin", place)
+    if axis:
+        SubElement(element, "axis", xyz=axis)
     return element
 
 
-def _place(element: Element, joint: Joint) -> None:
-    SubElement(element, "origin", xyz=_numbers(joint.origin.xyz), rpy=_numbers(joint.origin.rpy))
+def _origin(xyz: object, rpy: object) -> dict[str, str]:
+    return {"xyz": _numbers(xyz), "rpy": _numbers(rpy)}
 
 
 def _numbers(values: object) -> str:

@@ -75,6 +75,7 @@ class Bounds:
         Raises:
             InvalidInputError: as :meth:`stamp`.
         """
+        # Numbers inside a message's bytes need not lie as kernels expect.
         values = np.array(data, dtype=float)
         return self.stamp(values), values
 
@@ -233,11 +234,10 @@ def read(kind: type[Kind], data: object, bounds: Bounds | None = None) -> Kind:
     Raises:
         InvalidInputError: as :meth:`Bounds.stamp`.
     """
-    # Numbers inside a message's bytes need not lie as kernels expect.
-    values = kind.completed(np.array(data, dtype=float))
+    whole = kind.completed(np.asarray(data, dtype=float))
     if bounds is None and kind not in _any_bounds:
         _any_bounds[kind] = message_bounds(kind)
-    (bounds or _any_bounds[kind]).stamp(values)
+    _, values = (bounds or _any_bounds[kind]).checked(whole)
     return kind(values)
 
 

@@ -17,10 +17,9 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import Bounds
-from hapticmech_ros.wire.stamped import stamp_of
+from hapticmech_ros.wire.stamped import LITTLE_ENDIAN, stamp_of
 
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-_HEADER = len(_LITTLE_ENDIAN)
+_HEADER = len(LITTLE_ENDIAN)
 
 
 class FlatArray:
@@ -116,7 +115,7 @@ def encode_byte(value: int) -> bytes:
     """
     if not 0 <= value <= 255:
         raise OutputError("data", value, "must be within 0 to 255")
-    return _LITTLE_ENDIAN + bytes((value, 0, 0, 0))
+    return LITTLE_ENDIAN + bytes((value, 0, 0, 0))
 
 
 def _before_data(dimensions: Sequence[tuple[str, int, int]], count: int) -> bytes:
@@ -130,7 +129,7 @@ def _before_data(dimensions: Sequence[tuple[str, int, int]], count: int) -> byte
     body += struct.pack("<II", 0, count)
     if count:
         body += b"\0" * (-len(body) % 8)
-    return _LITTLE_ENDIAN + body
+    return LITTLE_ENDIAN + body
 
 
 def _check_finite(values: Array) -> None:
@@ -145,7 +144,7 @@ def decode(message: bytes) -> Array:
     Raises:
         InvalidInputError: cut short, or not such a message.
     """
-    if message[:2] != _LITTLE_ENDIAN[:2]:
+    if message[:2] != LITTLE_ENDIAN[:2]:
         raise InvalidInputError("encapsulation", message[:2], "must be little-endian CDR")
     try:
         at = _HEADER
@@ -172,7 +171,7 @@ def header_stamp(message: bytes) -> int:
     Raises:
         InvalidInputError: cut short, not little-endian CDR, or a stamp that is none.
     """
-    if message[:2] != _LITTLE_ENDIAN[:2] or len(message) < _HEADER + 8:
+    if message[:2] != LITTLE_ENDIAN[:2] or len(message) < _HEADER + 8:
         raise InvalidInputError(
             "message", message[:12], "must be a whole little-endian CDR message"
         )

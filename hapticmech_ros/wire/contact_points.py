@@ -66,18 +66,22 @@ class ContactLayout:
 
     def encode(self, touching: Touching | None, time_ns: int) -> bytes:
         """Return the serialized message of what touches; None: nothing does."""
-        count = 0 if touching is None else touching.pairs.size
-        values = np.zeros(STAMP.size + POINT.size * count)
-        values[: STAMP.size] = seconds_of(time_ns)
-        if touching is not None and count:
-            rows = values[STAMP.size :].reshape(count, POINT.size)
-            rows[:, _PAIR], rows[:, _DEPTH] = touching.pairs, touching.depths
-            rows[:, _PLACE], rows[:, _NORMAL] = touching.points, touching.normals
-            rows[:, _FORCE] = touching.forces
-        flat = self._flat.get(count)
-        if flat is None:
-            flat = self._flat[count] = FlatArray(self._fields(count))
-        return flat.encode(values)
+        rows = np.zeros((0, POINT.size))
+        if touching is not None:
+            rows = np.column_stack(
+                (
+                    touching.pairs,
+                    touching.points,
+                    touching.normals,
+                    touching.depths,
+                    touching.forces,
+                )
+            )
+        count = len(rows)
+        if count not in self._flat:
+            self._flat[count] = FlatArray(self._fields(count))
+        values = np.concatenate((seconds_of(time_ns), rows.ravel()))
+        return self._flat[count].encode(values)
 
     def unpack(self, data: Array) -> ContactPoints:
         """Return the decoded message.

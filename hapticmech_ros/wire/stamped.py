@@ -56,11 +56,11 @@ def seconds_of(time_ns: int) -> tuple[int, int]:
 
 
 # Encapsulation, seconds, nanoseconds, length of the frame's name; the name; numbers, aligned.
-_SIX = struct.Struct("<4siII6s6x6d")
+SIX = struct.Struct("<4siII6s6x6d")
 _SEVEN = struct.Struct("<4siII6s6x7d")
 _STAMP = struct.Struct("<4siI")
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-_NAME = b"world\0"
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+WORLD_NAME = b"world\0"
 
 
 def encode_twist(twist: Sequence[float], stamp_ns: int) -> bytes:
@@ -74,7 +74,7 @@ def encode_twist(twist: Sequence[float], stamp_ns: int) -> bytes:
         OutputError: numbers that are not finite, or a time that no stamp can hold.
     """
     _check("twist", twist)
-    return _SIX.pack(_LITTLE_ENDIAN, *seconds_of(stamp_ns), len(_NAME), _NAME, *twist)
+    return SIX.pack(LITTLE_ENDIAN, *seconds_of(stamp_ns), len(WORLD_NAME), WORLD_NAME, *twist)
 
 
 def encode_pose(place: Sequence[float], stamp_ns: int) -> bytes:
@@ -88,7 +88,7 @@ def encode_pose(place: Sequence[float], stamp_ns: int) -> bytes:
         OutputError: numbers that are not finite, or a time that no stamp can hold.
     """
     _check("pose", place)
-    return _SEVEN.pack(_LITTLE_ENDIAN, *seconds_of(stamp_ns), len(_NAME), _NAME, *place)
+    return _SEVEN.pack(LITTLE_ENDIAN, *seconds_of(stamp_ns), len(WORLD_NAME), WORLD_NAME, *place)
 
 
 class JointStateWriter:
@@ -99,7 +99,7 @@ class JointStateWriter:
     """
 
     def __init__(self, names: Sequence[str]) -> None:
-        body = struct.pack("<I", len(_NAME)) + _NAME
+        body = struct.pack("<I", len(WORLD_NAME)) + WORLD_NAME
         # Counted from the stamp, which is 8 bytes.
         body += b"\0" * (-len(body) % 4) + struct.pack("<I", len(names))
         for name in names:
@@ -125,12 +125,12 @@ class JointStateWriter:
         Raises:
             OutputError: numbers that are not finite, or a time that no stamp can hold.
         """
-        message = _STAMP.pack(_LITTLE_ENDIAN, *seconds_of(stamp_ns)) + self._names
+        message = _STAMP.pack(LITTLE_ENDIAN, *seconds_of(stamp_ns)) + self._names
         for what, values in (("position", position), ("velocity", velocity), ("effort", effort)):
             _check(what, values)
             message += struct.pack("<I", len(values))
             if values:
-                message += b"\0" * (-(len(message) - len(_LITTLE_ENDIAN)) % 8)
+                message += b"\0" * (-(len(message) - len(LITTLE_ENDIAN)) % 8)
                 message += struct.pack(f"<{len(values)}d", *values)
         return message
 

@@ -15,14 +15,12 @@ import numpy as np
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import ANY_WRENCH, SixBounds
-from hapticmech_ros.wire.stamped import seconds_of, stamp_of
+from hapticmech_ros.wire.stamped import LITTLE_ENDIAN, SIX, WORLD_NAME, seconds_of, stamp_of
 
 WORLD = "world"
-# Encapsulation, seconds, nanoseconds, length of the frame's name; the name; six numbers, aligned.
+# Encapsulation, seconds, nanoseconds, length of the frame's name.
 _HEAD = struct.Struct("<4siII")
-_WHOLE = struct.Struct("<4siII6s6x6d")
 _SIX = struct.Struct("<6d")
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
 class WireWrench(NamedTuple):
@@ -52,8 +50,7 @@ def encode_wrench(values: Array, stamp_ns: int, bounds: SixBounds = ANY_WRENCH) 
     """
     six = values.tolist()
     bounds.check_output(six)
-    seconds, nanoseconds = seconds_of(stamp_ns)
-    return _WHOLE.pack(_LITTLE_ENDIAN, seconds, nanoseconds, 6, b"world\0", *six)
+    return SIX.pack(LITTLE_ENDIAN, *seconds_of(stamp_ns), len(WORLD_NAME), WORLD_NAME, *six)
 
 
 def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
@@ -65,7 +62,7 @@ def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
     """
     try:
         encapsulation, seconds, nanoseconds, length = _HEAD.unpack_from(message)
-        if encapsulation[:2] != _LITTLE_ENDIAN[:2]:
+        if encapsulation[:2] != LITTLE_ENDIAN[:2]:
             raise InvalidInputError("encapsulation", encapsulation, "must be little-endian CDR")
         frame = bytes(message[16 : 15 + length]).decode("utf-8", "replace")
         # Numbers are aligned to 8 bytes, counted behind the encapsulation.

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import socket
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pinocchio as pin
@@ -43,28 +44,39 @@ def until(condition, seconds=10.0):
 def found(device):
     until(device.look)
     # Who it is has been said, and is answered.
-    return device.step(device.at_rest(pin.SE3.Identity()), None, None, 0)
+    return stepped(device, device.at_rest(pin.SE3.Identity()), None)
 
 
-def test_places_velocities_and_orientation_are_turned_into_the_world():
-    with served(mounting=TURNED) as service:
-        device = driver(service.uri, TURNED)
-        state = found(device)
-        assert state.pose.translation == pytest.approx(TURNED @ START, abs=1e-4)
-        state = device.step(state, None, None, 0)
-        assert device.fresh
-        # The handle has the axes of the world at the start, and none of the base.
-        assert state.measured_pose.rotation == pytest.approx(np.eye(3), abs=1e-3)
+@contextmanager
+def driven(scene=SCENE, mounting=None, **options):
+    """Yield a service, its device and the first state that is found of it."""
+    with served(scene, mounting, **options) as service:
+        device = driver(service.uri, mounting, scene)
+        yield service, device, found(device)
         device.close()
 
 
-def test_a_force_acts_along_the_axes_of_the_world_and_is_told_a_period_later():
-    with served(HELD, mounting=TURNED) as service:
-        device = driver(service.uri, TURNED)
-        state = found(device)
-        begin = state.pose.translation.copy()
-        command = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+def stepped(device, state, *commands):
+    """Return the state after periods with these commands."""
+    for command in commands:
         state = device.step(state, command, None, 0)
+    return state
+
+
+def test_places_velocities_and_orientation_are_turned_into_the_world():
+    with driven(mounting=TURNED) as (_, device, begun):
+        assert begun.pose.translation == pytest.approx(TURNED @ START, abs=1e-4)
+        state = stepped(device, begun, None)
+        assert device.fresh
+        # The handle has the axes of the world at the start, and none of the base.
+        assert state.measured_pose.rotation == pytest.approx(np.eye(3), abs=1e-3)
+
+
+def test_a_force_acts_along_the_axes_of_the_world_and_is_told_a_period_later():
+    with driven(HELD, TURNED) as (_, device, begun):
+        begin = begun.pose.translation.copy()
+        command = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+        state = stepped(device, begun, command)
         assert not state.applied.any()
         fastest = 0.0
         for _ in range(300):
@@ -77,20 +89,14 @@ def test_a_force_acts_along_the_axes_of_the_world_and_is_told_a_period_later():
         assert moved[0] > 1e-3
         assert abs(moved[1]) + abs(moved[2]) < 0.05 * moved[0]
         assert fastest > 0.01
-        device.close()
 
 
 def test_a_device_that_was_let_go_tells_no_force_that_it_does_not_give():
-    with served(HELD) as service:
-        device = driver(service.uri, scene=HELD)
-        state = found(device)
-        for _ in range(3):
-            state = device.step(state, np.ones(6), None, 0)
+    with driven(HELD) as (_, device, begun):
+        state = stepped(device, begun, *3 * [np.ones(6)])
         assert state.applied[:3].any()
         device.let_go()
-        state = device.step(state, None, None, 0)
-        assert not state.applied.any()
-        device.close()
+        assert not stepped(device, state, None).applied.any()
 
 
 def given(service):
@@ -129,24 +135,15 @@ def test_a_device_that_cannot_be_let_go_is_left():
 
 
 def test_forces_stay_within_the_device_s_limit():
-    with served() as service:
-        device = driver(service.uri)
-        state = found(device)
-        state = device.step(state, np.full(6, 100.0), None, 0)
-        state = device.step(state, None, None, 0)
+    with driven() as (_, device, begun):
+        state = stepped(device, begun, np.full(6, 100.0), None)
         assert np.linalg.norm(state.applied) == pytest.approx(SCENE.device.force_limit)
-        device.close()
 
 
 def test_without_a_command_there_is_no_force():
-    with served() as service:
-        device = driver(service.uri)
-        state = found(device)
-        for command in (np.ones(6), None, None):
-            state = device.step(state, command, None, 0)
-        assert not state.applied.any()
-        assert not service.device.state()["current_cursor_force"]["x"]
-        device.close()
+    with driven() as (service, device, begun):
+        assert not stepped(device, begun, np.ones(6), None, None).applied.any()
+        assert not given(service)
 
 
 def test_the_hand_is_estimated_from_motion_and_force():
@@ -156,14 +153,12 @@ def test_the_hand_is_estimated_from_motion_and_force():
     device_keys |= {"mass": 2.0, "workspace": {"radius": 0.0}}
     hand = {"kind": "constant_wrench", "force": [0.0, 1.0, 0.0], "start_delay": 0.0}
     scene = SCENE.with_(device=device_keys, hand=hand)
-    with served(scene) as service:
-        device = driver(service.uri, scene=scene)
-        state, told = found(device), []
+    with driven(scene) as (_, device, begun):
+        state, told = begun, []
         for _ in range(200):
             state = device.step(state, np.zeros(6), None, 0)
             told.append(state.reported[:3].copy())
             time.sleep(0.0008)
-        device.close()
     assert np.median(told[100:], axis=0) == pytest.approx([0.0, 1.0, 0.0], abs=0.15)
 
 
@@ -192,8 +187,7 @@ def test_a_service_that_ends_is_lost_and_found_again():
     assert device.connections_lost == 1
     with served(port=port):
         until(device.look)
-        state = device.at_rest(state.pose)
-        state = device.step(state, None, None, 0)
+        stepped(device, device.at_rest(state.pose), None)
         assert device.fresh
         device.close()
 
@@ -225,10 +219,8 @@ def test_of_commands_one_at_most_is_unanswered():
 
 
 def test_garbage_is_counted_and_nothing_of_it_is_obeyed():
-    with served(faults=Faults(garbage=0.3, seed=5)) as service:
-        device = driver(service.uri)
-        state = found(device)
-        samples = 0
+    with driven(faults=Faults(garbage=0.3, seed=5)) as (_, device, begun):
+        state, samples = begun, 0
         for _ in range(600):
             if not device.look():
                 state = found(device)
@@ -243,7 +235,6 @@ def test_garbage_is_counted_and_nothing_of_it_is_obeyed():
                 assert state is before
         assert device.refused > 20
         assert samples > 300
-        device.close()
 
 
 @pytest.mark.parametrize(

@@ -145,9 +145,6 @@ def test_an_orientation_that_is_none_is_refused(quaternion):
         cursor_of(changed(path, quaternion), "049D")
 
 
-WIRELESS = "wireless_verse_grip"
-
-
 def with_grip(group, **state):
     """Return a frame whose only handle tells this of itself."""
     frame = {key: value for key, value in FIRST.items() if "grip" not in key}

@@ -16,7 +16,6 @@ from hapticmech_ros.live.live_picture import (
     VISUALS,
     LivePicture,
     first_view,
-    shape_links,
     visual_bodies,
 )
 from hapticmech_ros.live.live_session import LiveSession
@@ -41,26 +40,20 @@ def moved(session, seconds):
 def test_what_is_said_to_be_of_a_link_moves_with_it(name):
     """By its pose in the link's frame, which is the same wherever the mechanism is."""
     session, picture = begun(name)
-    scenes_links = session.session.scene.links
-    seen = []
-    rng = np.random.default_rng(3)
-    mechanism = session.session.simulator.mechanism
+    state, mechanism = session.state(), session.session.simulator.mechanism
+    rng, seen = np.random.default_rng(3), []
     for _ in range(2):
-        q = mechanism.integrate(session.state().q, rng.uniform(-0.3, 0.3, mechanism.nv))
-        state = session.state()
-        object.__setattr__(state, "q", q)
-        frame = picture.draw(state)
-        links = shape_links(session.session.scene, frame.placement)
-        found = {}
+        q = mechanism.integrate(state.q, rng.uniform(-0.3, 0.3, mechanism.nv))
+        frame, found = picture.draw(replace(state, q=q)), {}
         for one in frame.shapes:
-            link = links.get(one.key)
-            if link is not None and one.kind != "strip" and not one.namespace.endswith("_world"):
+            link = picture.link_of(one)
+            if link is not None and not one.namespace.endswith("_world"):
                 local = frame.placement.links[link].inverse() * one.pose
                 axis = None if one.kind == "sphere" else local.rotation[:, 2]
                 found[one.key] = (local.translation, axis)
         seen.append(found)
-        assert {link.name for link in scenes_links} <= set(links.values())
-        assert all(picture.link_of(one, frame) == links.get(one.key) for one in frame.shapes)
+        links = {picture.link_of(one) for one in frame.shapes}
+        assert {link.name for link in mechanism.scene.links} <= links
     first, second = seen
     assert first.keys() == second.keys()
     for key, (place, axis) in first.items():
@@ -126,13 +119,12 @@ def test_a_mesh_is_drawn_as_its_hull(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     session, picture = begun(str(path))
-    (hull,) = picture.hulls.values()
-    assert np.abs(hull.vertices) == pytest.approx(np.full((8, 3), 0.05))
+    ((number, hull),) = picture.solids.items()
+    assert np.abs(hull.corners) == pytest.approx(np.full((8, 3), 0.05))
     frame = picture.draw(session.state())
-    (number,) = frame.hulls
-    assert frame.hulls[number].translation == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
-    assert picture.link_of_hull(number) == "one"
-    assert picture.link_of_hull(1 - number) is None
+    assert frame.solids[number].translation == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
+    assert picture.link_of(hull) == "one"
+    assert picture.link_of(hull._replace(link="world")) is None
 
 
 def test_numbers_are_told_by_name():
@@ -145,33 +137,27 @@ def test_numbers_are_told_by_name():
     refused = numbers_html(state, frame, "five_bar", {}, {}, "a < b")
     assert '<b id="live-problem">a &lt; b</b>' in refused
     rigid = replace(frame, masses={"handle": np.array((1.0, np.inf))})
-    slow = numbers_html(session_at(state, 0.5), rigid, "x", {}, {}, "")
+    slow = numbers_html(replace(state, factor=0.5), rigid, "x", {}, {}, "")
     assert "slower than real time" in slow
     assert '<b id="live-mass">1, rigid</b>' in slow
-
-
-def session_at(state, factor):
-    object.__setattr__(state, "factor", factor)
-    return state
 
 
 def test_history_keeps_ten_seconds_and_begins_anew_with_time():
     session, picture = begun("five_bar")
     history = History()
     history.begin(picture.users, 3)
-    assert [len(column) for column in history.count()] == [1, 1]
+    columns = {title: of for title, _, of in history.plots()}
+    assert [len(column) for column in columns["joint constraints"]()] == [1, 1]
     state = session.state()
     for time in np.arange(0.0, 20.0, 0.02):
-        object.__setattr__(state, "time", float(time))
-        history.add(state)
-    times, *s = history.spectrum()
+        history.add(replace(state, time=float(time)))
+    times, *s = columns["s"]()
     assert len(s) == 3
     assert s[0][-1] == state.users[0].observation[0]
     assert times[-1] - times[0] == pytest.approx(10.0, abs=0.6)
     assert np.diff(times).min() >= 0.05
-    object.__setattr__(state, "time", 3.0)
-    history.add(state)
-    assert history.count()[0].tolist() == [3.0]
+    history.add(replace(state, time=3.0))
+    assert columns["joint constraints"]()[0].tolist() == [3.0]
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
@@ -243,28 +229,26 @@ def test_visuals_of_a_urdf_are_where_pinocchio_has_them_and_stand_for_rods(arm):
     q = np.array((0.4, -0.7))
     at = np.array((np.cos(0.4), np.sin(0.4), np.cos(-0.7), np.sin(-0.7)))
     pin.updateGeometryPlacements(model, data, drawn, poses, at)
-    state = session.state()
-    assert state.q.shape == q.shape
-    object.__setattr__(state, "q", q)
+    state = replace(session.state(), q=q)
     frame = picture.draw(state)
     # All but the mesh that is missing, in the order of the file.
-    assert len(frame.hulls) == 3
-    for number, pose in frame.hulls.items():
+    assert len(frame.solids) == 3
+    for number, pose in frame.solids.items():
         expected = poses.oMg[-1 - number]
         assert pose.isApprox(expected, 1e-9), drawn.geometryObjects[-1 - number].name
-    mesh = picture.hulls[-3].vertices
+    mesh = picture.solids[-3].corners
     wanted = CORNERS * (2.0, 1.0, 1.0)
     assert np.array(sorted(mesh.tolist())) == pytest.approx(np.array(sorted(wanted.tolist())))
-    box, cylinder = (np.ptp(picture.hulls[n].vertices, axis=0) for n in (-1, -2))
+    box, cylinder = (np.ptp(picture.solids[n].corners, axis=0) for n in (-1, -2))
     assert box == pytest.approx((0.1, 0.2, 0.3))
     assert cylinder == pytest.approx((0.1, 0.1, 0.2))
-    assert picture.link_of_hull(-3) == "two"
+    assert picture.link_of(picture.solids[-3]) == "two"
 
     def rods(shown):
         return {one.key for one in shown.shapes if one.namespace == "links"}
 
     without = picture.draw(state, frozenset({VISUALS}))
-    assert not without.hulls
+    assert not without.solids
     assert rods(without)
     assert not rods(frame)
 

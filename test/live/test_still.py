@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.live.commands import Drag, Draggable, LiveState, Open, Opened
-from hapticmech_ros.live.live_picture import Drawing, LivePicture
+from hapticmech_ros.live.live_picture import LivePicture
 from hapticmech_ros.live.page import LivePage
 from hapticmech_ros.live.page_controls import numbers_html
 from hapticmech_ros.live.still import StillScene
@@ -35,7 +35,7 @@ def test_it_is_drawn_and_no_number_of_it_is_told(still):
     assert isinstance(opened, Opened)
     assert isinstance(state, LiveState)
     picture = LivePicture(opened)
-    drawn = Drawing(picture).drawn(state, frozenset())
+    drawn = picture.drawn(state, frozenset())
     meanings = {shape.meaning for shape in drawn.frame.shapes}
     assert "joints" in meanings
     assert not meanings & {"mass", "rigid_directions", "free_directions", "device"}

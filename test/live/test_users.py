@@ -9,21 +9,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hapticmech_ros import Mechanism, Scene, SharedSession, load_scene
+from hapticmech_ros import Mechanism, Scene, load_scene
 from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.live.commands import Drag, Draggable, Failed, Hold, Open, Record, Reset, Tune
-from hapticmech_ros.live.live_picture import Drawing, LivePicture
+from hapticmech_ros.live.commands import Draggable, Failed, Hold, Open, Record, Reset, Tune
+from hapticmech_ros.live.grip import DRAG_TIMEOUT_S
+from hapticmech_ros.live.live_picture import LivePicture
 from hapticmech_ros.live.live_session import LiveSession, holding
 from hapticmech_ros.live.page_controls import History, numbers_html, you_html
 from hapticmech_ros.live.settings import HANDS, MOUSE_ALONE, OWN_HAND, changes_of
 from hapticmech_ros.scene.hand import STILL_HAND, ConstantWrenchHand
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.state import StateLayout
+from live.driven import pull, until
 from oracles.users import five_bar_of_two
 
 LEFT, RIGHT = Draggable("hand", "left"), Draggable("hand", "right")
-# Turns in which a session does what is due.
-CATCHES_UP = 1000
 STIFFNESS = "controller.joint_constraint.stiffness"
 ARM = {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0.0}]}
 
@@ -38,37 +38,9 @@ def live(path):
     return LiveSession(Open(path, changes_of(load_scene(path))), 0.0)
 
 
-def until(session, start, end, *commands):
-    """Let time pass in steps of 5 ms, with commands in each; return the end."""
-    for now in np.arange(start, end, 0.005):
-        for command in commands:
-            assert session.take(command, now) is None
-        session.advance(now)
-        for _ in range(CATCHES_UP):
-            if not session.is_behind:
-                break
-            session.advance(now)
-        assert not session.is_behind
-    return end
-
-
-def pull(session, body, *by):
-    """Return a drag of a hand from where its device is."""
-    place = session.state().user(body.name).device[:, 3]
-    return Drag(body, np.zeros(3), place + np.array((*by, 0.0)))
-
-
-def test_it_does_the_ticks_of_a_shared_session(path, live):
-    until(live, 0.0, 0.5)
-    plain = SharedSession(load_scene(path, changes=changes_of(load_scene(path))))
-    plain.run(round(live.session.time / plain.period))
-    assert (live.session.mechanism.q == plain.mechanism.q).all()
-    assert [user.point for user in live.state().users] == ["left", "right"]
-
-
 def test_each_hand_is_dragged_by_a_spring_of_its_own(live):
     now = until(live, 0.0, 0.2)
-    drags = pull(live, LEFT, 0.004, 0.0), pull(live, RIGHT, 0.0, -0.004)
+    drags = pull(live, 0.004), pull(live, 0.0, -0.004, user=1)
     now = until(live, now, now + 0.1, *drags)
     state = live.state()
     assert [drag.body for drag in state.drags] == [LEFT, RIGHT]
@@ -80,18 +52,21 @@ def test_each_hand_is_dragged_by_a_spring_of_its_own(live):
         assert user.hand_wrench[:3] == pytest.approx(drag.force)
         assert np.linalg.norm(drag.force) > 0.05
     # One goes on when the other is heard no more.
-    until(live, now, now + 0.3, drags[1])
+    until(live, now, now + DRAG_TIMEOUT_S + 0.005, drags[1])
     state = live.state()
     assert [drag.body for drag in state.drags] == [RIGHT]
     assert (state.user("left").hand_wrench == 0.0).all()
 
 
-def test_gains_are_a_users_own_and_kept_by_a_reset(live):
+def test_gains_are_a_users_own_and_kept_by_a_reset(live, path):
     now = until(live, 0.0, 0.1)
     before = live.session.user("left").scene.controller.joint_constraint.stiffness
     assert live.take(Tune("right", STIFFNESS, 123.5), now) is None
     assert live.state().changed == (f"right/{STIFFNESS}=123.5",)
+    number = live.opened.number
     told = live.take(Reset(), now)
+    assert (told.number, told.asked.scene) == (number + 1, path)
+    assert live.session.time == pytest.approx(0.001)
     held = [told.scene.held_at(point).controller for point in ("left", "right")]
     assert [one.joint_constraint.stiffness for one in held] == [before, 123.5]
     refused = live.take(Tune("nobody", STIFFNESS, 1.0), now)
@@ -102,8 +77,12 @@ def test_gains_are_a_users_own_and_kept_by_a_reset(live):
 def test_a_user_holds_elsewhere_and_the_other_one_does_not(live):
     now = until(live, 0.0, 0.2)
     kept = live.state().user("right").device
+    assert live.state().user("left").count == 2
     told = live.take(Hold("left", "link2"), now)
     assert told.scene.operational_point("left").link == "link2"
+    assert live.state().number == told.number
+    # Its joint to link 1 moves on a circle, and it turns there.
+    assert live.state().user("left").count == 1
     assert told.scene.operational_point("right").link == "link3"
     # Held a moment later, both where they are.
     until(live, now, now + 0.5)
@@ -121,7 +100,7 @@ def test_a_recording_has_each_users_contact_at_its_point(live, tmp_path):
     now = until(live, 0.0, 0.2)
     assert live.take(Record(str(tmp_path / "bag")), now) is None
     # A firm push on the left is felt on the right as part of F_c.
-    now = until(live, now, now + 0.1, pull(live, LEFT, 0.05, 0.0))
+    now = until(live, now, now + 0.1, pull(live, 0.05))
     felt = live.state().user("right").contact
     assert live.take(Record(""), now) is None
     layout = StateLayout(Mechanism(live.session.scene))
@@ -153,8 +132,8 @@ def test_hands_are_chosen_for_each_user(path):
 
 def test_the_picture_has_every_hand_and_knows_which_is_meant(live):
     until(live, 0.0, 0.3)
-    drawing, state = Drawing(LivePicture(live.opened)), live.state()
-    drawn = drawing.drawn(state, frozenset())
+    picture, state = LivePicture(live.opened), live.state()
+    drawn = picture.drawn(state, frozenset())
     shown = {shape.namespace for shape in drawn.frame.shapes}
     for name in ("left", "right"):
         assert {f"{one}/{name}" for one in ("device", "mass", "free_directions")} <= shown
@@ -167,13 +146,13 @@ def test_the_picture_has_every_hand_and_knows_which_is_meant(live):
     assert drawn.body_at(eye, far, "link1") == ("link", "link1")
     assert drawn.body_at(eye, far, None) is None
     assert set(drawn.picture.hues) == {"left", "right"}
-    hidden = drawing.drawn(state, frozenset({"mass felt", "forces", "rigid and free directions"}))
+    hidden = picture.drawn(state, frozenset({"mass felt", "forces", "rigid and free directions"}))
     assert not {"mass", "free_directions"} & {s.meaning for s in hidden.frame.shapes}
 
 
 def test_numbers_and_histories_are_each_users(live):
     now = until(live, 0.0, 0.2)
-    until(live, now, now + 0.1, pull(live, LEFT, 0.004, 0.0))
+    until(live, now, now + 0.1, pull(live, 0.004))
     state, picture = live.state(), LivePicture(live.opened)
     text = numbers_html(state, picture.draw(state), "two", picture.hues, {LEFT: 3}, "")
     for user in state.users:

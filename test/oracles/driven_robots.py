@@ -54,15 +54,6 @@ def accelerated(law, q, v, torque, contact=None):
     return vdot, np.array(pin.getFrameClassicalAcceleration(model, data, frame, AXES).vector)
 
 
-def drift(law, q, v):
-    """Return J̇ v (6,), the operational point's acceleration at v̇ = 0, by Pinocchio alone."""
-    model = law.mechanism.model
-    data, frame = model.createData(), model.getFrameId(f"point/{law.point}")
-    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
-    pin.updateFramePlacements(model, data)
-    return np.array(pin.getFrameClassicalAcceleration(model, data, frame, AXES).vector)
-
-
 def pose_of(law, q):
     """Return the operational point's pose at q, by Pinocchio alone."""
     model = law.mechanism.model

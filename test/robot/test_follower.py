@@ -13,7 +13,7 @@ from hapticmech_ros.robot.law import Gains, Tuning
 from oracles.driven_robots import accelerated, law_of, pose_of
 
 Q = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])
-STILL = np.zeros(7)
+STILL, NO_TWIST = np.zeros(7), np.zeros(6)
 PERIOD = 1e-3
 POSE = pin.SE3(pin.exp3(np.array([0.2, -0.4, 0.1])), np.array([0.1, 0.2, 0.3]))
 TORQUE_LIMITS = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
@@ -22,6 +22,17 @@ TORQUE_LIMITS = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
 def follower(**options):
     law = law_of("iiwa14", gains=Gains(posture_rate=0.0), torque_limits=TORQUE_LIMITS)
     return law, Follower(law, FollowerSettings(period=PERIOD, **options))
+
+
+def told(made, time=0.0, q=Q, v=STILL, pose=POSE, twist=NO_TWIST):
+    """Return the order after samples of joints and target at a time."""
+    made.update_joints(q, v, time)
+    made.update_target(pose, twist, time)
+    return made.order(time)
+
+
+def moved_by(way):
+    return pin.SE3(POSE.rotation, POSE.translation + way)
 
 
 def test_nothing_is_ordered_before_joints_were_heard():
@@ -33,9 +44,7 @@ def test_nothing_is_ordered_before_joints_were_heard():
 @pytest.mark.parametrize("interface", ["effort", "velocity", "position"])
 def test_it_begins_without_a_jump_wherever_the_target_is(interface):
     law, made = follower(interface=interface)
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    order = made.order(0.0)
+    order = told(made)
     assert order.trouble == ""
     assert made.follows
     expected = {"effort": law.resting(Q), "velocity": STILL, "position": Q}[interface]
@@ -50,14 +59,9 @@ def test_it_moves_by_as_much_as_the_target(interface):
     q, start = Q.copy(), pose_of(law, Q)
     way, turn = np.array([0.02, -0.03, 0.035]), pin.exp3(np.array([0.0, 0.1, 0.2]))
     moved = pin.SE3(turn @ POSE.rotation, POSE.translation + way)
-    made.update_joints(q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    made.order(0.0)
+    told(made)
     for tick in range(1, 1500):
-        time = PERIOD * tick
-        made.update_joints(q, STILL, time)
-        made.update_target(moved, np.zeros(6), time)
-        order = made.order(time)
+        order = told(made, PERIOD * tick, q, pose=moved)
         q = order.values if interface == "position" else q + PERIOD * order.values
     end = pose_of(law, q)
     # Critically damped at 30 1/s: exp(-45) of the way is left.
@@ -68,25 +72,19 @@ def test_it_moves_by_as_much_as_the_target(interface):
 def test_a_target_is_carried_on_between_its_samples():
     _, made = follower()
     twist = np.array([0.1, 0.0, -0.2, 0.0, 0.3, 0.0])
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, twist, 0.0)
-    made.order(0.0)
+    told(made, twist=twist)
     made.update_joints(Q, STILL, 0.02)
     later = made.order(0.02).values
-    made.update_target(
-        pin.SE3(pin.exp3(0.02 * twist[3:]) @ POSE.rotation, POSE.translation + 0.02 * twist[:3]),
-        twist,
-        0.02,
-    )
+    turn, way = pin.exp3(0.02 * twist[3:]), 0.02 * twist[:3]
+    there = pin.SE3(turn @ POSE.rotation, POSE.translation + way)
     # Of rounding, times ω² = 900 and masses of 25 kg.
-    np.testing.assert_allclose(made.order(0.02).values, later, atol=1e-9)
+    values = told(made, 0.02, pose=there, twist=twist).values
+    np.testing.assert_allclose(values, later, atol=1e-9)
 
 
 def test_stale_joints_leave_what_carries_the_weight_alone():
     law, made = follower()
-    made.update_joints(Q, np.full(7, 0.5), 0.0)
-    made.update_target(POSE, np.ones(6), 0.0)
-    made.order(0.0)
+    told(made, v=np.full(7, 0.5), twist=np.ones(6))
     made.update_target(POSE, np.ones(6), 0.03)
     order = made.order(0.03)
     assert "joint states" in order.trouble
@@ -110,9 +108,7 @@ def test_a_stale_target_brakes_the_robot():
 
 def test_a_stale_sensor_is_no_sensor_that_feels_nothing():
     _, made = follower(has_sensor=True)
-    made.update_joints(Q, STILL, 0.1)
-    made.update_target(POSE, np.zeros(6), 0.1)
-    assert "wrench" in made.order(0.1).trouble
+    assert "wrench" in told(made, 0.1).trouble
     made.update_wrench(np.zeros(6), 0.1)
     assert made.order(0.1).trouble == ""
     assert made.counts.wrench_stale == 1
@@ -131,31 +127,16 @@ def test_without_samples_a_robot_with_a_servo_holds(interface):
 
 def test_it_comes_together_anew_where_both_are_then():
     law, made = follower()
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    made.order(0.0)
+    told(made)
     made.update_joints(Q + 0.1, STILL, 1.0)
     assert made.order(1.0).trouble
-    far = pin.SE3(POSE.rotation, POSE.translation + 1.0)
-    made.update_target(far, np.zeros(6), 1.0)
-    order = made.order(1.0)
+    order = told(made, 1.0, Q + 0.1, pose=moved_by(1.0))
     assert order.trouble == ""
     np.testing.assert_allclose(order.values, law.resting(Q + 0.1), atol=1e-9)
     assert made.counts.engagements == 2
 
 
-def test_the_contact_is_told_in_the_axes_of_the_world():
-    law, made = follower(has_sensor=True)
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    own = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
-    made.update_wrench(own, 0.0)
-    rotation = pose_of(law, Q).rotation
-    expected = np.r_[rotation @ own[:3], rotation @ own[3:]]
-    np.testing.assert_allclose(made.order(0.0).contact, expected, atol=1e-14)
-
-
-@pytest.mark.parametrize("frame", ["world", "link4", "link7", "tool"])
+@pytest.mark.parametrize("frame", ["world", "link4", "tool", ""])
 def test_a_contact_is_the_same_in_whatever_axes_it_is_measured(frame):
     law, made = follower(has_sensor=True)
     contact = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
@@ -169,44 +150,23 @@ def test_a_contact_is_the_same_in_whatever_axes_it_is_measured(frame):
         axes *= Rotation.from_rotvec(angle * np.array(joint.axis))
         if link.name == frame:
             break
-    if frame == "tool":
+    if frame in ("tool", ""):
         axes *= Rotation.from_euler("xyz", law.mechanism.scene.operational_points[0].origin.rpy)
-    told = np.r_[axes.inv().apply(contact[:3]), axes.inv().apply(contact[3:])]
-    if frame != "tool":
+    measured = np.r_[axes.inv().apply(contact[:3]), axes.inv().apply(contact[3:])]
+    if frame not in ("tool", ""):
         # Where the point is, is not known yet.
-        made.update_wrench(told, 0.0, frame)
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    assert bool(made.order(0.0).trouble)
-    made.update_wrench(told, 0.0, frame)
+        made.update_wrench(measured, 0.0, frame)
+    assert told(made).trouble
+    made.update_wrench(measured, 0.0, frame)
     np.testing.assert_allclose(made.order(0.0).contact, contact, atol=1e-13)
     with pytest.raises(InvalidInputError, match="must be one of"):
-        made.update_wrench(told, 0.0, "nonsense")
-
-
-def test_without_a_sensor_a_steady_contact_is_estimated():
-    """A robot that stands still against a push: r is Jᵀ F_c, and Λ⁺ J D⁻¹ r is F_c."""
-    law, made = follower(observer_rate=50.0)
-    contact = np.array([5.0, -3.0, 8.0, 0.2, -0.1, 0.3])
-    torque = law.resting(Q) - law.state(Q, STILL).point.jacobian.T @ contact
-    for tick in range(1000):
-        made.update_joints(Q, STILL, PERIOD * tick)
-        made.update_target(POSE, np.zeros(6), PERIOD * tick)
-        # As if the law had ordered what balances the push.
-        made._torques = [torque, torque]
-        order = made.order(PERIOD * tick)
-    # exp(-50) of it is missing.
-    np.testing.assert_allclose(order.contact, contact, atol=1e-9)
+        made.update_wrench(measured, 0.0, "nonsense")
 
 
 def test_a_target_that_jumps_does_not_pull_the_robot_along():
     law, made = follower(largest_error=0.1)
-    made.update_joints(Q, STILL, 0.0)
-    made.update_target(POSE, np.zeros(6), 0.0)
-    made.order(0.0)
-    far = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 0.11, 0.0]))
-    made.update_target(far, np.zeros(6), PERIOD)
-    order = made.order(PERIOD)
+    told(made)
+    order = told(made, PERIOD, pose=moved_by(np.array([0.0, 0.11, 0.0])))
     assert "too far" in order.trouble
     np.testing.assert_allclose(order.values, law.resting(Q), atol=1e-12)
     # From then on it follows from where both are.
@@ -214,19 +174,16 @@ def test_a_target_that_jumps_does_not_pull_the_robot_along():
     assert after.trouble == ""
     np.testing.assert_allclose(after.values, law.resting(Q), atol=1e-9)
     assert made.counts.slipped == 1
-    near = pin.SE3(POSE.rotation, far.translation + np.array([0.0, 0.09, 0.0]))
-    made.update_target(near, np.zeros(6), 3.0 * PERIOD)
-    assert made.order(3.0 * PERIOD).trouble == ""
+    near = moved_by(np.array([0.0, 0.2, 0.0]))
+    assert told(made, 3.0 * PERIOD, pose=near).trouble == ""
 
 
 def stretched(made, periods, start=0.0):
     """Return orders of a robot that is held 1 mm from its target."""
-    near, orders = pin.SE3(POSE.rotation, POSE.translation + np.array([0.0, 1e-3, 0.0])), []
+    near, orders = moved_by(np.array([0.0, 1e-3, 0.0])), []
     for tick in range(periods):
-        time = start + PERIOD * tick
-        made.update_joints(Q, STILL, time)
-        made.update_target(POSE if made.counts.orders == 0 else near, np.zeros(6), time)
-        orders.append(made.order(time).values)
+        pose = POSE if made.counts.orders == 0 else near
+        orders.append(told(made, start + PERIOD * tick, pose=pose).values)
     return np.array(orders)
 
 
@@ -245,25 +202,27 @@ def test_gains_pass_to_others_in_a_straight_line():
     assert made.tuning.gains.linear_rate == 90.0
 
 
-def test_an_observer_keeps_its_estimate_when_its_rate_changes():
-    """What it estimates of a constant push goes on from where it is, at the new rate."""
+def test_without_a_sensor_a_steady_contact_is_estimated_at_the_rate_of_the_observer():
+    """A robot that stands still against a push: r goes to Jᵀ F_c, from where it is at a new rate.
+
+    Λ⁺ J D⁻¹ r is then F_c.
+    """
     law, made = follower(observer_rate=50.0, gain_ramp=0.0)
     contact = np.array([5.0, -3.0, 8.0, 0.2, -0.1, 0.3])
     torque = law.resting(Q) - law.state(Q, STILL).point.jacobian.T @ contact
-    told = []
-    for tick in range(40):
+    found = []
+    for tick in range(200):
         if tick == 20:
             made.tune(Tuning(law.gains, 200.0), PERIOD * tick)
-        made.update_joints(Q, STILL, PERIOD * tick)
-        made.update_target(POSE, np.zeros(6), PERIOD * tick)
+        # As if the law had ordered what balances the push.
         made._torques = [torque, torque]
-        told.append(made.order(PERIOD * tick).contact)
-    share = 1.0 - np.array([one @ contact for one in told]) / (contact @ contact)
+        found.append(told(made, PERIOD * tick).contact)
+    share = 1.0 - np.array(found) @ contact / (contact @ contact)
     # Steps of Euler: 1 - κ T of what is missing is left after each.
-    wanted = np.where(
-        np.arange(40) < 20, 0.95 ** np.arange(40), 0.95**19 * 0.8 ** np.arange(-19, 21)
-    )
+    ticks = np.arange(200)
+    wanted = np.where(ticks < 20, 0.95**ticks, 0.95**19 * 0.8 ** (ticks - 19.0))
     np.testing.assert_allclose(share, wanted, atol=1e-9)
+    np.testing.assert_allclose(found[-1], contact, atol=1e-9)
 
 
 def test_an_observer_neither_begins_nor_ends_while_it_follows():
@@ -315,6 +274,7 @@ def test_settings_that_are_none_are_refused():
         {"joint_timeout": np.nan},
         {"interface": "steam"},
         {"gain_ramp": -1.0},
+        {"swing_speed": -1.0},
     ):
         with pytest.raises(InvalidInputError, match=next(iter(changed))):
             FollowerSettings(**changed)

@@ -42,15 +42,9 @@ def test_the_asked_acceleration_is_that_of_a_damped_oscillator():
     law = law_of("iiwa14", gains=gains)
     ((q, v),) = poses("iiwa14", 1)
     state = law.state(q, v)
-    away = pin.SE3(np.eye(3), np.array([0.01, -0.02, 0.03]))
-    pose = pose_of(law, q)
-    target = Target(pin.SE3(pose.rotation, pose.translation + away.translation))
-    command = law.command(state, target)
-    twist = state.point.twist
-    expected = np.r_[
-        49.0 * away.translation - 8.4 * twist[:3],
-        -13.2 * twist[3:],
-    ]
+    away, pose, twist = np.array([0.01, -0.02, 0.03]), pose_of(law, q), state.point.twist
+    command = law.command(state, Target(pin.SE3(pose.rotation, pose.translation + away)))
+    expected = np.r_[49.0 * away - 8.4 * twist[:3], -13.2 * twist[3:]]
     # Of numbers of the order of 10; the logarithm of no rotation is 0 to 1e-16.
     np.testing.assert_allclose(command.asked, expected, atol=1e-11)
 
@@ -98,61 +92,46 @@ def test_a_wrench_that_is_balanced_by_joints_has_no_null_space_torque_beside_it(
         assert np.abs(passed - expected).max() < 1e-11 * np.abs(torques).max()
 
 
-def test_the_truncated_inverse_is_the_exact_one_away_from_singular_poses():
-    for name in NAMES:
-        law = law_of(name)
-        for q, v in poses(name, 10, least=law.mechanism.scene.perception.s_off):
-            state = law.state(q, v)
-            product = state.shaped.inverse @ state.analysis.inverse_inertia
-            # Condition of X, 1e6 with m and rad together, times 2e-16.
-            assert np.abs(product - np.eye(6)).max() < 1e-9
+def on_a_wall(law, q, v, seed, force):
+    """Return a state without motion along a wall's normal n (3,), a target with a force, and n."""
+    n = np.random.default_rng(seed).normal(size=3)
+    n /= np.linalg.norm(n)
+    row = n @ law.state(q, v).point.jacobian[:3]
+    along = v - row * (row @ v) / (row @ row)
+    near = target_near(law, q, seed)
+    target = Target(near.pose, near.twist, near.acceleration, ForceTask(n, force))
+    return law.state(q, along), target, n
 
 
-def test_a_controlled_force_stands_against_a_wall_whatever_moves_along_it():
+@pytest.mark.parametrize("name", NAMES)
+def test_a_controlled_force_stands_against_a_wall_whatever_moves_along_it(name):
     """With no acceleration along n the wall answers -n f_d exactly, by the dynamics alone."""
-    for name in NAMES:
-        law = law_of(name)
-        s_off = law.mechanism.scene.perception.s_off
-        for seed, (q, v) in enumerate(poses(name, 10, seed=5, least=s_off)):
-            rng = np.random.default_rng(seed)
-            n = rng.normal(size=3)
-            n /= np.linalg.norm(n)
-            state = law.state(q, v)
-            # No motion along n.
-            row = n @ state.point.jacobian[:3]
-            along = v - row * (row @ v) / (row @ row)
-            state = law.state(q, along)
-            near = target_near(law, q, seed)
-            force = ForceTask(n, 13.0)
-            target = Target(near.pose, near.twist, near.acceleration, force)
-            command = law.command(state, target, integral=2.0)
-            _, free = accelerated(law, q, along, command.torque)
-            unit = np.r_[n, np.zeros(3)]
-            _, pushed = accelerated(law, q, along, command.torque, unit)
-            # The wall's force, -n times this, that leaves no acceleration along n.
-            wall = -(unit @ free) / (unit @ (pushed - free))
-            assert wall == pytest.approx(-15.0, rel=1e-8)
-            # The motion along the wall is as asked nevertheless.
-            _, reached = accelerated(law, q, along, command.torque, wall * unit)
-            np.testing.assert_allclose(reached, command.asked, rtol=1e-8, atol=1e-8)
+    law = law_of(name)
+    s_off = law.mechanism.scene.perception.s_off
+    for seed, (q, v) in enumerate(poses(name, 10, seed=5, least=s_off)):
+        state, target, n = on_a_wall(law, q, v, seed, 13.0)
+        command, unit = law.command(state, target, integral=2.0), np.r_[n, np.zeros(3)]
+        _, free = accelerated(law, q, state.v, command.torque)
+        _, pushed = accelerated(law, q, state.v, command.torque, unit)
+        # The wall's force, -n times this, that leaves no acceleration along n.
+        wall = -(unit @ free) / (unit @ (pushed - free))
+        assert wall == pytest.approx(-15.0, rel=1e-8)
+        # The motion along the wall is as asked nevertheless.
+        _, reached = accelerated(law, q, state.v, command.torque, wall * unit)
+        np.testing.assert_allclose(reached, command.asked, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_friction_disturbs_neither_a_controlled_force_nor_the_motion_along_the_wall(name):
     law = law_of(name)
     for seed, (q, v) in enumerate(poses(name, 5, seed=6, least=0.05)):
-        rng = np.random.default_rng(seed)
-        n = rng.normal(size=3)
-        n /= np.linalg.norm(n)
-        row = n @ law.state(q, v).point.jacobian[:3]
-        along = v - row * (row @ v) / (row @ row)
-        force, near = ForceTask(n, 20.0), target_near(law, q, seed)
-        target = Target(near.pose, near.twist, near.acceleration, force)
+        state, target, n = on_a_wall(law, q, v, seed, 20.0)
         # A wall with friction, which presses with the force that is asked for.
-        contact = force.without(rng.normal(size=6) * np.repeat((8.0, 4.0 * law.lever), 3))
+        size = np.repeat((8.0, 4.0 * law.lever), 3)
+        contact = target.force.without(np.random.default_rng(seed + 50).normal(size=6) * size)
         contact[:3] -= 20.0 * n
-        command = law.command(law.state(q, along), target, contact)
-        _, reached = accelerated(law, q, along, command.torque, contact)
+        command = law.command(state, target, contact)
+        _, reached = accelerated(law, q, state.v, command.torque, contact)
         np.testing.assert_allclose(reached, command.asked, rtol=1e-8, atol=1e-8)
         # The motion does not leave the wall.
         assert n @ reached[:3] == pytest.approx(0.0, abs=1e-8)
@@ -173,15 +152,14 @@ def test_what_holds_a_tool_fast_is_balanced_up_to_the_controlled_force():
     np.testing.assert_allclose(half.pushing(force, np.eye(6)[0], 0.0)[0], -0.5)
 
 
-def test_what_rests_on_its_target_stays_there():
-    for name in NAMES:
-        law = law_of(name, gains=Gains(posture_rate=0.0))
-        for q, v in poses(name, 5):
-            state = law.state(q, 0.0 * v)
-            torque = law.command(state, Target(pose_of(law, q))).torque
-            vdot, _ = accelerated(law, q, 0.0 * v, torque)
-            # The error of a pose is rounding, 1e-15, times ω² = 900 and masses of 1 / s_on².
-            assert np.abs(vdot).max() < 1e-7
+@pytest.mark.parametrize("name", NAMES)
+def test_what_rests_on_its_target_stays_there(name):
+    law = law_of(name, gains=Gains(posture_rate=0.0))
+    for q, v in poses(name, 5):
+        torque = law.command(law.state(q, 0.0 * v), Target(pose_of(law, q))).torque
+        vdot, _ = accelerated(law, q, 0.0 * v, torque)
+        # The error of a pose is rounding, 1e-15, times ω² = 900 and masses of 1 / s_on².
+        assert np.abs(vdot).max() < 1e-7
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -210,12 +188,13 @@ def test_robots_that_the_law_cannot_drive_are_refused():
         OperationalLaw(Mechanism(scene_from_document(five_bar())))
     with pytest.raises(InvalidInputError, match="revolute"):
         OperationalLaw(Mechanism(scene_from_document(free_body())))
-    with pytest.raises(InvalidInputError, match="7 positive numbers"):
-        law_of("iiwa14", torque_limits=np.array([1.0, 2.0]))
-    with pytest.raises(InvalidInputError, match="q"):
-        law_of("iiwa14", posture=np.zeros(3))
-    with pytest.raises(InvalidInputError, match="point"):
-        law_of("iiwa14", point="nose")
+    for words, options in (
+        ("7 positive numbers", {"torque_limits": np.array([1.0, 2.0])}),
+        ("q", {"posture": np.zeros(3)}),
+        ("point", {"point": "nose"}),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            law_of("iiwa14", **options)
 
 
 def free_body():
@@ -231,14 +210,17 @@ def free_body():
     }
 
 
-@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf, 1e5])
-def test_gains_that_are_none_are_refused(value):
-    with pytest.raises(InvalidInputError, match="linear_rate"):
-        Gains(linear_rate=value)
-    with pytest.raises(InvalidInputError, match="contact_share"):
-        Gains(contact_share=1.5)
-    with pytest.raises(InvalidInputError, match="joint_rate"):
-        Gains(joint_rate=0.0)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("linear_rate", value) for value in (-1.0, np.nan, np.inf, 1e5)),
+        ("contact_share", 1.5),
+        ("joint_rate", 0.0),
+    ],
+)
+def test_gains_that_are_none_are_refused(name, value):
+    with pytest.raises(InvalidInputError, match=name):
+        Gains(**{name: value})
 
 
 def test_forces_that_are_none_are_refused():

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hapticmech_ros.robot.law import COASTING, Gains, RigidDirections, Target
-from oracles.driven_robots import accelerated, drift, law_of, pose_of
+from hapticmech_ros.robot.law import COASTING, Gains, Target
+from oracles.driven_robots import accelerated, law_of, pose_of
 
 # The UR5e's wrist is singular where joint 5 is at 0.
 POSE = np.array([0.1, -1.2, 1.3, -0.9, 0.0, 0.2])
@@ -21,19 +21,6 @@ def wrist(angle):
     return np.where(np.arange(6) == 4, angle, POSE)
 
 
-def directions(law, q, error=NOTHING):
-    state = law.state(q, np.resize(V, q.size))
-    found = RigidDirections(
-        state.analysis,
-        state.shaped,
-        law.gains,
-        law.mechanism.scene.perception.s_on,
-        error,
-        lambda rates: drift(law, q, rates),
-    )
-    return state, found
-
-
 def along(state, motion):
     """Return the part (t,) along u_i of a motion of joints in the mass metric."""
     return state.shaped.units.T @ motion
@@ -45,10 +32,10 @@ def test_a_motion_that_the_robot_can_make_is_accelerated_as_it_is():
     angle = 0.5
     while UR5E.state(wrist(angle), V).analysis.spectrum.s[-1] > SEEN.s_on:
         angle *= 0.98
-    state, found = directions(UR5E, wrist(angle))
-    jacobian, factor = state.point.jacobian, state.factor
-    given = found.acceleration(factor.T @ tiny, jacobian @ tiny, jacobian @ vdot)
-    expected = along(state, factor.T @ vdot)
+    state = UR5E.state(wrist(angle), tiny)
+    jacobian = state.point.jacobian
+    given, _ = UR5E.led(state, NOTHING, jacobian @ tiny, jacobian @ vdot)
+    expected = along(state, state.factor.T @ vdot)
     assert state.analysis.weights[-1] == pytest.approx(1.0, abs=1e-3)
     # λ² / s² is missing, and of the saturations half the square of 1e-3 / 3.
     kept = 1.0 / (1.0 + (COASTING * SEEN.s_on / state.analysis.spectrum.s[-1]) ** 2)
@@ -56,9 +43,9 @@ def test_a_motion_that_the_robot_can_make_is_accelerated_as_it_is():
 
 
 def test_next_to_the_singular_pose_joints_coast():
-    state, found = directions(UR5E, wrist(1e-5))
+    state = UR5E.state(wrist(1e-5), V)
     speed = state.factor.T @ V
-    given = along(state, found.acceleration(speed, state.point.jacobian @ V, NOTHING))[-1]
+    given = along(state, UR5E.led(state, NOTHING, state.point.jacobian @ V, NOTHING)[0])[-1]
     share = (state.analysis.spectrum.s[-1] / (COASTING * SEEN.s_on)) ** 2
     assert share < 1e-2
     # Of a brake that acts at full rate.
@@ -70,9 +57,9 @@ def test_what_cannot_be_reached_is_braked():
     """A straight arm that is called outwards: the rate along u decays, by y = -ω b u̇."""
     law, q = law_of("iiwa14"), np.array([0.3, 0.7, 0.2, 1e-5, 0.4, 0.9, 0.1])
     n = law.state(q, np.zeros(7)).analysis.spectrum.wrenches[:, -1]
-    state, found = directions(law, q, 0.02 * n)
+    state = law.state(q, np.resize(V, 7))
     speed = state.factor.T @ state.v
-    given = along(state, found.acceleration(speed, NOTHING, NOTHING))[-1]
+    given = along(state, law.led(state, 0.02 * n, NOTHING, NOTHING)[0])[-1]
     # Nothing but the brake, and ε ≫ λ.
     expected = -law.gains.linear_rate * along(state, speed)[-1]
     assert given == pytest.approx(expected, rel=1e-2)
@@ -95,13 +82,12 @@ def test_the_damping_is_the_second_derivative_that_newton_has():
     # By central differences: h² of the fourth derivative, some 10.
     second = (half_squared(h) - 2.0 * half_squared(0.0) + half_squared(-h)) / h**2
     s = start.analysis.spectrum.s[-1]
-    _, found = directions(law, q, error)
+    _, passed = law.led(start, error, NOTHING, NOTHING)
     damping = abs(second - s**2)
-    known = found.passed[-1]
     lost = (COASTING * law.mechanism.scene.perception.s_on) ** 2
     rigid = start.analysis.weights[-1]
     assert rigid > 0.5
-    assert known == pytest.approx(rigid * damping / (s**2 + damping + lost), rel=1e-4)
+    assert passed[-1] == pytest.approx(rigid * damping / (s**2 + damping + lost), rel=1e-4)
 
 
 def test_joints_are_never_led_faster_than_allowed():
@@ -109,9 +95,9 @@ def test_joints_are_never_led_faster_than_allowed():
     rng = np.random.default_rng(4)
     for angle in np.r_[0.0, np.geomspace(1e-9, 0.3, 30)]:
         for size in (1e-6, 1.0, 1e6):
-            state, found = directions(UR5E, wrist(angle), 1e-3 * rng.normal(size=6))
-            asked = size * rng.normal(size=(2, 6))
-            given = found.acceleration(np.zeros(6), *asked)
+            state = UR5E.state(wrist(angle), NOTHING)
+            error, asked = 1e-3 * rng.normal(size=6), size * rng.normal(size=(2, 6))
+            given, _ = UR5E.led(state, error, *asked)
             joints = np.linalg.solve(state.factor.T, given)
             rigid = np.count_nonzero(state.analysis.weights)
             most = 2.0 * UR5E.gains.linear_rate * UR5E.gains.joint_rate * rigid

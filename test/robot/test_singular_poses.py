@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 from hapticmech_ros.robot.law import Gains, Target, shaped_inertia
 from oracles.driven_robots import accelerated, law_of, pose_of
@@ -95,40 +96,32 @@ def test_the_other_directions_are_decoupled_in_the_singular_pose_itself(name):
     np.testing.assert_allclose(along @ reached, along @ command.asked, rtol=1e-9, atol=1e-9)
 
 
-def stepped(law, q, v, target, h):
-    """Return the state a step of the classical rule of order 4 later, under the law throughout."""
+def moved(law, q, target, times):
+    """Return the states q, v at times, from rest at q, under the law throughout."""
 
-    def rate(q, v):
+    def rate(_, state):
+        q, v = np.split(state, 2)
         torque = law.command(law.state(q, v), target).torque
-        return v, accelerated(law, q, v, torque)[0]
+        return np.r_[v, accelerated(law, q, v, torque)[0]]
 
-    k1 = rate(q, v)
-    k2 = rate(q + 0.5 * h * k1[0], v + 0.5 * h * k1[1])
-    k3 = rate(q + 0.5 * h * k2[0], v + 0.5 * h * k2[1])
-    k4 = rate(q + h * k3[0], v + h * k3[1])
-    ks = (k1, k2, k3, k4)
-    q = q + h / 6.0 * sum(w * k[0] for w, k in zip((1, 2, 2, 1), ks, strict=True))
-    v = v + h / 6.0 * sum(w * k[1] for w, k in zip((1, 2, 2, 1), ks, strict=True))
-    return q, v
+    start = np.r_[q, 0.0 * q]
+    found = solve_ivp(rate, times[[0, -1]], start, "DOP853", times, rtol=1e-10, atol=1e-12)
+    return [np.split(state, 2) for state in found.y.T]
 
 
 def test_a_regulator_comes_to_rest_as_the_closed_form_says_and_makes_no_energy():
     """e(t) = e_0 (1 + ω t) exp(-ω t), at every time, while joints move in the null space."""
     rate = 10.0
     law = law_of("iiwa14", gains=Gains(linear_rate=rate, angular_rate=rate))
-    q, v = np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0]), np.zeros(7)
-    pose = pose_of(law, q)
-    start = np.array([0.03, -0.05, 0.04])
+    start, begin = np.array([0.03, -0.05, 0.04]), np.array([0.2, 0.6, -0.3, -1.4, 0.4, 0.9, 0.0])
+    pose, times, energies = pose_of(law, begin), 2e-3 * np.arange(300), []
     target = Target(pin.SE3(pose.rotation, pose.translation + start))
-    h, energies = 2e-3, []
-    for step in range(300):
-        state = law.state(q, v)
-        error = target.pose.translation - state.point.pose.translation
-        time = rate * h * step
-        # The rule's error: (ω h)⁵ = 3e-9 a step, of 0.07 m, over 1 / (ω h) = 50 steps.
+    for time, (q, v) in zip(rate * times, moved(law, begin, target, times), strict=True):
+        point = law.state(q, v).point
+        error = target.pose.translation - point.pose.translation
+        # What the integration leaves of 0.07 m and 0.3 m/s.
         np.testing.assert_allclose(error, start * (1 + time) * np.exp(-time), atol=1e-8)
-        energies.append(0.5 * rate**2 * error @ error + 0.5 * state.point.twist @ state.point.twist)
-        q, v = stepped(law, q, v, target, h)
+        energies.append(0.5 * rate**2 * error @ error + 0.5 * point.twist @ point.twist)
     assert max(b - a for a, b in pairwise(energies)) <= 0.0
     assert energies[-1] < 1e-3 * energies[0]
 
@@ -136,11 +129,9 @@ def test_a_regulator_comes_to_rest_as_the_closed_form_says_and_makes_no_energy()
 def test_a_straight_arm_bends_again_when_it_is_called_back():
     """In the singular pose no torque pulls inwards: the posture bends the elbow, then the law."""
     law = law_of("iiwa14")
-    q, v = np.array([0.0, 0.8, 0.0, 0.0, 0.0, 0.5, 0.0]), np.zeros(7)
-    goal = np.array([0.0, 0.8, 0.0, -1.2, 0.0, 0.8, 0.0])
-    target = Target(pose_of(law, goal))
-    for _ in range(1500):
-        q, v = stepped(law, q, v, target, 2e-3)
+    straight = np.array([0.0, 0.8, 0.0, 0.0, 0.0, 0.5, 0.0])
+    target = Target(pose_of(law, np.array([0.0, 0.8, 0.0, -1.2, 0.0, 0.8, 0.0])))
+    *_, (q, _) = moved(law, straight, target, np.array([0.0, 3.0]))
     error = target.pose.actInv(pose_of(law, q))
     # Critically damped at 30 1/s it is at rest to exp(-30) after 1 s.
     assert np.linalg.norm(pin.log6(error).vector) < 1e-6

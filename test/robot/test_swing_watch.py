@@ -4,9 +4,7 @@
 
 import numpy as np
 import pinocchio as pin
-import pytest
 
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.robot.follower import Follower, FollowerSettings, SwingWatch
 from hapticmech_ros.robot.law import Gains
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled
@@ -83,8 +81,3 @@ def test_a_payload_that_is_borne_changes_nothing():
     assert counts.swings == 0
     # A share of exp(-κ t) of 2 mm, and what a swing of 5 times the inertia leaves.
     assert errors[-100:].max() < 1e-5
-
-
-def test_what_is_no_speed_is_refused():
-    with pytest.raises(InvalidInputError, match="swing_speed"):
-        FollowerSettings(swing_speed=-1.0)

@@ -59,10 +59,14 @@ def test_a_tare_needs_samples_and_rest():
     assert not sensor.offset.any()
 
 
-def test_tools_that_are_none_are_refused():
-    with pytest.raises(InvalidInputError, match="tool_mass"):
-        WrenchSensor(-1.0)
-    with pytest.raises(InvalidInputError, match="tool_centre"):
-        WrenchSensor(1.0, np.zeros(2))
-    with pytest.raises(InvalidInputError, match="sensor_offset"):
-        WrenchSensor(1.0, CENTRE, np.full(6, np.nan))
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("tool_mass", {"mass": -1.0}),
+        ("tool_centre", {"mass": 1.0, "centre": np.zeros(2)}),
+        ("sensor_offset", {"offset": np.full(6, np.nan)}),
+    ],
+)
+def test_tools_that_are_none_are_refused(name, options):
+    with pytest.raises(InvalidInputError, match=name):
+        WrenchSensor(**options)

@@ -34,10 +34,7 @@ def under_world(frames):
 
 
 def matrix(pose):
-    rotation, position = pose
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, position
-    return found
+    return pin.SE3(*pose).homogeneous
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -69,15 +66,6 @@ def test_without_a_device_there_is_no_frame_of_it():
     assert names == {"link1", "link2", "link3", "link4", "handle_world"}
 
 
-def test_fixed_frames_do_not_move_with_the_configuration():
-    scene = scene_from_document(random_mechanism(0, closed=False).document)
-    assert any(link.joint.type == "fixed" for link in scene.links)
-    moving = {f.child for f in moving_frames(scene, Placer(Mechanism(scene)).at(_any(scene)))}
-    fixed = {f.child for f in fixed_frames(scene)}
-    assert "link3" in fixed
-    assert not moving & fixed
-
-
 def test_names_that_a_link_has_already_are_told_apart():
     scene = load_scene("two_link")
     point = scene.operational_points[0]
@@ -104,7 +92,3 @@ def test_devices_of_several_users_have_the_users_names():
     poses = {frame.child: frame.pose for frame in found}
     assert {name for name in poses if "device" in name} == {"right/device", "right/device_world"}
     assert poses["right/device"] == DEVICE
-
-
-def _any(scene):
-    return pin.neutral(Mechanism(scene).model)

@@ -12,7 +12,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import JointStates
 from hapticmech_ros.view.urdf import hinge_angles, hinge_rates
-from oracles.generator import blank, random_inertial, random_mechanism
+from oracles.generator import blank, random_inertial, random_mechanism, unit
 from oracles.kinematics import turn
 
 
@@ -22,17 +22,21 @@ def composed(a: float, b: float, c: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_three_hinges_turn_as_far_as_the_ball(seed):
-    rotation = _random_rotation(seed)
+    rng = np.random.default_rng(seed)
+    rotation = turn(unit(rng), rng.uniform(-np.pi, np.pi))
     # Products of three exact rotations: a few roundings.
     assert np.abs(composed(*hinge_angles(rotation)) - rotation).max() < 1e-14
 
 
 @pytest.mark.parametrize("b", [-np.pi / 2, np.pi / 2])
-def test_hinges_in_line_still_give_the_rotation(b):
+def test_hinges_in_line_still_give_the_rotation_and_turn_as_far_as_they_can(b):
     rotation = composed(0.7, b, -0.4)
     a, found, c = hinge_angles(rotation)
     assert c == 0.0
     assert np.abs(composed(a, found, c) - rotation).max() < 1e-14
+    # The link's own z is then the first hinge's axis, or against it; y the second's.
+    first, second, third = hinge_rates(composed(0.7, b, 0.0), np.array((0.0, 0.3, 0.5)))
+    assert (first, second, third) == pytest.approx((0.5 * np.sign(b), 0.3, 0.0), abs=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -46,14 +50,6 @@ def test_rates_are_those_of_the_angles(seed):
     turned = (ahead - behind + np.pi) % (2.0 * np.pi) - np.pi
     found = joints.rates(q, v)
     assert np.abs(turned / (2.0 * step) - found).max(initial=0.0) < 1e-5 * (1.0 + found @ found)
-
-
-@pytest.mark.parametrize("b", [-np.pi / 2, np.pi / 2])
-def test_hinges_in_line_turn_as_far_as_they_can(b):
-    rotation = composed(0.7, b, 0.0)
-    # The link's own z is then the first hinge's axis, or against it; y the second's.
-    first, second, third = hinge_rates(rotation, np.array((0.0, 0.3, 0.5)))
-    assert (first, second, third) == pytest.approx((0.5 * np.sign(b), 0.3, 0.0), abs=1e-15)
 
 
 def test_only_what_one_number_can_say_is_listed():
@@ -79,14 +75,6 @@ def test_positions_follow_their_names():
     document["operational_points"].append({"name": "tip", "link": "link2"})
     joints = JointStates(Mechanism(scene_from_document(document)))
     q = np.array((0.3, 9.0, 9.0, 9.0, 0.0, 0.0, 0.0, 1.0, -0.2))
-    found = dict(zip(joints.names, joints.at(q).tolist(), strict=True))
-    assert found == {"joint0": 0.3, "joint2": -0.2}
-    v = np.arange(8.0)
-    rates = dict(zip(joints.names, joints.rates(q, v).tolist(), strict=True))
-    assert rates == {"joint0": 0.0, "joint2": 7.0}
-
-
-def _random_rotation(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    axis = rng.normal(size=3)
-    return turn(axis / np.linalg.norm(axis), rng.uniform(-np.pi, np.pi))
+    assert joints.names == ("joint0", "joint2")
+    assert joints.at(q).tolist() == [0.3, -0.2]
+    assert joints.rates(q, np.arange(8.0)).tolist() == [0.0, 7.0]

@@ -165,22 +165,24 @@ def test_a_wrench_is_an_arrow_and_a_ring_where_it_acts(namespace, known):
     assert np.abs((line.points - place) @ wrench[3:]).max() < 1e-15
 
 
-def test_wrenches_of_two_points_have_names_of_their_own():
+@pytest.fixture(scope="module")
+def two_points():
+    """Return a five-bar with two operational points, and where it is at the start."""
     scene = load_scene("five_bar")
     point = scene.operational_points[0]
     other = point.model_copy(update={"name": "other", "link": "link3"})
     mechanism = Mechanism(scene.model_copy(update={"operational_points": (point, other)}))
+    return mechanism, consistent_initial_state(mechanism)[0]
+
+
+def test_a_wrench_keeps_its_name_when_another_point_has_one(two_points):
+    mechanism, q = two_points
     wrench = np.array((1.0, 0.0, 0.0, 0.0, 0.0, 0.05))
-    picture = Picture(mechanism, FORCE_SCALE, TORQUE_SCALE)
-    placement = Placer(mechanism).at(consistent_initial_state(mechanism)[0])
+    picture, placement = Picture(mechanism, FORCE_SCALE, TORQUE_SCALE), Placer(mechanism).at(q)
     one = picture.draw(Snapshot((True,), contacts={"other": wrench}), placement)
     both = {"handle": wrench, "other": wrench}
-    two = picture.draw(Snapshot((True,), contacts=both), placement)
-    assert len({shape.key for shape in two}) == len(two)
-    kept = [shape for shape in two if shape.key in {s.key for s in one}]
-    again = {s.key: s for s in one}
-    assert len(kept) == len(one)
-    assert all(np.array_equal(s.points, again[s.key].points) for s in kept)
+    two = {s.key: s for s in picture.draw(Snapshot((True,), contacts=both), placement)}
+    assert all(np.array_equal(s.points, two[s.key].points) for s in one)
 
 
 def test_what_is_not_known_or_too_small_is_not_drawn():
@@ -228,12 +230,8 @@ def test_the_document_explains_every_namespace_and_no_other():
     assert said == meant
 
 
-def test_of_several_users_each_has_names_and_a_hue_of_its_own():
-    scene = load_scene("five_bar")
-    point = scene.operational_points[0]
-    other = point.model_copy(update={"name": "other", "link": "link3"})
-    mechanism = Mechanism(scene.model_copy(update={"operational_points": (point, other)}))
-    q = consistent_initial_state(mechanism)[0]
+def test_of_several_users_each_has_names_and_a_hue_of_its_own(two_points):
+    mechanism, q = two_points
     picture = Picture(mechanism, FORCE_SCALE, TORQUE_SCALE)
     wrench = np.array((1.0, 0.5, 0.0, 0.0, 0.0, 0.02))
 
@@ -269,5 +267,5 @@ def test_of_several_users_each_has_names_and_a_hue_of_its_own():
     (letters,) = [s.text for s in both if s.namespace == "count/other"]
     assert letters == "other: 1 joint constraint"
     # One user has the colours that the document explains, whatever other points there are.
-    assert {s.colour for s in alone if s.namespace == "hand_force"} == {palette.HAND}
-    assert {s.colour for s in alone if s.namespace == "contact_force"} == {palette.CONTACT}
+    for meaning in ("hand_force", "contact_force"):
+        assert {s.colour for s in alone if s.namespace == meaning} == {palette.MEANING[meaning]}

@@ -19,10 +19,10 @@ from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.topics import TOPICS
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-RVIZ = CONFIG / "rviz" / "hapticmech.rviz"
-PLOTJUGGLER = CONFIG / "plotjuggler" / "hapticmech.xml"
-FOXGLOVE = CONFIG / "foxglove" / "hapticmech.json"
-PUBLISHED = {f"/{topic.of('handle').lstrip('/')}": topic.type for topic in {*TOPICS, *TOPICS}}
+RVIZ = YAML(typ="safe", pure=True).load(CONFIG / "rviz" / "hapticmech.rviz")
+PLOTJUGGLER = ElementTree.parse(CONFIG / "plotjuggler" / "hapticmech.xml").getroot()
+FOXGLOVE = json.loads((CONFIG / "foxglove" / "hapticmech.json").read_text(encoding="utf-8"))
+PUBLISHED = {f"/{topic.of('handle').lstrip('/')}": topic.type for topic in TOPICS}
 # How PlotJuggler calls what diagnostics say, and how long spectra and flags are at most.
 DIAGNOSTICS = re.compile(r"/diagnostics/(\w+)/(\w+)/(\w+)")
 LONGEST_ARRAY = 6
@@ -63,23 +63,8 @@ def topics_in(node):
             yield from topics_in(value)
 
 
-@pytest.fixture(scope="module")
-def rviz():
-    return YAML(typ="safe", pure=True).load(RVIZ.read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def foxglove():
-    return json.loads(FOXGLOVE.read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def plotjuggler():
-    return ElementTree.parse(PLOTJUGGLER).getroot()
-
-
-def test_rviz_subscribes_to_what_is_published(rviz):
-    topics = list(topics_in(rviz))
+def test_rviz_subscribes_to_what_is_published():
+    topics = list(topics_in(RVIZ))
     assert len(topics) == 6
     assert {topic["Value"] for topic in topics} <= set(PUBLISHED)
     latched = {topic.name for topic in TOPICS if topic.qos == "latched"}
@@ -88,14 +73,14 @@ def test_rviz_subscribes_to_what_is_published(rviz):
         assert topic["Durability Policy"] == expected, topic["Value"]
 
 
-def test_rviz_shows_each_type_by_its_display(rviz):
-    assert rviz["Visualization Manager"]["Global Options"]["Fixed Frame"] == "world"
+def test_rviz_shows_each_type_by_its_display():
+    assert RVIZ["Visualization Manager"]["Global Options"]["Fixed Frame"] == "world"
     kinds = {
         "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
         "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
         "rviz_default_plugins/Wrench": "geometry_msgs/msg/WrenchStamped",
     }
-    displays = rviz["Visualization Manager"]["Displays"]
+    displays = RVIZ["Visualization Manager"]["Displays"]
     seen = set()
     for display in displays:
         for topic in topics_in(display):
@@ -105,8 +90,8 @@ def test_rviz_shows_each_type_by_its_display(rviz):
     assert "rviz_default_plugins/TF" in {display["Class"] for display in displays}
 
 
-def test_plotjuggler_plots_numbers_that_are_published(plotjuggler):
-    names = [curve.get("name") for curve in plotjuggler.iter("curve")]
+def test_plotjuggler_plots_numbers_that_are_published():
+    names = [curve.get("name") for curve in PLOTJUGGLER.iter("curve")]
     assert len(names) > 20
     for name in names:
         if told := DIAGNOSTICS.fullmatch(name):
@@ -118,26 +103,26 @@ def test_plotjuggler_plots_numbers_that_are_published(plotjuggler):
         check_path(topic, name[len(topic) + 1 :].split("/"))
 
 
-def test_plotjuggler_subscribes_to_what_it_plots(plotjuggler):
-    (selected,) = plotjuggler.iter("selected_topics")
+def test_plotjuggler_subscribes_to_what_it_plots():
+    (selected,) = PLOTJUGGLER.iter("selected_topics")
     topics = selected.get("value").split(";")
     assert set(topics) <= set(PUBLISHED)
-    for curve in plotjuggler.iter("curve"):
+    for curve in PLOTJUGGLER.iter("curve"):
         assert any(curve.get("name").startswith(f"{topic}/") for topic in topics)
 
 
-def test_plotjuggler_counts_its_children_right(plotjuggler):
-    for splitter in plotjuggler.iter("DockSplitter"):
+def test_plotjuggler_counts_its_children_right():
+    for splitter in PLOTJUGGLER.iter("DockSplitter"):
         sizes = [float(size) for size in splitter.get("sizes").split(";")]
         assert len(splitter) == int(splitter.get("count")) == len(sizes)
         assert sum(sizes) == pytest.approx(1.0, abs=1e-5)  # written with six digits
-    for tab in plotjuggler.iter("Tab"):
+    for tab in PLOTJUGGLER.iter("Tab"):
         assert len(tab.findall("Container")) == int(tab.get("containers"))
 
 
-def test_foxglove_plots_numbers_that_are_published(foxglove):
+def test_foxglove_plots_numbers_that_are_published():
     paths = [
-        p["value"] for panel in foxglove["configById"].values() for p in panel.get("paths", [])
+        p["value"] for panel in FOXGLOVE["configById"].values() for p in panel.get("paths", [])
     ]
     assert len(paths) > 20
     for path in paths:
@@ -149,7 +134,7 @@ def test_foxglove_plots_numbers_that_are_published(foxglove):
             check_path(topic, fields)
 
 
-def test_foxglove_lays_out_every_panel_once(foxglove):
+def test_foxglove_lays_out_every_panel_once():
     def panels(node):
         if isinstance(node, str):
             return [node]
@@ -157,13 +142,13 @@ def test_foxglove_lays_out_every_panel_once(foxglove):
         assert 0 < node["splitPercentage"] < 100
         return [*panels(node["first"]), *panels(node["second"])]
 
-    assert sorted(panels(foxglove["layout"])) == sorted(foxglove["configById"])
-    kinds = {name.split("!")[0] for name in foxglove["configById"]}
+    assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])
+    kinds = {name.split("!")[0] for name in FOXGLOVE["configById"]}
     assert kinds == {"3D", "Plot", "StateTransitions", "DiagnosticSummary"}
 
 
-def test_foxglove_shows_the_picture(foxglove):
-    panel = foxglove["configById"]["3D!picture"]
+def test_foxglove_shows_the_picture():
+    panel = FOXGLOVE["configById"]["3D!picture"]
     assert set(panel["topics"]) <= set(PUBLISHED)
     assert panel["topics"]["/view/markers"]["visible"]
     assert panel["followTf"] == "world"

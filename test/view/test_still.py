@@ -76,20 +76,14 @@ def test_a_scene_is_drawn_with_its_closures(tmp_path, name, closed):
     assert pixels(path, LINK)[0].size > 500
 
 
-def test_the_command_names_its_file(tmp_path):
+@pytest.mark.parametrize(("options", "side"), [([], 1050), (["--pixels", "400"], 400)])
+def test_the_command_names_its_file_and_a_picture_can_be_small(tmp_path, options, side):
     path = tmp_path / "five.png"
-    found = CliRunner().invoke(app, ["scene", "show", "five_bar", "--out", str(path)])
-    assert found.exit_code == 0, found.output
-    assert image.imread(path).shape == (1050, 1050, 4)
-    assert "five.png" in found.output.replace("\n", "")
-
-
-def test_a_picture_can_be_small(tmp_path):
-    path = tmp_path / "five.png"
-    command = ["scene", "show", "five_bar", "--out", str(path), "--pixels", "400"]
+    command = ["scene", "show", "five_bar", "--out", str(path), *options]
     found = CliRunner().invoke(app, command)
     assert found.exit_code == 0, found.output
-    assert image.imread(path).shape == (400, 400, 4)
+    assert image.imread(path).shape == (side, side, 4)
+    assert "five.png" in found.output.replace("\n", "")
     assert pixels(path, CLOSED)[0].size > 500
 
 

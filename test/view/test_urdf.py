@@ -14,7 +14,7 @@ from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.view import Placer, urdf_of
-from hapticmech_ros.view.urdf import HINGES, hinge_angles
+from hapticmech_ros.view.urdf import HINGES, hinge_angles, hinge_rates
 from oracles.generator import random_mechanism
 
 # Numbers are written exactly; what differs is how roll, pitch and yaw are turned into matrices:
@@ -36,15 +36,6 @@ def random_configuration(model: pin.Model, rng: np.random.Generator) -> np.ndarr
     return pin.integrate(model, pin.neutral(model), rng.uniform(-1.3, 1.3, model.nv))
 
 
-def hinge_rates(rotation: np.ndarray) -> np.ndarray:
-    """Return T (3, 3): rates of the hinges = T ω, ω in the axes of the body."""
-    _, b, c = hinge_angles(rotation)
-    about_z = pin.rpy.rpyToMatrix(0.0, 0.0, c)
-    about_y = pin.rpy.rpyToMatrix(0.0, b, 0.0)
-    x, y, z = np.eye(3)
-    return np.linalg.inv(np.column_stack((about_z.T @ about_y.T @ x, about_z.T @ y, z)))
-
-
 def as_read(mechanism: Mechanism, read: pin.Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return q in the model that was read, and E with its rates = E v."""
     tree = mechanism.tree
@@ -53,7 +44,7 @@ def as_read(mechanism: Mechanism, read: pin.Model, q: np.ndarray) -> tuple[np.nd
         position, velocity = q[tree.position_slice(index)], tree.velocity_slice(index)
         if kind == "spherical":
             rotation = pin.Quaternion(position).matrix()
-            turn = hinge_rates(rotation)
+            turn = np.column_stack([hinge_rates(rotation, axis) for axis in np.eye(3)])
             for row, (axis, angle) in enumerate(zip(HINGES, hinge_angles(rotation), strict=True)):
                 joint = read.joints[read.getJointId(f"{name}_{axis}")]
                 out[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
