@@ -37,7 +37,6 @@ from hapticmech_ros.contact.layout import (
 from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel, se3
-from hapticmech_ros.mechanism.motion import plan_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
@@ -309,20 +308,20 @@ class ContactMemory:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        scene, plan = mechanism.scene, plan_of(mechanism.scene.simulation)
+        scene, simulation = mechanism.scene, mechanism.scene.simulation
         shapes = shape_model(scene.shapes, mechanism.tree)
         self.links = sorted({shape.link for shape in scene.shapes} - {"world"})
         self.polytopes = shapes.polytopes
         places = {link: mechanism.link_place(link) for link in self.links}
         # Positions move by the mean of both rates, or by the new one.
-        ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
+        ahead = 0.0 if simulation.integrator == "semi_implicit_euler" else 0.5
         self._hold(
             *contacts_of(
                 scene,
                 shapes,
                 mechanism.active_set(mechanism.initially_active).model,
                 {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
-                (ahead, plan.period, FAR, 0.0, NOTHING),
+                (ahead, simulation.period, FAR, 0.0, NOTHING),
             )
         )
         self._nothing = nothing_touching(mechanism.nv)

@@ -31,7 +31,7 @@ from hapticmech_ros.contact.step_kernels import (
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.mechanism.careful import branch_projection
+from hapticmech_ros.mechanism.careful import BranchMotion
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan
@@ -44,9 +44,7 @@ from hapticmech_ros.mechanism.motion import (
     Took,
     check_external,
     end_of,
-    plan_of,
 )
-from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
 
 if TYPE_CHECKING:
@@ -72,15 +70,12 @@ class ContactStepper:
     """Steps a mechanism by one period, with contacts."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        scene = mechanism.scene
-        plan = plan_of(scene.simulation)
         self._mechanism = mechanism
-        self._substeps = plan.substeps
-        self._stepper = Stepper(mechanism, plan)
+        self._substeps = mechanism.scene.simulation.substeps
+        self._stepper = Stepper(mechanism)
         self.memory = ContactMemory(mechanism)
-        scheme = SCHEMES[plan.integrator]
         self._plan = RunPlan()
-        self._plan.stages, self._plan.implicit = len(scheme.weights), scheme.implicit
+        self._plan.stages, self._plan.implicit = self._stepper.stages, self._stepper.implicit
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -197,7 +192,8 @@ class ContactStepper:
         """
         stepper, contacts = self._stepper, self.memory.contacts
         free = stepper.alone(NEEDS_CARE, start, external)
-        branch = branch_projection(self._mechanism, start, external, stepper.step)
+        motion = BranchMotion(self._mechanism, start, external, stepper.step)
+        branch = motion.projection(start.q)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
         # Whatever the scene's rule, positions move by the mean of both rates here.
         ahead = float(contacts.settings.ahead)

@@ -17,7 +17,7 @@ By how much the energy account of a step is off.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import NamedTuple, cast
 
@@ -202,29 +202,6 @@ class Ways(NamedTuple):
     balance: Callable[[Start, Stepped], Balance]
 
 
-class _Best:
-    """The outcome whose account is off by least, so far."""
-
-    def __init__(self, start: Start, ways: Ways) -> None:
-        self._start, self._ways = start, ways
-        self.stepped: Stepped | None = None
-        self.balance = NO_BALANCE
-
-    def is_within(self, tolerance: float) -> bool:
-        """Return whether there is one whose account closes."""
-        return self.stepped is not None and self.balance.is_within(tolerance)
-
-    def take(self, stepped: Stepped) -> None:
-        """Take an outcome if it is better.
-
-        Raises:
-            HapticMechError: it has no account.
-        """
-        balance = self._ways.balance(self._start, stepped)
-        if self.stepped is None or balance.judged < self.balance.judged:
-            self.stepped, self.balance = stepped, balance
-
-
 def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Stepped, Balance]:
     """Return the state after a step whose energy account is off by least, and the account.
 
@@ -237,31 +214,39 @@ def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Step
     Raises:
         HapticMechError: it fails however small the steps are, as it does in one.
     """
-    best, failed, count = _Best(start, ways), None, 1
-    while count <= most and not best.is_within(CLOSER * tolerance):
-        was, before = best.is_within(tolerance), best.balance.judged
+    outcomes: list[tuple[Stepped, Balance]] = []
+    failed, count, best = None, 1, NO_BALANCE
+    while count <= most and not (outcomes and best.is_within(CLOSER * tolerance)):
+        was, before = bool(outcomes) and best.is_within(tolerance), best.judged
         try:
-            best.take(ways.divided(count))
+            stepped = ways.divided(count)
+            outcomes.append((stepped, ways.balance(start, stepped)))
+            _, best = least_off(outcomes)
         except HapticMechError as error:
             failed = failed or error
-        if was and PAYS * best.balance.judged > before:
+        if was and PAYS * best.judged > before:
             break
         count *= 2
-    if best.stepped is None:
+    if not outcomes:
         raise cast(HapticMechError, failed)
     mesh = np.linspace(0.0, 1.0, most + 1)
     for _ in range(MESHES if most > 1 else 0):
-        if best.is_within(tolerance):
+        if least_off(outcomes)[1].is_within(tolerance):
             break
         try:
             stepped, off = _along(mesh, start, ways)
-            best.take(stepped)
+            outcomes.append((stepped, ways.balance(start, stepped)))
         except HapticMechError:
             break
         if not np.isfinite(off).all():
             break
         mesh = equidistributed(mesh, off)
-    return best.stepped, best.balance
+    return least_off(outcomes)
+
+
+def least_off(outcomes: Sequence[tuple[Stepped, Balance]]) -> tuple[Stepped, Balance]:
+    """Return the outcome whose account is off by least, the first one of equals."""
+    return min(outcomes, key=lambda outcome: outcome[1].judged)
 
 
 def _along(mesh: Array, start: Start, ways: Ways) -> tuple[Stepped, Array]:

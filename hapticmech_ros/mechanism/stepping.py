@@ -28,7 +28,6 @@ from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
-    Plan,
     Start,
     Stepped,
     Took,
@@ -54,8 +53,7 @@ class Stepper:
     """Steps a mechanism by periods.
 
     Args:
-        mechanism: to step.
-        plan: how.
+        mechanism: to step, as its scene's simulation says.
 
     Attributes:
         work: see ``model.Work``.
@@ -67,13 +65,17 @@ class Stepper:
         step: s, length of the steps that are done now; see :meth:`divided`.
     """
 
-    def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._plan = plan
+        self._plan = plan = mechanism.scene.simulation
+        scheme, tolerance = SCHEMES[plan.integrator], plan.accuracy.tolerance
+        self._pulled = plan.stabilisation == "baumgarte"
         # Of the steps that are done now; see _unwatched.
-        self.step, self._tolerance = plan.period / plan.substeps, plan.tolerance
+        self.step = plan.period / plan.substeps
+        self._tolerance = scheme.tolerance if tolerance is None else tolerance
+        if self._pulled:
+            self._tolerance = 0.0
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
-        scheme = SCHEMES[plan.integrator]
         self._drift = scheme.drift
         size = springs_size(nv) if scheme.implicit else history_size(nv) * scheme.history
         self.springs = np.zeros(size)
@@ -86,14 +88,13 @@ class Stepper:
         self._prepared: tuple[int, float, float] | None = None
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
-        self._pulled = pulled = plan.baumgarte_rate > 0.0
-        most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
+        most_open = BAUMGARTE_FAILURE if self._pulled else PROJECTION_FAILURE
         settings = parts.settings
         settings.semi_implicit, settings.drift_tolerance = scheme.late, scheme.drift
         settings.projection_tolerance = PROJECTION_TOLERANCE * mechanism.length
         settings.rounding_tolerance = ROUNDING_TOLERANCE * mechanism.length
         settings.jump_residual = PROJECTION_FAILURE * mechanism.length
-        settings.baumgarte_rate = plan.baumgarte_rate
+        settings.baumgarte_rate = plan.baumgarte_rate if self._pulled else 0.0
         settings.residual_limit = most_open * mechanism.length
         settings.local_rates = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
@@ -185,7 +186,7 @@ class Stepper:
             lambda now, share: self._smaller(now, external, 1.0 / share, 1),
             lambda now, stepped: self._balance(now, stepped, external, damps),
         )
-        stepped, balance = refined(start, self._tolerance, self._plan.max_substeps, ways)
+        stepped, balance = refined(start, self._tolerance, self._plan.accuracy.max_substeps, ways)
         return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, self._drift)
 
     def _divided(

@@ -24,7 +24,6 @@ from hapticmech_ros.mechanism.motion import (
     Owed,
     Start,
     Stepped,
-    plan_of,
 )
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project
 from hapticmech_ros.mechanism.stepping import Stepper
@@ -217,7 +216,7 @@ class Simulator:
             raise SingularInertiaError(NO_MASS, error.rate) from None
         self.scene = scene = self.mechanism.scene
         self.period = scene.simulation.period
-        self.stepper = Stepper(self.mechanism, plan_of(scene.simulation))
+        self.stepper = Stepper(self.mechanism)
         self._contacts = _contact_stepper(self.mechanism)
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from hapticmech_ros.errors import ClosureError, InvalidInputError
-from hapticmech_ros.mechanism.motion import ExternalWrenches, Start, plan_of
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
 from hapticmech_ros.scene import scene_from_document
@@ -65,7 +65,7 @@ def test_what_is_known_changes_no_bit(document):
     sim = stepping(document, "rk4")
     state = sim.initial_state()
     mechanism, wrenches = sim.mechanism, push(sim)
-    stepper = Stepper(mechanism, plan_of(sim.scene.simulation))
+    stepper = Stepper(mechanism)
     closing = mechanism.closing_terms(state.q, state.active)
     terms = mechanism.evaluate(state.q, state.v, state.active)
     mechanism.evaluate(mechanism.integrate(state.q, state.v), state.v, state.active)  # scratch

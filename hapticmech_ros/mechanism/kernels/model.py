@@ -281,7 +281,7 @@ class Constants(NamedTuple):
         damping: (nv,) viscous damping, N m s/rad or N s/m.
         lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
         units: (m,) what each row of W is divided by before it is factored; see
-            :meth:`~hapticmech_ros.mechanism.mechanism.MultibodyModel.row_units`.
+            :meth:`~hapticmech_ros.mechanism.mechanism.Mechanism.row_units`.
         rounding: (1,) σ of rows over their units below which all is rounding.
         placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
             a the first axis is as long as the rod.
