@@ -37,14 +37,13 @@ from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import cross, dot
+from hapticmech_ros.numerics.small_matrices import add_scaled, cross, dot, largest, put3, subtract3
 
 
 @inner
 def _copy(count: int, source: Array, target: Array) -> None:
     for k in range(count):
-        for i in range(source.shape[1]):
-            target[k, i] = source[k, i]
+        put(target[k], source[k])
 
 
 @inner
@@ -89,13 +88,11 @@ def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
     moment, force, axes, moves = local(3), contacts.step_force, contacts.axes, contacts.moves
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     pairs, poses, origins = contacts.pairs, contacts.poses, contacts.origins
-    for j in range(force.size):
-        force[j] = 0.0
+    force[:] = 0.0
     for c in range(count):
         pair = pairs[owners[c]]
         cross(points[c], forces[c], moment)
-        for i in range(3):
-            origins[c, i] = poses[pair[SHAPE_A], 9 + i]
+        put3(origins[c], poses[pair[SHAPE_A], 9:])
         for j in range(force.size):
             side = moves[pair[JOINT_A], j] - moves[pair[JOINT_B], j]
             if side != 0.0:
@@ -112,19 +109,16 @@ def _push_links(contacts: Contacts, places: Array, count: int) -> None:
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     for link in range(carriers.size):
         push, origin = contacts.external[link], link_origins[link]
-        push[0] = carriers[link]
-        for i in range(3):
-            push[1 + i], push[4 + i], push[7 + i] = origin[i], 0.0, 0.0
+        push[0], push[4:] = carriers[link], 0.0
+        put3(push[1:], origin)
         put_point(places[carriers[link]], origin[0], origin[1], origin[2], place)
         for c in range(count):
             sign = acts[link, owners[c]]
             if sign != 0.0:
-                for i in range(3):
-                    arm[i] = points[c, i] - place[i]
+                subtract3(points[c], place, arm)
                 cross(arm, forces[c], moment)
-                for i in range(3):
-                    push[4 + i] += sign * forces[c, i]
-                    push[7 + i] += sign * moment[i]
+                add_scaled(push[4:7], sign, forces[c])
+                add_scaled(push[7:], sign, moment)
 
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
@@ -225,9 +219,7 @@ def _find_free(
     NOT_DECIDED included.
     """
     free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings.step
-    change, stiff, fastest = contacts.change, contacts.stiff, 0.0
-    for c in range(v0.size):
-        fastest = max(fastest, abs(v0[c]))
+    change, stiff = contacts.change, contacts.stiff
     start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return RATES_NOT_FINITE
@@ -235,7 +227,7 @@ def _find_free(
     for c in range(free.size):
         free[c], stiff[c] = v0[c] + step * result[c], 0.0
         change[c] = 0.5 * step * (v0[c] + free[c])
-    if implicit or step * fastest > TURNS:
+    if implicit or step * largest(v0) > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
         before, tolerance = StepAccount(), settings.energy_tolerance
         put(before.values, account.values)
@@ -274,8 +266,8 @@ def _remember(contacts: Contacts) -> None:
     owners, owners_before = contacts.owners, contacts.owners_before
     for k in range(count):
         owners_before[k] = owners[k]
-        for i in range(3):
-            before[k, i], forces_before[k, i] = points[k, i], forces[k, i]
+        put3(before[k], points[k])
+        put3(forces_before[k], forces[k])
     counts.points_before = count
 
 
@@ -375,13 +367,8 @@ def _substep(
     )
     parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
-        share, felt, force = (
-            step / contacts.settings.period,
-            contacts.joint_force,
-            contacts.step_force,
-        )
-        for c in range(felt.size):
-            felt[c] += share * force[c]
+        share = step / contacts.settings.period
+        add_scaled(contacts.joint_force, share, contacts.step_force)
         counts.unsolved += int(report.failed)
     return code
 

@@ -62,7 +62,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
-from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
+from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, largest, solve_in_place
 
 # Samples that a memory has at most.
 MOST = 3
@@ -99,15 +99,6 @@ def change_of_mean(memory: HandMemory, start: float, period: float, change: Mean
         if memory.known > 2.0:
             turn = slope - (second.wrench[i] - third.wrench[i]) / before
             change.bend[i] = (square + first * middle) * (turn / (first + before))
-
-
-@inner
-def largest(vector: Array) -> float:
-    """Return the largest size of six numbers."""
-    most = 0.0
-    for i in range(6):
-        most = max(most, abs(vector[i]))
-    return most
 
 
 @inner
@@ -384,16 +375,13 @@ def give_answer(
     answer: Answer,
 ) -> None:
     """Answer a sample; see :func:`answer_sample`."""
-    seen, out, carries = model, answer.wrenches, False
+    seen, out = model, answer.wrenches
     if locality.force_channel != 0.0:
         seen = OperationalModelSample(local(MODEL_SIZE))
         ahead += predict(account, settings, queue, device, model, time, seen)
     answer_measurements(settings, device, seen, time, ahead, out)
-    for i in range(6):
-        carries = carries or faded[i] != 0.0
-    if carries:
-        for i in range(6):
-            out.on_hand[i] += faded[i]
+    if not is_zero(faded):
+        add_scaled(out.on_hand, 1.0, faded)
         limit_wrench(out.on_hand, settings.force_limit, settings.torque_limit)
 
 

@@ -52,6 +52,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
+from hapticmech_ros.numerics.small_matrices import add_scaled, is_zero
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     ConstraintTrigger,
@@ -207,8 +208,7 @@ def sense(data: SessionData) -> None:
     device, measured, sample = DeviceModel(data.device), DeviceSample(data.state), data.sample
     put(sample, measured.values)
     if device.senses_itself == MEASURED:
-        for i in range(6):
-            DeviceSample(sample).hand_wrench[i] += data.push[i]
+        add_scaled(DeviceSample(sample).hand_wrench, 1.0, data.push)
     compensate(device, measured.twist, data.added)
 
 
@@ -270,12 +270,9 @@ def feel_contacts(
     numbers: Array, values: Array, data: SessionData, packed: Array, contacts: Contacts
 ) -> None:
     """Fill F_c of the contacts in the step that led here."""
-    force, felt = contacts.joint_force, False
-    for c in range(force.size):
-        felt = felt or force[c] != 0.0
-    if not felt:
-        data.contact[:] = 0.0
-    else:
+    force = contacts.joint_force
+    data.contact[:] = 0.0
+    if not is_zero(force):
         consistent_wrench(numbers, values, packed, data.observation, data.rows, force, data.contact)
 
 

@@ -40,8 +40,7 @@ OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, LOST, BALANCE = range(8)
 def kinetic_energy(model: Model, data: Data, v: Array) -> float:
     """Return ½ vᵀ D v, J, at rates v (nv,)."""
     lifted = model.result[: model.nv]
-    for c in range(lifted.size):
-        lifted[c] = v[c]
+    put(lifted, v)
     lift(model, data, lifted)
     return 0.5 * dot(lifted, lifted)
 

@@ -55,6 +55,7 @@ from hapticmech_ros.numerics.small_matrices import (
     EPSILON,
     cholesky,
     dot_rows,
+    largest,
     orthogonalise,
     solve_lower,
 )
@@ -77,8 +78,7 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         for row in range(first, end_of_rows(closures, index, m)):
-            for c in range(jacobian.shape[1]):
-                jacobian[row, c] = 0.0
+            jacobian[row][:] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
         if kind == COUPLING:
             add_gear(model, data.poses, a, b, jacobian[first])
@@ -250,10 +250,7 @@ def locate(model: Model, q: Array, data: Data) -> None:
             continue
         residual_of(kind, poses, a, b, first, residual)
         wrenches_of(kind, poses, a, b, first, pairs)
-    worst = 0.0
-    for i in range(model.m):
-        worst = max(worst, abs(residual[i]))
-    data.tail.largest_residual = worst
+    data.tail.largest_residual = largest(residual)
 
 
 @inner

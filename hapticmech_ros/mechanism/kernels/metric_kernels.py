@@ -25,6 +25,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import (
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
+    add_scaled,
     dot_with_row,
     remove,
     solve_lower,
@@ -106,8 +107,7 @@ def accelerate(
             surplus[i] = dot_with_row(basis, i, rates)
             surplus[i] += dot_with_row(rows, i, bias) / sigma[i]
         for i in range(rank):
-            for c in range(nv):
-                rates[c] -= surplus[i] * basis[i, c]
+            add_scaled(rates, -surplus[i], basis[i])
             for j in range(m):
                 multipliers[j] += rows[i, j] * (surplus[i] / sigma[i])
     from_metric(model, data, rates)
@@ -127,8 +127,7 @@ def correction_of(model: Model, data: Data, residual: Array, change: Array) -> N
         basis, rows, sigma = data.basis, data.rows, data.sigma
         for i in range(rank):
             along = dot_with_row(rows, i, residual) / sigma[i]
-            for c in range(change.size):
-                change[c] += along * basis[i, c]
+            add_scaled(change, along, basis[i])
     from_metric(model, data, change)
 
 

@@ -32,7 +32,7 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
 )
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, ROUNDED_STEPS
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import dot
+from hapticmech_ros.numerics.small_matrices import dot, largest
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
@@ -94,10 +94,7 @@ def _advance(
 @inner
 def _care_limit(parts: Work) -> float:
     """Return the relative σ below which the next step needs care: see ``PASSING``."""
-    fastest, v0 = 0.0, parts.v0
-    for c in range(v0.size):
-        fastest = max(fastest, abs(v0[c]))
-    return float(max(NEAR, min(PASSING, parts.settings.step * fastest)))
+    return float(max(NEAR, min(PASSING, parts.settings.step * largest(parts.v0))))
 
 
 @inner
@@ -130,11 +127,8 @@ def _lands_near(first: Data, last: Data, limit: float) -> bool:
 @inner
 def begin_next(parts: Work) -> None:
     """Make a step's end the start of the next one."""
-    q, q0, v, v0 = parts.q, parts.q0, parts.v, parts.v0
-    for i in range(q.size):
-        q0[i] = q[i]
-    for i in range(v.size):
-        v0[i] = v[i]
+    put(parts.q0, parts.q)
+    put(parts.v0, parts.v)
 
 
 @inner
@@ -298,8 +292,7 @@ def advance(
                 put(end, start)
             return code
         if every > 0 and (step + 1) % every == 0:
-            for i in range(state.size):
-                samples[sampled, i] = state[i]
+            put(samples[sampled], state)
             sampled += 1
     if steps % 2 == 0:
         put(end, start)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, put
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -38,8 +38,7 @@ SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
 def _size(model: Model, data: Data, change: Array) -> float:
     """Return |Lᵀ change|, the length of a change in the mass metric."""
     lifted = model.turned
-    for c in range(lifted.size):
-        lifted[c] = change[c]
+    put(lifted, change)
     lift(model, data, lifted)
     return float(np.sqrt(dot(lifted, lifted)))
 

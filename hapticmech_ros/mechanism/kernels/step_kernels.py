@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, local, shaped
+from hapticmech_ros.compilation import inner, local, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
     end_of_rows,
@@ -41,6 +41,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.schemes import COUPLED, DIAGONAL, REACHED, TSITOURAS_REACHED
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
+    add_scaled,
     cholesky,
     dot,
     dot_with_row,
@@ -161,10 +162,8 @@ def _respond(
             force[c] += dot_with_row(springs.damping, c, moved)
             force[c] = dot_with_row(springs.slope, c, gain) + period * force[c]
         _answer(model, data, springs)
-        for c in range(nv):
-            gain[c] -= force[c]
-    for c in range(nv):
-        turn[c] += period * DIAGONAL * gain[c]
+        add_scaled(gain, -1.0, force)
+    add_scaled(turn, period * DIAGONAL, gain)
 
 
 @inner
@@ -213,13 +212,12 @@ def work_size(nq: int, nv: int, points: int) -> int:
 @inner
 def start_step(work: Work) -> None:
     """Go to the step's start, with nothing summed."""
-    q, q0, v, v0, account = work.q, work.q0, work.v, work.v0, work.account
-    turn, turned, gained = work.turn, work.turned, work.gained
-    for i in range(q.size):
-        q[i] = q0[i]
-    for c in range(v.size):
-        v[c], turn[c] = v0[c], v0[c]
-        turned[c], gained[c] = 0.0, 0.0
+    account = work.account
+    put(work.q, work.q0)
+    put(work.v, work.v0)
+    put(work.turn, work.v0)
+    work.turned[:] = 0.0
+    work.gained[:] = 0.0
     account.last_residual, account.step_length, account.projection_length = np.inf, np.inf, 0.0
 
 
@@ -327,11 +325,10 @@ def reach(model: Model, work: Work, turns: Array, gains: Array, reached: Array, 
 @inner
 def aim_by_all(model: Model, work: Work, history: Array, stage: int, acceleration: Array) -> None:
     """Keep an explicit stage in ``history``, and set the next one, or the end, from all of them."""
-    nv = model.nv
-    rows = shaped(history, (2, STAGES, nv))
+    rows = shaped(history, (2, STAGES, model.nv))
     turns, gains = rows[0], rows[1]
-    for c in range(nv):
-        turns[stage, c], gains[stage, c] = work.turn[c], acceleration[c]
+    put(turns[stage], work.turn)
+    put(gains[stage], acceleration[: model.nv])
     reach(model, work, turns, gains, TSITOURAS_REACHED, stage)
 
 
