@@ -32,7 +32,7 @@ from hapticmech_ros.mechanism.fitting import Fit, fitted
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet, sparse_or_dense
-from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS, Constants
+from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS
 from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
 from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
@@ -527,41 +527,31 @@ class Mechanism:
         ]
         lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
         frames = list(place)
-        model = self.model
-        return ActiveSet(
-            Constants(
-                self.nq,
-                self.nv,
-                int(rows[-1]),
-                DENSE,
-                width=0,
-                border=0,
-                independent=-1,
-                carriers=self._carriers[frames],
-                joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),
-                closures=np.array(closures, dtype=np.int64).reshape(-1, 4),
-                points=np.array([place[frame] for frame in self._point_frames]),
-                elements=np.array([(e.rate, e.position) for e in self.elements.joints]),
-                springs=np.array([(place[s.frame_a], place[s.frame_b]) for s in springs]),
-                order=np.zeros(0, dtype=np.int64),
-                sequence=np.zeros((0, 5), dtype=np.int64),
-                damping=np.array(self.tree.damping, dtype=float),
-                lengths=np.concatenate(lengths),
-                units=self.row_units(indices),
-                rounding=np.array([self.rounding(indices)]),
-                placements=self._all_placements[frames],
-                effort=self.elements.effort,
-                element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),
-                spring_values=np.array(
-                    [
-                        (s.stiffness, s.damping, s.rest_length, self.elements.shortest)
-                        for s in springs
-                    ]
-                ),
-                joint_values=self._joint_rows,
-                gravity=np.array(model.gravity.linear),
-            )
-        )
+        model, elements, shortest = self.model, self.elements.joints, self.elements.shortest
+        ends = [(place[s.frame_a], place[s.frame_b]) for s in springs]
+        pulls = [(s.stiffness, s.damping, s.rest_length, shortest) for s in springs]
+        sizes = {"nq": self.nq, "nv": self.nv, "m": int(rows[-1]), "path": DENSE}
+        parts = {
+            "carriers": self._carriers[frames],
+            "joints": np.array([self._joint_numbers(i) for i in range(model.njoints)]),
+            "closures": np.array(closures).reshape(-1, 4),
+            "points": np.array([place[frame] for frame in self._point_frames]),
+            "elements": np.array([(e.rate, e.position) for e in elements]).reshape(-1, 2),
+            "springs": np.array(ends).reshape(-1, 2),
+            "order": np.zeros(0),
+            "sequence": np.zeros((0, 5)),
+            "damping": self.tree.damping,
+            "lengths": np.concatenate(lengths),
+            "units": self.row_units(indices),
+            "rounding": np.array([self.rounding(indices)]),
+            "placements": self._all_placements[frames].reshape(-1, 12),
+            "effort": self.elements.effort,
+            "element_values": np.array([_joint_values(e.joint) for e in elements]).reshape(-1, 9),
+            "spring_values": np.array(pulls).reshape(-1, 4),
+            "joint_values": self._joint_rows,
+            "gravity": model.gravity.linear,
+        }
+        return ActiveSet({**sizes, "width": 0, "border": 0, "independent": -1}, parts)
 
     def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
         """Return a joint's row of ``Model.joints``; the world's has no rates."""
