@@ -320,16 +320,6 @@ def allow_command(
     allow(side, Safety(safety), command, now, added)
 
 
-@kernel("float64(float64[::1])")
-def available_energy(account: Array) -> float:
-    """Return what the actuators may give now, J.
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``.
-    """
-    return energy_available(DeviceAccount(account))
-
-
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def enforce_passivity(account: Array, command: Array, sample: Array, added: Array) -> None:
     """Change a command where it would give more than there is.

@@ -141,26 +141,6 @@ class ControllerCommand(NamedTuple):
         """(6, 6) rows, units and axes of :class:`~.measurements.ControlOutput`."""
         return self.numbers.wrenches.values.reshape(6, 6)
 
-    @property
-    def is_modelled(self) -> bool:
-        """Whether it says how its first wrench depends on the device."""
-        return self.numbers.modelled != 0.0
-
-    @property
-    def model(self) -> Array:
-        """(108,) G, K and B row by row, SI, world axes; zero unless :attr:`is_modelled`."""
-        return self.numbers.model.values
-
-    @property
-    def answered(self) -> Array:
-        """(19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``."""
-        return self.numbers.sample.values
-
-    @property
-    def to_mechanism(self) -> float:
-        """E_m when it was given, J."""
-        return self.numbers.to_mechanism
-
     @classmethod
     def nothing(cls, stamp_ns: int) -> ControllerCommand:
         """Return what stands for an answer before there is one."""

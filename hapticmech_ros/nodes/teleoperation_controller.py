@@ -613,7 +613,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if answer is None:
             outputs.mechanism(commanded, mechanism_ns)
             return
-        with_gain = self.lockstep or answer.is_modelled
+        with_gain = self.lockstep or answer.numbers.modelled != 0.0
         if with_gain and (self.lockstep or self.path.paced or not self.path.obeyed):
             outputs.gain(answer, stamp_ns)
             with_gain = False
