@@ -444,7 +444,7 @@ def move_point_on(account: Array, operational_model: Array, elapsed: float) -> N
 
 @kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1],"
-    " float64, float64, float64[::1], float64[::1])"
+    " float64, float64, float64[::1], boolean, float64[::1])"
 )
 def answer_sample(
     account: Array,
@@ -456,6 +456,7 @@ def answer_sample(
     time: float,
     ahead: float,
     locality: Array,
+    answered: bool,
     answer: Array,
 ) -> None:
     """Answer a sample of the device, and account for it.
@@ -470,44 +471,16 @@ def answer_sample(
         time: s.
         ahead: s, from the time of ``operational_model`` to that of ``device``.
         locality: (3,) what the device closes, a ``Locality``.
+        answered: whether the answer's wrenches are there already, from a law in Python.
         answer: (numbers,) an ``Answer`` to fill.
     """
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     sample, model = DeviceSample(device), OperationalModelSample(operational_model)
     closed = Locality(locality)
     account_for_hand(side, sample)
-    give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
+    if not answered:
+        give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
     conclude(side, gains, sample, model, time, closed, given)
-
-
-@kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
-    " float64[::1])"
-)
-def account_for_answer(
-    account: Array,
-    settings: Array,
-    device: Array,
-    operational_model: Array,
-    time: float,
-    locality: Array,
-    answer: Array,
-) -> None:
-    """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`.
-
-    Args:
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
-        settings: (59,) of the controllers, a ``ControllerSettings``.
-        device: (19,) sample of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-        time: s.
-        locality: (3,) what the device closes, a ``Locality``.
-        answer: (numbers,) an ``Answer``, filled.
-    """
-    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
-    sample, model = DeviceSample(device), OperationalModelSample(operational_model)
-    account_for_hand(side, sample)
-    conclude(side, gains, sample, model, time, Locality(locality), given)
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64[::1])")

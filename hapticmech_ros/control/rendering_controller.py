@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
-    account_for_answer,
     answer_sample,
     command_mechanism,
     move_point_on,
@@ -297,18 +296,16 @@ class RenderingController:
         locality: Locality,
     ) -> ControllerCommand:
         control, time, model = self.control, inputs.time, inputs.operational_model
-        answer, account, closed = Answer(), self.account.values, locality.values
-        queue, ahead = self._queue_of(inputs.ahead, locality)
+        answer, (queue, ahead) = Answer(), self._queue_of(inputs.ahead, locality)
         settings, flying = control.settings_at(time, clutch), None
         if control.answers_in_python:
             if locality.force_channel != 0.0:
                 flying = self.in_flight(queue, settings, device, model, time)
             found = control.answer(time, clutch, device, model, ahead, flying)
             answer.wrenches.values[:] = found.ravel()
-            account_for_answer(account, settings, device, model, time, closed, answer.values)
-        else:
-            known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
-            answer_sample(account, *known, closed, answer.values)
+        known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
+        answered = locality.values, control.answers_in_python, answer.values
+        answer_sample(self.account.values, *known, *answered)
         return ControllerCommand(answer, stamp_ns)
 
     def in_flight(

@@ -88,7 +88,7 @@ def accelerate(
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
     """
-    nv, m, rank = model.nv, model.m, int(data.tail.rank)
+    nv, rank = model.nv, int(data.tail.rank)
     rates, multipliers = result[:nv], result[nv:]
     for c in range(nv):
         rates[c] = rates[c] + passive[c] - bias_force[c]
@@ -108,8 +108,7 @@ def accelerate(
             surplus[i] += dot_with_row(rows, i, bias) / sigma[i]
         for i in range(rank):
             add_scaled(rates, -surplus[i], basis[i])
-            for j in range(m):
-                multipliers[j] += rows[i, j] * (surplus[i] / sigma[i])
+            add_scaled(multipliers, surplus[i] / sigma[i], rows[i])
     from_metric(model, data, rates)
 
 
