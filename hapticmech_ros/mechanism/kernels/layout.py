@@ -101,7 +101,9 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
     found = sparse(dense, position)
     if found is None or (found.redundant and n < MANY_RATES):
         return dense
-    fewer = _SWEEP * n + _rows_cost(found.model) < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
+    sequence, border = found.model.sequence, found.model.border
+    in_band = _cost(sequence[:, 2] - sequence[:, 1] + 1.0, border)
+    fewer = _SWEEP * n + in_band < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
     return found if fewer else dense
 
 
@@ -148,14 +150,8 @@ def _depths(model: Model) -> Array:
     return depths
 
 
-def _rows_cost(model: Model) -> float:
-    """Return how many products a sparse factorisation of the closure rows takes."""
-    extents = model.sequence[:, 2] - model.sequence[:, 1] + 1.0
-    return _cost(extents, model.border)
-
-
 def _cost(extents: Array, border: int) -> float:
-    """Return the same for rows that reach over (m,) so many places of the band."""
+    """Return how many products rows take that reach over (m,) so many places of the band."""
     return float(_IN_BAND * np.square(extents).sum() + _IN_QR * len(extents) * border**2)
 
 
