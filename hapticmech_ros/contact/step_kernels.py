@@ -27,8 +27,8 @@ from hapticmech_ros.mechanism.kernels.manifold_kernels import move
 from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work, unpack
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
-    NEEDS_CARE,
     RATES_NOT_FINITE,
+    SINGULAR_STEP,
     begin_next,
     starts_near,
     step_once,
@@ -149,7 +149,7 @@ def _untouched(
 ) -> int:
     """Do a period as if there were no contacts; return NEAR where it cannot be done so.
 
-    NEAR is where shapes may come near in it, or a step needs care: all is as it was then. Terms at
+    NEAR is where shapes may come near in it, or a step is singular: all is as it was then. Terms at
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
@@ -184,7 +184,7 @@ def _untouched(
         if odd:
             put(end, start)
         return SETTLED
-    if code not in (SETTLED, NEEDS_CARE, INACCURATE, NOT_DECIDED):
+    if code not in (SETTLED, SINGULAR_STEP, INACCURATE, NOT_DECIDED):
         if odd:
             put(end, start)
         return code
@@ -215,7 +215,7 @@ def _find_free(
 
     They follow from the accelerations at its start; by an implicit rule, or where joints turn by
     more than ``TURNS``, from a step without contacts. ``stiff`` is by how much rates differ then
-    from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
+    from those that accelerations would give. Returns SETTLED, or how that failed, SINGULAR_STEP and
     NOT_DECIDED included.
     """
     free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings.step
@@ -237,7 +237,7 @@ def _find_free(
         )
         settings.energy_tolerance = tolerance
         put(account.values, before.values)
-        if code in (NEEDS_CARE, NOT_DECIDED):
+        if code in (SINGULAR_STEP, NOT_DECIDED):
             return code
         if code == SETTLED:
             put(contacts.q, parts.q)
@@ -323,7 +323,7 @@ def _substep(
         if not is_known:
             _remember(contacts)
             if starts_near(first, parts):
-                return NEEDS_CARE
+                return SINGULAR_STEP
             code = _find_free(
                 model,
                 first,
@@ -408,8 +408,8 @@ def advance_period(
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
         pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
         is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
-        ``settings.known`` asks for these alone, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
-        ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then, and ``start`` has the
+        ``settings.known`` asks for these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
+        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the
         terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
         is FORCES or INACCURATE. Or how a substep failed. The account says how many substeps were
         done.
@@ -453,7 +453,7 @@ def advance_period(
         if code != SETTLED:
             # Terms at this substep's start are where they are looked for, or those of the failure.
             if step % 2 == 1:
-                if code >= NEEDS_CARE:
+                if code >= SINGULAR_STEP:
                     put(start, end)
                 else:
                     put(end, start)

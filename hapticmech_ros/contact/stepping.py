@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
 
-That is the search for nearest points of two bounded shapes, steps that need care, and those that
+That is the search for nearest points of two bounded shapes, singular steps, and those that
 have to be divided to resolve an impact.
 """
 
@@ -31,11 +31,11 @@ from hapticmech_ros.contact.step_kernels import (
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.mechanism.careful import BranchMotion
+from hapticmech_ros.mechanism.branches import BranchMotion
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan
-from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
+from hapticmech_ros.mechanism.kernels.run_kernels import SINGULAR_STEP
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -109,7 +109,7 @@ class ContactStepper:
                 took = self._call(active_set.dense, now, external, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
-                # Of the dense factorisation nothing is undecided: the step needs care.
+                # Of the dense factorisation nothing is undecided: the step is singular.
                 stepped, steps = self._alone(took.code, now, external), 1
             ended = stepped if ended is None else stepped.after(ended)
             now, left = end_of(stepped, now), left - steps
@@ -149,7 +149,7 @@ class ContactStepper:
         count: int,
         phase: int,
     ) -> Took:
-        """Do substeps by the kernel until one needs care, or cannot be done sparse."""
+        """Do substeps by the kernel until one is singular, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
         plan.steps, plan.terms_known, plan.begins_with = count, known is not None, phase
@@ -178,7 +178,7 @@ class ContactStepper:
         """Do the substep that the kernel stopped before."""
         if code == IMPACT:
             return self._divided(start, external)
-        if code == NEEDS_CARE:
+        if code == SINGULAR_STEP:
             return self._on_branch(start, external)
         if not self.memory.contacts.counts.points:
             return self._stepper.alone(code, start, external)
@@ -191,7 +191,7 @@ class ContactStepper:
         the kernel, which finds these.
         """
         stepper, contacts = self._stepper, self.memory.contacts
-        free = stepper.alone(NEEDS_CARE, start, external)
+        free = stepper.alone(SINGULAR_STEP, start, external)
         motion = BranchMotion(self._mechanism, start, external, stepper.step)
         branch = motion.projection(start.q)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
@@ -211,7 +211,7 @@ class ContactStepper:
             return self._divided(start, external)
         if not self.memory.contacts.counts.points:
             return free
-        return self._pushed(NEEDS_CARE, start, external)
+        return self._pushed(SINGULAR_STEP, start, external)
 
     def _pushed(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a substep with the forces of contacts held that the kernel found."""

@@ -21,8 +21,8 @@ from hapticmech_ros.numerics import Array
 NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
-class Owed(NamedTuple):
-    """What the energy account has at a step's start, J, as far as its drift goes.
+class EarlierAccount(NamedTuple):
+    """The energy account at a step's start, J, as far as its drift goes.
 
     Attributes:
         surplus: made from nothing so far.
@@ -46,7 +46,7 @@ class Start(NamedTuple):
         active: per closure, whether it is closed.
         terms: of Eq. 1 there, if known.
         closing: the closures' terms there, if known.
-        owed: by the account so far.
+        earlier: by the account so far.
     """
 
     q: Array
@@ -54,7 +54,7 @@ class Start(NamedTuple):
     active: Active
     terms: Evaluation | None = None
     closing: Closing | None = None
-    owed: Owed = Owed()
+    earlier: EarlierAccount = EarlierAccount()
 
     def packed(self, active_set: ActiveSet) -> Array | None:
         """Return the packed terms (size,) if they are known, and of this kind."""
@@ -132,14 +132,14 @@ class Took(NamedTuple):
 
 def end_of(stepped: Stepped, start: Start) -> Start:
     """Return where a step from ``start`` ended as where the next one begins."""
-    before = start.owed
-    owed = Owed(
+    before = start.earlier
+    earlier = EarlierAccount(
         before.surplus + stepped.surplus,
         before.work_in + stepped.work_in,
         before.lost + stepped.energy_lost,
         max(before.moved, stepped.moved),
     )
-    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing, owed=owed)
+    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing, earlier=earlier)
 
 
 class Rates(NamedTuple):

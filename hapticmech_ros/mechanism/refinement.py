@@ -34,7 +34,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
 from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel
-from hapticmech_ros.mechanism.motion import Owed, Start, Stepped, end_of, not_finite
+from hapticmech_ros.mechanism.motion import EarlierAccount, Start, Stepped, end_of, not_finite
 from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
 from hapticmech_ros.mechanism.tolerances import ROUNDED_STEPS
 from hapticmech_ros.numerics import Array
@@ -103,7 +103,7 @@ def judged(
             raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
         made = min(balance.made, balance.kinetic)
     surplus, kinetic = balance.off - made, balance.kinetic - made
-    drifts = drift(start.owed, stepped, surplus, balance, most)
+    drifts = drift(start.earlier, stepped, surplus, balance, most)
     drifted = min(max(drifts, 0.0), kinetic)
     taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
@@ -117,19 +117,21 @@ def judged(
     )
 
 
-def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, most: float) -> float:
+def drift(
+    earlier: EarlierAccount, stepped: Stepped, surplus: float, balance: Balance, most: float
+) -> float:
     """Return what steps made from nothing since the start, J, or lost, if it is too much; 0 if not.
 
     Args:
-        owed: by the account before the step.
+        earlier: by the account before the step.
         stepped: what it did.
         surplus: that is left of the step, J.
         balance: its account.
         most: share of what was exchanged that is not too much.
     """
-    work, lost = owed.work_in + stepped.work_in, owed.lost + balance.lost
-    total = owed.surplus + surplus
-    exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
+    work, lost = earlier.work_in + stepped.work_in, earlier.lost + balance.lost
+    total = earlier.surplus + surplus
+    exchanged = abs(work) + lost + max(earlier.moved, balance.kinetic)
     within = abs(total) <= most * exchanged + ROUNDED_STEPS * balance.rounding
     return 0.0 if within else total
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps of a mechanism, one or many, in a call of one kernel: integrated, then projected.
 
-Where branches of the motion cross, or nearly do, the kernel stops, and the step is done with care.
+Where branches of the motion cross, or nearly do, the kernel stops, and the step is led along one.
 """
 
 from __future__ import annotations
@@ -15,14 +15,19 @@ from typing import cast
 import numpy as np
 
 from hapticmech_ros.errors import InaccurateStepError
-from hapticmech_ros.mechanism.careful import careful_step
+from hapticmech_ros.mechanism.branches import branch_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
-from hapticmech_ros.mechanism.kernels.run_kernels import EVERYTHING, NEEDS_CARE, UNCHECKED, advance
+from hapticmech_ros.mechanism.kernels.run_kernels import (
+    EVERYTHING,
+    SINGULAR_STEP,
+    UNCHECKED,
+    advance,
+)
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_size, work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
@@ -177,7 +182,7 @@ class Stepper:
             code, _, stepped = self._call(dense, start, external, 1, _NO_SAMPLES, 0)
             if stepped is not None:
                 return stepped
-        single = self._careful_substep if code == NEEDS_CARE else self._substep
+        single = self._branch_substep if code == SINGULAR_STEP else self._substep
         if self._tolerance == 0.0:
             return single(start, external)
         damps = bool(self.implicit)
@@ -246,11 +251,11 @@ class Stepper:
         )
         return Balance(*found.tolist())
 
-    def _careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Return the state after a step: with care, as where branches of the motion cross."""
+    def _branch_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
+        """Return the state after a step, along its branch where branches of the motion cross."""
         if not self._pulled:
             known = start.closing if start.terms is None else start.terms.closing
-            led = careful_step(
+            led = branch_step(
                 self._mechanism,
                 start._replace(closing=known),
                 external,
@@ -279,7 +284,7 @@ class Stepper:
         apart: int,
         heeded: int = EVERYTHING,
     ) -> Took:
-        """Do steps by the kernel until one needs care, or cannot be done sparse.
+        """Do steps by the kernel until one is singular, or cannot be done sparse.
 
         Raises:
             HapticMechError: a step failed.
@@ -331,7 +336,7 @@ class Stepper:
             account.earlier_work,
             account.earlier_loss,
             account.largest_kinetic,
-        ) = start.owed
+        ) = start.earlier
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
@@ -344,7 +349,7 @@ class Stepper:
         if wanted == self._prepared:
             return
         settings = self.parts.settings
-        # States that are pulled are off the closures anyway: no step needs care.
+        # States that are pulled are off the closures anyway: no step is singular.
         checked = heeded == EVERYTHING and not self._pulled
         settings.step = self.step
         settings.singularity_checks = EVERYTHING if checked else UNCHECKED
@@ -367,7 +372,7 @@ class Stepper:
         parts = self.parts
         account = parts.account
         done, by_contacts = int(account.steps_done), account.contact_work
-        failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
+        failed = code not in (SETTLED, NOT_DECIDED) and code < SINGULAR_STEP
         # Smaller steps may go where this one cannot.
         if failed and not parts.settings.energy_tolerance > 0.0:
             raise step_error(self._mechanism, parts, code, end, active)

@@ -402,7 +402,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
-        self.motion.look(device, stamp)
+        self.motion.check(device, stamp)
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return

@@ -577,7 +577,7 @@ class Session:
                 self._observe_in_python()
                 code = self._call(ALL & ~(SENSE | OBSERVE), given, rows)
             if code:
-                self._step_careful()
+                self._finish_step()
             elif latching:
                 self._latch()
             done += clock[TICK] - first
@@ -598,7 +598,7 @@ class Session:
         """Do a tick in which something is done in Python."""
         self._all_but_mechanism(inputs, rows)
         if self._call(MECHANISM, inputs, rows):
-            self._step_careful()
+            self._finish_step()
         elif self._may_latch:
             self._latch()
 
@@ -652,12 +652,12 @@ class Session:
         data.added[:] = device.compensation(state)
         data.state[:] = state.flat
         if self._motion is not None:
-            self._look_at_motion(self._motion)
+            self._check_motion(self._motion)
 
-    def _look_at_motion(self, motion: MotionCheck) -> None:
+    def _check_motion(self, motion: MotionCheck) -> None:
         """Hold a sample against the one before; engage anew where it is no motion of a device."""
         before = motion.faults
-        motion.look(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
+        motion.check(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
         if motion.faults > before:
             warnings.warn(f"disengaged: {motion.fault}", RuntimeWarning, stacklevel=2)
             self._parts.answers[:] = self._parts.commanded[:] = 0.0
@@ -703,7 +703,7 @@ class Session:
         if latched is not state:
             self.put(latched)
 
-    def _step_careful(self) -> None:
+    def _finish_step(self) -> None:
         """Move the mechanism on where the kernel cannot.
 
         That is at singular positions, and where nearest points of shapes are searched for.

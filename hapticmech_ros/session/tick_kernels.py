@@ -235,7 +235,7 @@ def remember_rates(past: Array, tick: int, rates: Array) -> None:
 
 
 @inner
-def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
+def observe(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
     put(data.began_state, data.state)
@@ -510,7 +510,7 @@ def run_ticks(
             put(external, row[:6])
             put(push, row[6:])
             sense(data)
-        if phases & OBSERVE and not look(numbers, values, data, packed, clock):
+        if phases & OBSERVE and not observe(numbers, values, data, packed, clock):
             return OBSERVATION_FAILED
         if phases & RECEIVE:
             if contact_numbers.size > 0 and clock[KNOWN] != 0:

@@ -20,8 +20,8 @@ from hapticmech_ros.mechanism.inertia import NO_MASS, SingularInertiaError, is_m
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     NOTHING,
+    EarlierAccount,
     ExternalWrenches,
-    Owed,
     Start,
     Stepped,
 )
@@ -353,8 +353,8 @@ class Simulator:
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
         a = state.account
-        owed = Owed(a.surplus, a.work_in, a.lost, a.moved)
-        return Start(state.q, state.v, state.active, terms, self._closing(state), owed)
+        earlier = EarlierAccount(a.surplus, a.work_in, a.lost, a.moved)
+        return Start(state.q, state.v, state.active, terms, self._closing(state), earlier)
 
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None

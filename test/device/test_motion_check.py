@@ -24,7 +24,7 @@ def faults(samples, stamps=None, device=None, period=1e-3):
     begun, said = [], []
     for index, sample in enumerate(samples):
         before = check.faults
-        check.look(sample, PERIOD_NS * (index + 1) if stamps is None else stamps[index])
+        check.check(sample, PERIOD_NS * (index + 1) if stamps is None else stamps[index])
         if check.faults > before:
             begun.append(index)
             said.append(check.fault)
@@ -126,7 +126,7 @@ def test_one_wild_sample_is_one_fault_that_ends():
     samples[500][POSITION] += [0.2, 0.0, 0.0]
     check, faulty = MotionCheck(Device(), 1e-3), []
     for index, sample in enumerate(samples):
-        check.look(sample, PERIOD_NS * (index + 1))
+        check.check(sample, PERIOD_NS * (index + 1))
         faulty.append(bool(check.fault))
     # Back again with the next one, and sound for 0.1 s after that.
     assert (faulty.index(True), sum(faulty)) == (500, 102)
@@ -153,7 +153,7 @@ def test_a_fault_that_lasts_lasts():
         sample[TWIST][0] = 0.3
     check = MotionCheck(Device(), 1e-3)
     for index, sample in enumerate(samples):
-        check.look(sample, PERIOD_NS * (index + 1))
+        check.check(sample, PERIOD_NS * (index + 1))
         assert bool(check.fault) == (index >= 3)
     assert check.faults == 1
     assert "moved by" in check.fault

@@ -71,7 +71,7 @@ class StepAccount(Record):
         steps_done: their number.
         energy_defect: by how much the energy accounts of all steps are off, J.
         contact_work: the part of the work that contacts did, J.
-        earlier_defect: energy defect when the run began, J; see ``motion.Owed``.
+        earlier_defect: energy defect when the run began, J; see ``motion.EarlierAccount``.
         earlier_work: work done by then, J.
         earlier_loss: energy lost by then, J.
         largest_kinetic: largest kinetic energy at the end of a step so far, earlier ones included,

@@ -36,7 +36,7 @@ from hapticmech_ros.numerics.small_matrices import dot, largest
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
-NEEDS_CARE = 10
+SINGULAR_STEP = 10
 # Before a step whose energy account would be off by more than is allowed, or with whose surplus the
 # account since the start would.
 INACCURATE = 11
@@ -75,7 +75,7 @@ def _advance(
             if code < 0:
                 return code
         if stage > 0 and limit > 0.0 and _is_near(start, data, limit):
-            return NEEDS_CARE
+            return SINGULAR_STEP
         if implicit and stage == 0:
             bad = linearise(model, start, parts, spring_work)
             if bad >= 0:
@@ -92,17 +92,17 @@ def _advance(
 
 
 @inner
-def _care_limit(parts: Work) -> float:
-    """Return the relative σ below which the next step needs care: see ``PASSING``."""
+def _singular_limit(parts: Work) -> float:
+    """Return the relative σ below which the next step is singular: see ``PASSING``."""
     return float(max(NEAR, min(PASSING, parts.settings.step * largest(parts.v0))))
 
 
 @inner
 def starts_near(first: Data, parts: Work) -> bool:
-    """Return whether a step starts so near a singular position that it needs care."""
+    """Return whether a step starts too near a singular position."""
     return bool(
         parts.settings.singularity_checks != UNCHECKED
-        and first.tail.least_sigma < _care_limit(parts)
+        and first.tail.least_sigma < _singular_limit(parts)
     )
 
 
@@ -168,9 +168,9 @@ def step_once(
             if code < 0:
                 return code
             known = True
-        limit = _care_limit(parts)
+        limit = _singular_limit(parts)
         if first.tail.least_sigma < limit:
-            return NEEDS_CARE
+            return SINGULAR_STEP
     work_in, lost, by_contacts = account.work_in, account.energy_lost, account.contact_work
     code = _advance(
         model,
@@ -186,7 +186,7 @@ def step_once(
         limit,
     )
     if heeded and code == SETTLED and _lands_near(first, last, limit):
-        code = NEEDS_CARE
+        code = SINGULAR_STEP
     if code == SETTLED and parts.settings.energy_tolerance > 0.0:
         gained, taken = account.work_in - work_in, account.energy_lost - lost
         code = _watched(model, first, last, parts, external, implicit, gained, taken)
@@ -269,11 +269,11 @@ def advance(
         plan: (7,) a :class:`~hapticmech_ros.mechanism.kernels.model.RunPlan`.
 
     Returns:
-        0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
-        has a stage next to one, and INACCURATE before one whose energy account would be off by too
-        much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step failed,
-        see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how many
-        steps were done.
+        0; SINGULAR_STEP before a step that starts at, lands on, or would leave a singular position,
+        or has a stage next to one, and INACCURATE before one whose energy account would be off by
+        too much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step
+        failed, see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how
+        many steps were done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     steps, every, stages = run.steps, run.sample_every, run.stages

@@ -3,7 +3,7 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.careful`). So
+stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.branches`). So
 none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
 what a stage needs there is that of an interpolation. The step is divided until its energy account
 closes.
@@ -531,7 +531,7 @@ class BranchMotion:
         return rates_at(self._mechanism, Start(q, v, self._open), self._external)
 
 
-def careful_step(
+def branch_step(
     mechanism: Mechanism,
     start: Start,
     external: ExternalWrenches,
