@@ -43,10 +43,11 @@ import numpy as np
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, solve_lower
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Rates, Start, Stepped, rates_at
 from hapticmech_ros.mechanism.projection import Projected, project, refuse_flipped, refuse_open
-from hapticmech_ros.mechanism.refinement import Balance, least_off
+from hapticmech_ros.mechanism.refinement import least_off
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import DETERMINED, SINGULAR, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array

@@ -27,7 +27,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import failure
 from hapticmech_ros.mechanism.inertia import diverged, inaccurate
-from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
 from hapticmech_ros.mechanism.kernels.model import tail_of
 from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
@@ -41,37 +41,6 @@ from hapticmech_ros.numerics import Array
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1
-
-
-class Balance(NamedTuple):
-    """Energy account of a step, J; see ``energy_kernels.put_balance``.
-
-    Attributes:
-        off: energy at the end less that at the start and the work done, plus losses: 0 is exact.
-        judged: what of that is held against a tolerance.
-        made: what was made from nothing.
-        exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
-            what the step's forces would give to a free mechanism at rest.
-        rounding: of the potential energies, and what nobody feels.
-        kinetic: at the end.
-        lost: to dampers, friction and stops, and to a rule that damps what is too fast for it.
-    """
-
-    off: float
-    judged: float
-    made: float
-    exchanged: float
-    rounding: float
-    kinetic: float
-    lost: float
-
-    def is_within(self, tolerance: float) -> bool:
-        """Return whether the step is off by no more than a share of what was exchanged."""
-        return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
-
-
-# Of no step.
-NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 def judged(
@@ -217,16 +186,18 @@ def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Step
         HapticMechError: it fails however small the steps are, as it does in one.
     """
     outcomes: list[tuple[Stepped, Balance]] = []
-    failed, count, best = None, 1, NO_BALANCE
-    while count <= most and not (outcomes and best.is_within(CLOSER * tolerance)):
-        was, before = bool(outcomes) and best.is_within(tolerance), best.judged
+    best: Balance | None = None
+    failed, count = None, 1
+    while count <= most and not (best and best.is_within(CLOSER * tolerance)):
+        before = best
         try:
             stepped = ways.divided(count)
             outcomes.append((stepped, ways.balance(start, stepped)))
             _, best = least_off(outcomes)
         except HapticMechError as error:
             failed = failed or error
-        if was and PAYS * best.judged > before:
+        closed = before if before and before.is_within(tolerance) else None
+        if closed and best and PAYS * best.judged > closed.judged:
             break
         count *= 2
     if not outcomes:

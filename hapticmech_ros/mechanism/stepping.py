@@ -19,7 +19,7 @@ from hapticmech_ros.mechanism.branches import branch_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import (
@@ -39,7 +39,7 @@ from hapticmech_ros.mechanism.motion import (
     check_external,
     end_of,
 )
-from hapticmech_ros.mechanism.refinement import Balance, Ways, judged, refined, step_error
+from hapticmech_ros.mechanism.refinement import Ways, judged, refined, step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
@@ -233,7 +233,7 @@ class Stepper:
     ) -> Balance:
         """Return the energy account of a step; see ``energy_kernels.put_balance``."""
         # At a singular position a sparse factorisation is not decided.
-        closing, parts, found = stepped.closing.dense, self.parts, np.empty(BALANCE)
+        closing, parts, found = stepped.closing.dense, self.parts, Balance()
         known = self.load(start, closing.active_set, external)
         if known is None:
             known = factored(self._mechanism.tree, closing.active_set, start.q).packed
@@ -247,9 +247,9 @@ class Stepper:
             damps,
             stepped.work_in + stepped.contact_work,
             stepped.energy_lost,
-            found,
+            found.values,
         )
-        return Balance(*found.tolist())
+        return found
 
     def _branch_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
         """Return the state after a step, along its branch where branches of the motion cross."""

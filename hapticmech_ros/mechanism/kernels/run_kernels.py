@@ -8,13 +8,8 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.mechanism.kernels.energy_kernels import (
-    BALANCE,
-    EXCHANGED,
-    JUDGED,
-    KINETIC,
-    LOST,
-    OFF,
-    ROUNDING,
+    BALANCE_SIZE,
+    Balance,
     allowed,
     pushed_energy,
     put_balance,
@@ -213,16 +208,17 @@ def _watched(
     So it is as well where the steps so far and this one together made too much from nothing. What
     they lost without a cause cannot be given back: steps after which that is too much are counted.
     """
-    account, tolerance, found = parts.account, parts.settings.energy_tolerance, local(BALANCE)
+    account, tolerance = parts.account, parts.settings.energy_tolerance
+    found = Balance(local(BALANCE_SIZE))
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
-    judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
+    judged, exchanged, rounding = found.judged, found.exchanged, found.rounding
     if not judged <= allowed(tolerance, exchanged, rounding):
         exchanged += pushed_energy(model, first, parts, external)
         if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
-    moved = max(account.largest_kinetic, found[KINETIC])
-    account.energy_lost += found[LOST] - lost
-    surplus = account.earlier_defect + account.energy_defect + found[OFF]
+    moved = max(account.largest_kinetic, found.kinetic)
+    account.energy_lost += found.lost - lost
+    surplus = account.earlier_defect + account.energy_defect + found.off
     work = account.earlier_work + account.work_in - account.contact_work
     losses = account.earlier_loss + account.energy_lost
     exchanged = abs(work) + losses + moved
@@ -231,7 +227,7 @@ def _watched(
         return INACCURATE
     if -surplus > most:
         account.lossy_steps += 1.0
-    account.energy_defect += found[OFF]
+    account.energy_defect += found.off
     account.largest_kinetic = moved
     return SETTLED
 
