@@ -143,7 +143,6 @@ def _untouched(
     stage_space: Data,
     parts: Work,
     contacts: Contacts,
-    spring_work: Array,
     plan: RunPlan,
     external: Array,
 ) -> int:
@@ -173,9 +172,7 @@ def _untouched(
         if step > 0:
             begin_next(parts)
             one, other = other, one
-        code = step_once(
-            model, one, True, stage_space, other, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, one, True, stage_space, other, parts, external, stages, implicit)
         if code != SETTLED:
             break
     # What pushes may have made it fast enough to come near after all.
@@ -206,7 +203,6 @@ def _find_free(
     last: Data,
     parts: Work,
     contacts: Contacts,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -232,9 +228,7 @@ def _find_free(
         before, tolerance = StepAccount(), settings.energy_tolerance
         put(before.values, account.values)
         settings.energy_tolerance = 0.0
-        code = step_once(
-            model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, first, True, stage_space, last, parts, external, stages, implicit)
         settings.energy_tolerance = tolerance
         put(account.values, before.values)
         if code in (SINGULAR_STEP, NOT_DECIDED):
@@ -303,7 +297,6 @@ def _substep(
     parts: Work,
     contact_numbers: Array,
     contact_values: Array,
-    spring_work: Array,
     stages: int,
     implicit: bool,
     searched: bool,
@@ -331,7 +324,6 @@ def _substep(
                 last,
                 parts,
                 contacts,
-                spring_work,
                 external,
                 stages,
                 implicit,
@@ -362,9 +354,7 @@ def _substep(
     if is_known:
         return FORCES
     parts.settings.contact_wrenches = links if count > 0 else 0
-    code = step_once(
-        model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
-    )
+    code = step_once(model, first, True, stage_space, last, parts, external, stages, implicit)
     parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
         share = step / contacts.settings.period
@@ -374,7 +364,7 @@ def _substep(
 
 
 @kernel(
-    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
+    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
     linked=True,
 )
 def advance_period(
@@ -384,7 +374,6 @@ def advance_period(
     end: Array,
     scratch: Array,
     work: Array,
-    spring_work: Array,
     contact_numbers: Array,
     contact_values: Array,
     plan: Array,
@@ -399,7 +388,6 @@ def advance_period(
         scratch: (size,) packed terms of stages.
         work: (work,) see ``model.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
             and the account adds up.
-        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
         plan: (7,) a ``model.RunPlan`` that begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
@@ -425,9 +413,7 @@ def advance_period(
         contacts.joint_force[:] = 0.0
         contacts.counts.parts, contacts.counts.unsolved = 1, 0
         external = contacts.external[links : links + external_count]
-        code = _untouched(
-            model, start, end, stage_space, parts, contacts, spring_work, run, external
-        )
+        code = _untouched(model, start, end, stage_space, parts, contacts, run, external)
         if code != NEAR:
             return code
         known = True
@@ -444,7 +430,6 @@ def advance_period(
             parts,
             contact_numbers,
             contact_values,
-            spring_work,
             stages,
             implicit,
             searched,

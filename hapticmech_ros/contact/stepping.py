@@ -154,9 +154,9 @@ class ContactStepper:
         known = stepper.load(start, active_set, external)
         plan.steps, plan.terms_known, plan.begins_with = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
-        constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
+        given = *active_set.constants, first, end, active_set.scratch, stepper.work
         while True:
-            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan.values)
+            code = advance_period(*given, *self.memory.arrays, plan.values)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:

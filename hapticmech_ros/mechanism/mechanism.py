@@ -551,6 +551,9 @@ class Mechanism:
             "joint_values": self._joint_rows,
             "gravity": model.gravity.linear,
         }
+        scheme = SCHEMES[self.scene.simulation.integrator]
+        kept = len(scheme.weights) if scheme.implicit or scheme.history else 0
+        sizes |= {"implicit": int(scheme.implicit), "stages": kept}
         return ActiveSet({**sizes, "width": 0, "border": 0, "independent": -1}, parts)
 
     def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:

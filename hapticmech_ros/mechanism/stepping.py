@@ -29,7 +29,7 @@ from hapticmech_ros.mechanism.kernels.run_kernels import (
     advance,
 )
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_size, work_size
+from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -63,8 +63,6 @@ class Stepper:
     Attributes:
         work: see ``model.Work``.
         parts: views of the work's parts.
-        springs: of implicit rules, see ``implicit_kernels.Springs``; or all stages of a rule with
-            ``history``; empty for others.
         stages: of the rule.
         implicit: 1 for an implicit rule.
         step: s, length of the steps that are done now; see :meth:`divided`.
@@ -82,8 +80,6 @@ class Stepper:
             self._tolerance = 0.0
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
         self._drift = scheme.drift
-        size = springs_size(nv) if scheme.implicit else history_size(nv) * scheme.history
-        self.springs = np.zeros(size)
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
         work = Work(numbers, self.work)
@@ -300,7 +296,6 @@ class Stepper:
             end,
             active_set.scratch,
             self.work,
-            self.springs,
             self.on_links(external),
             samples,
             run.values,

@@ -91,7 +91,7 @@ def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) ->
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
     " int64[::1], int64[:, ::1], int64[::1], float64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
-    " int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], int64[::1],"
+    " int64[::1], float64[::1], float64[:, ::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
@@ -116,7 +116,6 @@ def move_at_deadlines(
     constants: Array,
     packed: Array,
     work: Array,
-    springs: Array,
     whole: Array,
     real: Array,
     nobody: Array,
@@ -148,7 +147,6 @@ def move_at_deadlines(
         constants: (numbers,) likewise.
         packed: (4, size) likewise.
         work: (work,) likewise.
-        springs: (numbers,) likewise.
         whole: (integers,) likewise.
         real: (numbers,) likewise.
         nobody: (0, 10) likewise.
@@ -195,7 +193,6 @@ def move_at_deadlines(
             data,
             packed,
             work,
-            springs,
             nobody,
             contact_numbers,
             contact_values,

@@ -42,7 +42,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.session.sample import LeftState, begin_totals
+from hapticmech_ros.session.sample import begin_totals, state_of
 from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
@@ -172,7 +172,6 @@ class MechanismTicks(PlainMessages):
             *active_set.constants,
             self._packed,
             simulator.stepper.work,
-            simulator.stepper.springs,
             data.numbers,
             data.data,
             _NOBODY,
@@ -189,7 +188,7 @@ class MechanismTicks(PlainMessages):
             port.order.last = link.newest, link.arrived
         if link.done:
             known, data = self._known or actor.state, self._data
-            state = LeftState(known, data.totals, data.q.copy(), data.v.copy()).state()
+            state = state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
             self._known = state
             published = code != kernels.TO_SAY
             actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)

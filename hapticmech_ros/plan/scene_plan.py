@@ -24,7 +24,6 @@ from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
 from hapticmech_ros.mechanism.kernels.model import Data, views_of
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
-from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES, Scheme
 from hapticmech_ros.mechanism.tolerances import PROJECTION_ITERATIONS
@@ -37,6 +36,7 @@ from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.holding_rules import hand_beyond_device, pose_without_torques
+from hapticmech_ros.scene.mechanism import Simulation
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which the start counts as next to a singular position: directions change within
@@ -318,8 +318,8 @@ def _closure_rows(run: Running) -> Choice:
 def _stabilisation(run: Running) -> Choice:
     if run.rows.rows == 0 and not run.can_latch:
         return Choice("stabilisation", "none", "no closure is active or can latch")
-    rate = run.stepping.baumgarte_rate
-    if rate > 0.0:
+    if run.stepping.stabilisation == "baumgarte":
+        rate = run.stepping.baumgarte_rate
         return Choice("stabilisation", "baumgarte", f"chosen by the scene, rate {rate:g} /s")
     return Choice("stabilisation", "projection", "after every substep, in the mass metric")
 
@@ -454,7 +454,7 @@ def _element_parts(run: Running) -> Iterator[TickPart]:
 
 def _closure_parts(run: Running) -> Iterator[TickPart]:
     substeps, closures = run.stepping.substeps, run.mechanism.closures
-    pulled = run.stepping.baumgarte_rate > 0.0
+    pulled = run.stepping.stabilisation == "baumgarte"
     what = "projection onto the closures"
     if pulled and run.rows.rows:
         yield TickPart("step", what, 0, "Baumgarte stabilisation instead")
@@ -521,7 +521,7 @@ class Running:
         analyser: of the operational point that is held.
         device: held by the hand.
         rows: rows, rank and mobility of the closures active there.
-        stepping: integrator, period, substeps, Baumgarte's rate.
+        stepping: of the scene; its integrator is not ``auto``.
         scheme: the integrator's stages.
     """
 
@@ -531,7 +531,7 @@ class Running:
     analyser: Analyser
     device: ImpedanceDevice
     rows: Redundancy
-    stepping: Plan
+    stepping: Simulation
     scheme: Scheme
 
     @property
@@ -571,7 +571,7 @@ def running(scene: Scene, point: str = "") -> Running:
     simulator = Simulator(scene)
     analyser = Analyser(simulator.mechanism, point)
     state = simulator.initial_state()
-    stepping = plan_of(simulator.scene.simulation)
+    stepping = simulator.scene.simulation
     return Running(
         scene,
         simulator,

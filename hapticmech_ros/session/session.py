@@ -179,7 +179,7 @@ class Session:
         # Of the kernel, in its order; those that never change.
         self._arguments = np.empty(KERNEL_ARGUMENTS, dtype=object)
         contacts = _NO_CONTACTS if self._contacts is None else self._contacts.arrays
-        own = self._stepper.work, self._stepper.springs, self._data.numbers, self._data.data
+        own = self._stepper.work, self._data.numbers, self._data.data
         self._give(WORK, (*own, None, None, _NOBODY, *contacts, counted))
         # The mechanism's state now, if it is known as such; and the last one that was.
         self._mechanism_state: MechanismState | None = state

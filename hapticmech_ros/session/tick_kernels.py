@@ -197,7 +197,7 @@ CLOCK_SIZE = 9
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
-KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
+KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 12, 3, 6, 7, 9
 # Among the whole numbers of a session.
 RECEIVED = SessionData.sizes["received"].index
 
@@ -357,7 +357,6 @@ def move_mechanism(
     data: SessionData,
     packed: Array,
     work: Array,
-    springs: Array,
     nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
@@ -394,15 +393,12 @@ def move_mechanism(
             last,
             stages,
             work,
-            springs,
             contact_numbers,
             contact_values,
             plan.values,
         )
     else:
-        code = advance(
-            numbers, values, first, last, stages, work, springs, nobody, nobody, plan.values
-        )
+        code = advance(numbers, values, first, last, stages, work, nobody, nobody, plan.values)
     clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
@@ -458,7 +454,7 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
 
 
 @gathering_kernel(
-    "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1], int64[::1],"
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], int64[::1],"
     " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
     " int64[::1])"
 )
@@ -467,7 +463,6 @@ def run_ticks(
     values: Array,
     packed: Array,
     work: Array,
-    springs: Array,
     whole: Array,
     real: Array,
     inputs: Array,
@@ -477,7 +472,7 @@ def run_ticks(
     contact_values: Array,
     clock: Array,
 ) -> int:
-    """Do ticks, or parts of one; called with an array (13,) of what follows.
+    """Do ticks, or parts of one; called with an array (12,) of what follows.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
@@ -485,7 +480,6 @@ def run_ticks(
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
             delay compensation works in, and those of a step's stages.
         work: (work,) of the step; see ``model.Work``.
-        springs: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.tick_kernels.SessionData`.
         inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
@@ -531,7 +525,6 @@ def run_ticks(
                 data,
                 packed,
                 work,
-                springs,
                 nobody,
                 contact_numbers,
                 contact_values,

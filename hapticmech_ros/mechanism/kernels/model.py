@@ -293,7 +293,8 @@ def pack(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> tuple[Array, A
     """Return a mechanism's constants as (integers,) and (numbers,); see :class:`Model`.
 
     Args:
-        sizes: all of :class:`SharedConstants` but ``data_size``, by name.
+        sizes: all of :class:`SharedConstants` but ``data_size``, by name; ``implicit``, 1 for an
+            implicit rule; and ``stages``, of a rule that keeps all of them, else 0.
         parts: (n,) or (n, m) those of it, and ``units`` and ``rounding``, by name.
     """
     whole = [np.asarray(parts[name], dtype=np.int64) for name in _WHOLE]
@@ -346,7 +347,9 @@ def _workspace_shapes(sizes: Mapping[str, int], joints: int) -> list[tuple[int, 
     many, most = (m, min(m, nv)) if of_dense >= SOME_ROWS else (0, 0)
     shapes += [(of_dense, nv), (of_dense, of_dense), (_SMALL, FRAME_COLUMNS)]
     shapes += [(nv if many else 0, many), (most, nv), (nv if many else 0, most), (most, many)]
-    return [*shapes, (3, most * many), (2, max(many, nv) if many else 0)]
+    shapes += [(3, most * many), (2, max(many, nv) if many else 0)]
+    n, stages = nv if sizes["implicit"] else 0, sizes["stages"]
+    return [*shapes, *[(n, n)] * 4, *[(stages, nv)] * 2, *[(n, 1)] * 3, (min(n, 1), 1)]
 
 
 def _stacked(shapes: Iterable[tuple[int, int]], start: int = 0) -> tuple[list[int], int]:
@@ -382,6 +385,13 @@ class Model(SharedConstants, after=Work):
         inverse: (k, m) (Rᵀ)⁺.
         inverting: (3, k m) what that takes.
         sums: (2, max(m, nv)) numbers along columns.
+        stiffness_matrix, damping_matrix: (nv, nv) K and C at a step's start; of an implicit rule,
+            as what follows.
+        slope: (nv, nv) S = γh C + (γh)² K.
+        slope_factor: (nv, nv) lower Cholesky factor of 1 + P L⁻¹ S L⁻ᵀ P.
+        turns, gains: (stages, nv) k of θ and of v; also θ̇ and v̇ of a rule with a history.
+        met, moved, pushed: (nv,) to work on.
+        steepest: (1,) largest entry of S; 0 where there is no spring and no damper.
         units: (m,) what each row of W is divided by before it is factored; see
             :meth:`~hapticmech_ros.mechanism.mechanism.Mechanism.row_units`.
         rounding: (1,) σ of rows over their units below which all is rounding.
@@ -393,4 +403,7 @@ class Model(SharedConstants, after=Work):
     result, turned, along, across = Part(1), Part(1), Part(1), Part(1)
     scaled, turn, small, columns = Part(2), Part(2), Part(2), Part(2)
     reflectors, directions, inverse, inverting = Part(2), Part(2), Part(2), Part(2)
-    sums, units, rounding = Part(2), Part(1), Part(1)
+    sums, stiffness_matrix, damping_matrix = Part(2), Part(2), Part(2)
+    slope, slope_factor, turns, gains = Part(2), Part(2), Part(2), Part(2)
+    met, moved, pushed, steepest = Part(1), Part(1), Part(1), Part(1)
+    units, rounding = Part(1), Part(1)

@@ -49,7 +49,6 @@ def _advance(
     stage_space: Data,
     end: Data,
     parts: Work,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -72,15 +71,15 @@ def _advance(
         if stage > 0 and limit > 0.0 and _is_near(start, data, limit):
             return SINGULAR_STEP
         if implicit and stage == 0:
-            bad = linearise(model, start, parts, spring_work)
+            bad = linearise(model, start, parts)
             if bad >= 0:
                 return SINGULAR - bad
         weight = parts.scheme[stage, 0]
         find_rates(model, data, parts, weight, external, result)
         if implicit:
-            aim_implicitly(model, start, parts, spring_work, stage, result[: model.nv])
-        elif spring_work.size > 0:
-            aim_by_all(model, parts, spring_work, stage, result)
+            aim_implicitly(model, start, parts, stage, result[: model.nv])
+        elif model.turns.size > 0:
+            aim_by_all(model, parts, stage, result)
         else:
             aim(model, parts, weight, parts.scheme[stage, 1], result)
     return settle(model, data, end, parts)
@@ -134,7 +133,6 @@ def step_once(
     stage_space: Data,
     last: Data,
     parts: Work,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -148,7 +146,6 @@ def step_once(
         stage_space: terms of stages.
         last: terms at the end, to fill.
         parts: see :class:`Work`.
-        spring_work: of implicit rules.
         external: wrenches on links.
         stages: of the rule.
         implicit: whether it is an implicit one.
@@ -174,7 +171,6 @@ def step_once(
         stage_space,
         last,
         parts,
-        spring_work,
         external,
         stages,
         implicit,
@@ -234,7 +230,7 @@ def _watched(
 
 @kernel(
     "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])",
+    " float64[:,::1], float64[:,::1], int64[::1])",
     linked=True,
 )
 def advance(
@@ -244,7 +240,6 @@ def advance(
     end: Array,
     scratch: Array,
     work: Array,
-    spring_work: Array,
     external: Array,
     samples: Array,
     plan: Array,
@@ -259,7 +254,6 @@ def advance(
         scratch: (size,) packed terms of stages.
         work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, and the
             account adds up.
-        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
         plan: (7,) a :class:`~hapticmech_ros.mechanism.kernels.model.RunPlan`.
@@ -280,9 +274,7 @@ def advance(
         if step > 0:
             begin_next(parts)
             first, last, known = last, first, True
-        code = step_once(
-            model, first, known, stage_space, last, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, first, known, stage_space, last, parts, external, stages, implicit)
         if code != SETTLED:
             if step % 2 == 1:
                 put(end, start)
