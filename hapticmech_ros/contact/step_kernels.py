@@ -24,7 +24,7 @@ from hapticmech_ros.contact.touch_kernels import (
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
     RATES_NOT_FINITE,
@@ -153,7 +153,7 @@ def _untouched(
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
     substeps, stages, implicit = plan.steps, plan.stages, plan.implicit != 0
-    first = unpack(start, model)
+    first = Data(model.numbers, start)
     if plan.terms_known == 0:
         code = factor(model, q0, first)
         if code < 0:
@@ -166,7 +166,7 @@ def _untouched(
     put(begun[q0.size :], v0)
     before = StepAccount()
     put(before.values, account.values)
-    one, other, code, odd = first, unpack(end, model), SETTLED, False
+    one, other, code, odd = first, Data(model.numbers, end), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
         if step > 0:
@@ -404,7 +404,11 @@ def advance_period(
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    first, last, stage_space = (
+        Data(model.numbers, start),
+        Data(model.numbers, end),
+        Data(model.numbers, scratch),
+    )
     substeps, stages, known = run.steps, run.stages, run.terms_known != 0
     searched, implicit = run.begins_with == SEARCHED, run.implicit != 0
     external_count = run.external_wrenches

@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     solve_motion,
 )
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import Data, tail_of, views_of
+from hapticmech_ros.mechanism.kernels.model import Data, tail_of
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
 
@@ -152,7 +152,7 @@ class Closing:
     @property
     def parts(self) -> Data:
         """Views of the array's parts."""
-        return views_of(self.packed, self.active_set.model)
+        return Data(self.active_set.model.numbers, self.packed)
 
     @property
     def space(self) -> ConstraintSpace:

@@ -64,7 +64,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
@@ -209,7 +209,7 @@ def predict(
             compensated_delay * v[c] - 0.5 * compensated_delay * compensated_delay * change[c]
         )
     move(model, q, change, place)
-    later = unpack(ahead, model)
+    later = Data(model.numbers, ahead)
     if factor(model, place, later) < 0 or not _trusted(model, later, data, length):
         return
     motions, bias_force, passive = model.motions, model.forces[0], model.forces[1]
@@ -560,7 +560,7 @@ def observe_point(
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
     """
     model, metric = Model(numbers, values), metric_of(constants, rows.size)
-    data = unpack(packed, model)
+    data = Data(model.numbers, packed)
     nv, t = model.nv, rows.size
     if known == 0:
         code = factor(model, q, data)
@@ -753,7 +753,7 @@ def consistent_wrench(
         wrench: (6,) F_c to fill, N and N m, world axes at the point.
     """
     model, t = Model(numbers, values), rows.size
-    data, nv = unpack(packed, model), model.nv
+    data, nv = Data(model.numbers, packed), model.nv
     rates, acceleration = local(nv), local(6)
     put(rates, joint_force)
     to_metric(model, data, rates)

@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
-from hapticmech_ros.mechanism.kernels.model import Data, views_of
+from hapticmech_ros.mechanism.kernels.model import Data
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
@@ -352,7 +352,7 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     active_set = mechanism.active_set(run.state.active)
     yield from zip(("model, integers", "model, reals"), active_set.constants, strict=True)
     yield "data of a configuration", np.empty(active_set.size)
-    packed = views_of(np.empty(active_set.size), active_set.model)
+    packed = Data(active_set.model.numbers, np.empty(active_set.size))
     views = {f"of which {name}": part.view(packed) for name, part in Data.parts.items()}
     yield from ((name, view) for name, view in views.items() if view.size)
     yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))

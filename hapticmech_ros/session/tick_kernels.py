@@ -47,7 +47,7 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.safety_kernels import Safety
-from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
@@ -414,7 +414,7 @@ def move_mechanism(
     totals.surplus += account.energy_defect
     totals.inaccurate += account.lossy_steps
     totals.moved = account.largest_kinetic
-    totals.closure_error = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
+    totals.closure_error = Data(numbers, packed[1 - at]).tail.largest_residual
     if touches:
         held = contacts.report.energy if contacts.counts.points > 0 else 0.0
         totals.contact_loss += totals.contact_energy - held - account.contact_work

@@ -22,7 +22,7 @@ from hapticmech_ros.mechanism.kernels.element_kernels import (
     element_resistance,
 )
 from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
-from hapticmech_ros.mechanism.kernels.model import DENSE, Data, Model, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import DENSE, Data, Model, Work
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
@@ -221,6 +221,6 @@ def judge(
         out: (7,) a :class:`Balance` to fill; what was exchanged with ``pushed_energy``.
     """
     model, parts, found = Model(numbers, values), Work(numbers, work), Balance(out)
-    first = unpack(start, model)
-    put_balance(model, first, unpack(end, model), parts, damps, work_in, lost, found)
+    first = Data(model.numbers, start)
+    put_balance(model, first, Data(model.numbers, end), parts, damps, work_in, lost, found)
     found.exchanged += pushed_energy(model, first, parts, external)

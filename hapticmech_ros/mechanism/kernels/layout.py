@@ -19,7 +19,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Model, pack, views_of
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, pack
 from hapticmech_ros.numerics import Array
 
 
@@ -238,7 +238,7 @@ def _in_order(
 
 def _width(active_set: ActiveSet, packed: Array) -> int:
     """Return how many places the widest row of a factorisation needs."""
-    places, widest = views_of(packed, active_set.model).row_places, 0
+    places, widest = Data(active_set.model.numbers, packed).row_places, 0
     for j in range(active_set.m):
         before = places[int(places[j, FIRST]) : j, LAST]
         last = max(int(before.max(initial=-1)), int(active_set.model.sequence[j, 2]))

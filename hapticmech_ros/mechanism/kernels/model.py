@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure, inner
+from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure
 from hapticmech_ros.compilation.records import Number, Record, Whole
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.numerics import Array
@@ -252,19 +252,6 @@ class Work(Structure, after=Data):
     q0, v0, q, v = Part(1), Part(1), Part(1), Part(1)
     theta, turn, turned, gained = Part(1), Part(1), Part(1), Part(1)
     held, wrenches, state = Part(1), Part(2), Part(1)
-
-
-def views_of(packed: Array, model: Model) -> Data:
-    """Return the parts of a packed array, as views.
-
-    Args:
-        packed: (size,) packed terms.
-        model: the mechanism's.
-    """
-    return Data(model.numbers, packed)
-
-
-unpack = inner(views_of)
 
 
 def tail_of(packed: Array) -> TermsTail:

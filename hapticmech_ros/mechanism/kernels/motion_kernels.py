@@ -11,7 +11,7 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, add_pair, bias_of, gear_bias
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels.model import Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import is_zero
@@ -179,7 +179,7 @@ def move_frames(
     """
     model = Model(numbers, values)
     nv, m = model.nv, model.m
-    data = unpack(packed, model)
+    data = Data(model.numbers, packed)
     element_forces(model, data, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
     motions = model.motions
     move_joints(model, data, v, motions)

@@ -15,7 +15,7 @@ from hapticmech_ros.mechanism.kernels.energy_kernels import (
     put_balance,
 )
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
-from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
 from hapticmech_ros.mechanism.kernels.step_kernels import (
     aim,
@@ -268,7 +268,11 @@ def advance(
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     steps, every, stages = run.steps, run.sample_every, run.stages
     implicit, known = run.implicit != 0, run.terms_known != 0
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    first, last, stage_space = (
+        Data(model.numbers, start),
+        Data(model.numbers, end),
+        Data(model.numbers, scratch),
+    )
     state, sampled = parts.state, 0
     for step in range(steps):
         if step > 0:
