@@ -13,8 +13,7 @@ import numpy as np
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
-    rates_from_metric,
-    rates_to_metric,
+    sweep_outwards,
 )
 from hapticmech_ros.mechanism.kernels.band_kernels import (
     clear_pivots,
@@ -46,7 +45,7 @@ def to_metric(model: Model, data: Data, vector: Array) -> None:
 def from_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
     if model.path == SPARSE:
-        rates_from_metric(model, data, vector)
+        sweep_outwards(model, data, vector, False)
     else:
         solve_lower_transposed(data.factor, vector)
 
@@ -55,7 +54,7 @@ def from_metric(model: Model, data: Data, vector: Array) -> None:
 def lift(model: Model, data: Data, rates: Array) -> None:
     """Replace joint rates (nv,) by Lᵀ of them."""
     if model.path == SPARSE:
-        rates_to_metric(model, data, rates)
+        sweep_outwards(model, data, rates, True)
         return
     factor = data.factor
     for i in range(rates.size):

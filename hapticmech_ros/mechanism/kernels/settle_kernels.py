@@ -44,13 +44,6 @@ def _size(model: Model, data: Data, change: Array) -> float:
 
 
 @inner
-def _share_of_tolerance(least: float) -> float:
-    """Return what is left of the tolerance near a singular position; see ``tolerance_of``."""
-    needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
-    return float(min(1.0, needed / PROJECTION_TOLERANCE))
-
-
-@inner
 def _is_flipped(model: Model, data: Data) -> bool:
     """Return whether axes of a revolute or weld closure are 90° apart or more."""
     for index in range(model.closures.shape[0]):
@@ -106,10 +99,11 @@ def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
                 return SETTLED
             if pulled:
                 break
-            if (
-                worst <= settings.projection_tolerance * _share_of_tolerance(data.tail.least_sigma)
-                or rounding
-            ):
+            # Near a singular position less is left of the tolerance; see ``tolerance_of``.
+            least = data.tail.least_sigma
+            needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
+            share = min(1.0, needed / PROJECTION_TOLERANCE)
+            if worst <= settings.projection_tolerance * share or rounding:
                 worst = 0.0
                 break
             terms = data
