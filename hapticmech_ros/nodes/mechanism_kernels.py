@@ -92,7 +92,7 @@ def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) ->
     " int64[::1], int64[:, ::1], int64[::1], float64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
     " int64[::1], float64[::1], float64[:, ::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
+    " float64[::1], int64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def move_at_deadlines(
@@ -118,7 +118,6 @@ def move_at_deadlines(
     work: Array,
     whole: Array,
     real: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
@@ -149,7 +148,6 @@ def move_at_deadlines(
         work: (work,) likewise.
         whole: (integers,) likewise.
         real: (numbers,) likewise.
-        nobody: (0, 10) likewise.
         contact_numbers: (integers,) likewise.
         contact_values: (numbers,) likewise.
         clock: (9,) likewise.
@@ -193,7 +191,6 @@ def move_at_deadlines(
             data,
             packed,
             work,
-            nobody,
             contact_numbers,
             contact_values,
             clock,

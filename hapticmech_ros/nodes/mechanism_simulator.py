@@ -70,7 +70,6 @@ from hapticmech_ros.wire.topics import (
     user_prefixes,
 )
 
-_NOBODY = np.zeros((0, 10))
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
@@ -174,7 +173,6 @@ class MechanismTicks(PlainMessages):
             simulator.stepper.work,
             data.numbers,
             data.data,
-            _NOBODY,
             *_NO_CONTACTS,
             self._clock,
             self.ages,

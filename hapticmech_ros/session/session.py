@@ -94,7 +94,6 @@ if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_NOBODY = np.zeros((0, 10))
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
 Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -180,7 +179,7 @@ class Session:
         self._arguments = np.empty(KERNEL_ARGUMENTS, dtype=object)
         contacts = _NO_CONTACTS if self._contacts is None else self._contacts.arrays
         own = self._stepper.work, self._data.numbers, self._data.data
-        self._give(WORK, (*own, None, None, _NOBODY, *contacts, counted))
+        self._give(WORK, (*own, None, None, *contacts, counted))
         # The mechanism's state now, if it is known as such; and the last one that was.
         self._mechanism_state: MechanismState | None = state
         self._known = state

@@ -15,6 +15,7 @@ from hapticmech_ros.compilation import (
     gathering_kernel,
     inner,
     put,
+    shaped,
 )
 from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
@@ -197,7 +198,7 @@ CLOCK_SIZE = 9
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
-KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 12, 3, 6, 7, 9
+KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 11, 3, 6, 7, 8
 # Among the whole numbers of a session.
 RECEIVED = SessionData.sizes["received"].index
 
@@ -357,15 +358,11 @@ def move_mechanism(
     data: SessionData,
     packed: Array,
     work: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
 ) -> bool:
-    """Move the mechanism on by a period; return whether it could be done, else nothing is changed.
-
-    ``nobody`` is a matrix (0, 10): of wrenches on links, and of samples of the steps.
-    """
+    """Move the mechanism on by a period; return whether it could be done, else nothing is changed."""
     parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
     pushed, account, totals = parts.wrenches, parts.account, data.totals
     put(parts.q0, data.q)
@@ -398,7 +395,9 @@ def move_mechanism(
             plan.values,
         )
     else:
-        code = advance(numbers, values, first, last, stages, work, nobody, nobody, plan.values)
+        # Of wrenches on links, and of samples of the steps.
+        none = shaped(values, (0, 10))
+        code = advance(numbers, values, first, last, stages, work, none, none, plan.values)
     clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
@@ -455,7 +454,7 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
 
 @gathering_kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
     " int64[::1])"
 )
 def run_ticks(
@@ -467,12 +466,11 @@ def run_ticks(
     real: Array,
     inputs: Array,
     records: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
 ) -> int:
-    """Do ticks, or parts of one; called with an array (12,) of what follows.
+    """Do ticks, or parts of one; called with an array (11,) of what follows.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
@@ -485,7 +483,6 @@ def run_ticks(
         inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
             on the device at the point held; N and N m, world axes.
         records: (records, ...) to fill; see ``run_layout``.
-        nobody: (0, 10).
         contact_numbers: of the contacts, whole ones; (0,) in a scene without.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
         clock: (9,) what to do, and what was done.
@@ -525,7 +522,6 @@ def run_ticks(
                 data,
                 packed,
                 work,
-                nobody,
                 contact_numbers,
                 contact_values,
                 clock,
