@@ -362,7 +362,7 @@ def move_mechanism(
     contact_values: Array,
     clock: Array,
 ) -> bool:
-    """Move the mechanism on by a period; return whether it could be done, else nothing is changed."""
+    """Move the mechanism on by a period; return whether it was done, else nothing is changed."""
     parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
     pushed, account, totals = parts.wrenches, parts.account, data.totals
     put(parts.q0, data.q)
