@@ -41,21 +41,14 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, cross, dot, large
 
 
 @inner
-def _copy(count: int, source: Array, target: Array) -> None:
-    for k in range(count):
-        put(target[k], source[k])
-
-
-@inner
 def keep(contacts: Contacts) -> None:
     """Keep points and forces as they are."""
-    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
+    n = contacts.counts.points
     put(contacts.kept_counts.values, contacts.counts.values)
-    for k in range(count):
-        kept[k] = owners[k]
-    _copy(count, contacts.points, contacts.kept_points)
-    _copy(count, contacts.forces, contacts.kept_forces)
-    _copy(count, contacts.origins, contacts.kept_origins)
+    put(contacts.kept_owners[:n], contacts.owners[:n])
+    put(contacts.kept_points[:n], contacts.points[:n])
+    put(contacts.kept_forces[:n], contacts.forces[:n])
+    put(contacts.kept_origins[:n], contacts.origins[:n])
     put(contacts.kept_joint_force, contacts.joint_force)
     put(contacts.kept_report.values, contacts.report.values)
 
@@ -63,15 +56,13 @@ def keep(contacts: Contacts) -> None:
 @inner
 def restore(contacts: Contacts) -> None:
     """Put points and forces back as they were kept."""
-    found = contacts.counts.points_found
+    found, n = contacts.counts.points_found, contacts.kept_counts.points
     put(contacts.counts.values, contacts.kept_counts.values)
     contacts.counts.points_found = found
-    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
-    for k in range(count):
-        owners[k] = kept[k]
-    _copy(count, contacts.kept_points, contacts.points)
-    _copy(count, contacts.kept_forces, contacts.forces)
-    _copy(count, contacts.kept_origins, contacts.origins)
+    put(contacts.owners[:n], contacts.kept_owners[:n])
+    put(contacts.points[:n], contacts.kept_points[:n])
+    put(contacts.forces[:n], contacts.kept_forces[:n])
+    put(contacts.origins[:n], contacts.kept_origins[:n])
     put(contacts.joint_force, contacts.kept_joint_force)
     put(contacts.report.values, contacts.kept_report.values)
 
@@ -254,15 +245,11 @@ def _approach(first: Data, step: float, contacts: Contacts) -> int:
 @inner
 def _remember(contacts: Contacts) -> None:
     """Keep points and forces of the substep before."""
-    count, counts = contacts.counts.points, contacts.counts
-    points, before = contacts.points, contacts.points_before
-    forces, forces_before = contacts.forces, contacts.forces_before
-    owners, owners_before = contacts.owners, contacts.owners_before
-    for k in range(count):
-        owners_before[k] = owners[k]
-        put3(before[k], points[k])
-        put3(forces_before[k], forces[k])
-    counts.points_before = count
+    n = contacts.counts.points
+    put(contacts.owners_before[:n], contacts.owners[:n])
+    put(contacts.points_before[:n], contacts.points[:n])
+    put(contacts.forces_before[:n], contacts.forces[:n])
+    contacts.counts.points_before = n
 
 
 @inner
