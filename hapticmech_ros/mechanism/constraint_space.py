@@ -184,11 +184,6 @@ class Closing:
         """Smallest σ that is more than rounding over the largest; 1 without closures."""
         return tail_of(self.packed).least_sigma
 
-    @property
-    def resolved(self) -> int:
-        """Number of rows that differ by more than rounding; above r next to a singular position."""
-        return int(tail_of(self.packed).resolved_rank)
-
 
 class ConstraintSpace:
     """Orthonormal description of the closures' forces in the mass metric.
