@@ -44,7 +44,7 @@ from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, S
 def shape_parts(
     shapes: tuple[Shape, ...], polytopes: tuple[Polytope | None, ...], tree: TreeModel
 ) -> dict[str, Array]:
-    """Return what a :class:`Contacts` has of shapes on a tree's links, by the names of its parts.
+    """Return (n,) or (n, m) what a :class:`Contacts` has of shapes on links, by its parts' names.
 
     Args:
         shapes: all of a scene.
@@ -123,7 +123,7 @@ def contacts_of(
 
     Args:
         mechanism: whose contacts.
-        shapes: see :func:`shape_parts`.
+        shapes: (n,) or (n, m) parts by name, see :func:`shape_parts`.
         links: with shapes.
         settings: (5,) a :class:`~hapticmech_ros.contact.layout.ContactSettings`, in its order.
     """
