@@ -47,7 +47,7 @@ class Loop(Session):
                 return code
         return 0
 
-    def _step_careful(self) -> None:
+    def _finish_step(self) -> None:
         begun = perf_counter_ns()
-        super()._step_careful()
+        super()._finish_step()
         self.taken_ns[-1] += perf_counter_ns() - begun

@@ -35,7 +35,7 @@ import math
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, local, local_whole
+from hapticmech_ros.compilation import inner, local, local_whole, put
 from hapticmech_ros.contact.layout import COULOMB, DAMPING, DISSIPATION, STIFFNESS, Contacts
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot_with_row, solve_in_place
@@ -118,8 +118,7 @@ def _slopes(
         length = np.sqrt(out[1] * out[1] + out[2] * out[2])
         for i in range(k, k + 3):
             acts[i] = 0
-            for j in range(size):
-                slopes[i, j] = 0.0
+            slopes[i][:] = 0.0
             slopes[i, i] = 1.0
         if out[0] > 0.0:
             acts[k] = 1
@@ -226,8 +225,8 @@ def newton(
             step *= 0.5
         if not squares < before:
             break
-        for i in range(size):
-            impulse[i], velocity[i] = tried[i], there[i]
+        put(impulse, tried)
+        put(velocity, there)
     for k in range(0, size, 3):
         impulse[k] = max(impulse[k], 0.0)
     put_velocity(apart, coupling, impulse, velocity)

@@ -122,7 +122,7 @@ class Contacts(Structure):
         found: (p, 10) unit normal from a to b, distance, and both nearest points, m, world.
         points: (4 p, 7) position, m, midway between both surfaces; unit normal from b to a; depth.
         forces: (4 p, 3) on a, N, world axes.
-        points_before: (4 p, 7) of the substep before; only positions are filled.
+        points_before: (4 p, 7) of the substep before.
         forces_before: (4 p, 3) likewise.
         origins: (4 p, 3) of the frames of shapes a, m, world.
         free: (nv,) rates at the substep's end without contacts.

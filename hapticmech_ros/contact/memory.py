@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -34,60 +35,34 @@ from hapticmech_ros.contact.layout import (
     Contacts,
     workspace_size,
 )
-from hapticmech_ros.mechanism.kernels.model import Model
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.model import TreeModel, se3
-from hapticmech_ros.mechanism.motion import plan_of
+from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 
-@dataclass(frozen=True)
-class ShapeModel:
-    """All shapes of a scene.
+def shape_parts(
+    shapes: tuple[Shape, ...], polytopes: tuple[Polytope | None, ...], tree: TreeModel
+) -> dict[str, Array]:
+    """Return (n,) or (n, m) what a :class:`Contacts` has of shapes on links, by its parts' names.
 
-    Attributes:
-        numbers: (shapes, 6) kind, joint that carries it, and where its vertices and faces are.
-        values: (shapes, 20) pose in the joint, radius, half-length, middle and half-lengths of a
-            bounding box; see ``shape_kernels``.
-        vertices: (v, 3) of all polytopes, m.
-        faces: (f, 2) first corner and number of corners.
-        corners: (c,) vertices, in order around each face.
-        normals: (f, 3) outward.
+    Args:
+        shapes: all of a scene.
         polytopes: of each shape, None where it is none.
-    """
-
-    numbers: Array
-    values: Array
-    vertices: Array
-    faces: Array
-    corners: Array
-    normals: Array
-    polytopes: tuple[Polytope | None, ...]
-
-
-def shape_model(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeModel:
-    """Return the model of shapes on a tree's links.
-
-    Raises:
-        SceneError: a mesh that cannot be read.
+        tree: that carries them.
     """
     numbers = np.zeros((len(shapes), 6), dtype=np.int64)
     values = np.zeros((len(shapes), SHAPE_VALUES))
-    polytopes = _polytopes(shapes)
     vertices, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
     faces: list[tuple[int, int]] = []
     corners: list[int] = []
     many = 0
-    for index, shape in enumerate(shapes):
-        joint, placement = tree.link_joint[shape.link]
-        pose = placement * se3(shape.origin)
+    for index, (shape, polytope) in enumerate(zip(shapes, polytopes, strict=True)):
+        joint, pose = tree.place(shape.link, shape.origin)
         values[index, :12] = np.concatenate((pose.rotation.T.ravel(), pose.translation))
         kind, radius, half = _kind(shape)
         values[index, 12:14] = radius, half
-        polytope = polytopes[index]
-        first_face = len(faces)
+        first, first_face = many, len(faces)
         if polytope is None:
             values[index, HALF_SIZE:] = radius, radius, half if kind == CYLINDER else half + radius
         else:
@@ -99,18 +74,16 @@ def shape_model(shapes: tuple[Shape, ...], tree: TreeModel) -> ShapeModel:
                 corners += [many + corner for corner in face]
             vertices.append(polytope.vertices)
             normals.append(polytope.normals)
-        count = 0 if polytope is None else len(polytope.vertices)
-        numbers[index] = kind, joint, many, many + count, first_face, len(faces)
-        many += count
-    return ShapeModel(
-        numbers,
-        values,
-        np.concatenate(vertices),
-        np.array(faces, dtype=np.int64).reshape(-1, 2),
-        np.array(corners, dtype=np.int64),
-        np.concatenate(normals),
-        polytopes,
-    )
+            many += len(polytope.vertices)
+        numbers[index] = kind, joint, first, many, first_face, len(faces)
+    return {
+        "shapes": numbers,
+        "shape_values": values,
+        "vertices": np.concatenate(vertices),
+        "faces": np.array(faces, dtype=np.int64).reshape(-1, 2),
+        "corners": np.array(corners, dtype=np.int64),
+        "normals": np.concatenate(normals),
+    }
 
 
 def _kind(shape: Shape) -> tuple[int, float, float]:
@@ -141,53 +114,45 @@ def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
 
 
 def contacts_of(
-    scene: Scene,
-    shapes: ShapeModel,
-    model: Model,
-    places: dict[str, tuple[int, Array]],
+    mechanism: Mechanism,
+    shapes: Mapping[str, Array],
+    links: Sequence[str],
     settings: tuple[float, float, float, float, float],
 ) -> tuple[Array, Array]:
     """Return the two arrays of a :class:`Contacts`, (integers,) and (numbers,), its data at zero.
 
     Args:
-        scene: whose contacts.
-        shapes: the scene's shapes.
-        model: the mechanism's, with any set of closures.
-        places: per link with shapes the joint that carries it, and its origin (3,) there, m.
+        mechanism: whose contacts.
+        shapes: (n,) or (n, m) parts by name, see :func:`shape_parts`.
+        links: with shapes.
         settings: (5,) a :class:`~hapticmech_ros.contact.layout.ContactSettings`, in its order.
     """
-    nq, nv, joints = model.nq, model.nv, model.joints
+    scene, nq, nv = mechanism.scene, mechanism.nq, mechanism.nv
+    places = [mechanism.link_place(link) for link in links]
     place = {shape.name: index for index, shape in enumerate(scene.shapes)}
-    links = {shape.name: shape.link for shape in scene.shapes}
-    named = list(places)
-    acts = np.zeros((len(named), len(scene.contacts)))
+    acts = np.zeros((len(links), len(scene.contacts)))
     pairs = np.zeros((len(scene.contacts), 5), dtype=np.int64)
     for index, contact in enumerate(scene.contacts):
         both = [place[contact.a], place[contact.b]]
-        searched = HALF_SPACE not in shapes.numbers[both, KIND]
-        pairs[index] = *both, *shapes.numbers[both, JOINT], searched
-        for shape, sign in ((contact.a, 1.0), (contact.b, -1.0)):
-            if links[shape] in places:
-                acts[named.index(links[shape]), index] += sign
+        searched = HALF_SPACE not in shapes["shapes"][both, KIND]
+        pairs[index] = *both, *shapes["shapes"][both, JOINT], searched
+        for shape, sign in zip(both, (1.0, -1.0), strict=True):
+            if scene.shapes[shape].link in links:
+                acts[links.index(scene.shapes[shape].link), index] += sign
     most = MOST_POINTS * len(pairs)
     parts = {
-        "shapes": shapes.numbers,
+        **shapes,
         "pairs": pairs,
-        "faces": shapes.faces,
-        "corners": shapes.corners,
-        "carriers": np.array([joint for joint, _ in places.values()], dtype=np.int64),
+        "carriers": np.array([joint for joint, _ in places], dtype=np.int64),
         "counts": ContactCounts().values,
         "owners": np.zeros(most, dtype=np.int64),
         "owners_before": np.zeros(most, dtype=np.int64),
-        "shape_values": shapes.values,
-        "vertices": shapes.vertices,
-        "normals": shapes.normals,
         "laws": np.array(
             [(c.stiffness, c.damping, c.friction, c.dissipation) for c in scene.contacts]
         ),
-        "moves": _moves(joints, nv),
+        "moves": _moves(mechanism.active_set(mechanism.initially_active).model.joints, nv),
         "acts": acts,
-        "link_origins": np.array([origin for _, origin in places.values()]).reshape(-1, 3),
+        "link_origins": np.array([pose.translation for _, pose in places]).reshape(-1, 3),
         "settings": np.array(settings),
         "axes": np.zeros((nv, 6)),
         "poses": np.zeros((len(scene.shapes), 12)),
@@ -208,27 +173,13 @@ def contacts_of(
         "branch": np.zeros((nv, nv)),
         "report": ContactReport().values,
         "begun": np.zeros(nq + nv),
-        "external": np.zeros((len(named) + len(scene.links), PUSH_VALUES)),
+        "external": np.zeros((len(links) + len(scene.links), PUSH_VALUES)),
         "frames": np.zeros((most, 9)),
         "workspace": np.zeros(workspace_size(min(most, FIRST_WORKSPACE), nv)),
     }
     remembered = ("counts", "owners", "points", "forces", "origins", "joint_force", "report")
     kept = {f"kept_{name}": parts[name] for name in remembered}
     return arrays_of(Contacts, {}, parts | kept)
-
-
-def with_workspace(numbers: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """Return the two arrays, (integers,) and (numbers,), with a workspace for so many points.
-
-    Args:
-        numbers: (integers,) of the contacts.
-        values: (numbers,) the others; see :class:`Contacts`.
-        points: their number.
-    """
-    contacts = Contacts(numbers, values)
-    parts = {name: place.view(contacts) for name, place in Contacts.parts.items()}
-    room = np.zeros(workspace_size(points, contacts.free.size))
-    return arrays_of(Contacts, {}, parts | {"workspace": room})
 
 
 def _moves(joints: Array, nv: int) -> Array:
@@ -284,12 +235,6 @@ class Touching:
         return np.concatenate((force.sum(axis=0), torque))
 
 
-def nothing_touching(nv: int) -> Touching:
-    """Return what there is of a mechanism with so many rates where nothing touches."""
-    none = np.zeros((0, 3))
-    return Touching(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, none, np.zeros(nv))
-
-
 # Shapes further apart than this share of their size, and than they come in a period, are stepped as
 # if there were no contacts.
 FAR = 0.05
@@ -309,23 +254,17 @@ class ContactMemory:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        scene, plan = mechanism.scene, plan_of(mechanism.scene.simulation)
-        shapes = shape_model(scene.shapes, mechanism.tree)
+        scene, simulation = mechanism.scene, mechanism.scene.simulation
         self.links = sorted({shape.link for shape in scene.shapes} - {"world"})
-        self.polytopes = shapes.polytopes
-        places = {link: mechanism.link_place(link) for link in self.links}
+        self.polytopes = _polytopes(scene.shapes)
+        shapes = shape_parts(scene.shapes, self.polytopes, mechanism.tree)
         # Positions move by the mean of both rates, or by the new one.
-        ahead = 0.0 if plan.integrator == "semi_implicit_euler" else 0.5
-        self._hold(
-            *contacts_of(
-                scene,
-                shapes,
-                mechanism.active_set(mechanism.initially_active).model,
-                {link: (joint, pose.translation) for link, (joint, pose) in places.items()},
-                (ahead, plan.period, FAR, 0.0, NOTHING),
-            )
-        )
-        self._nothing = nothing_touching(mechanism.nv)
+        ahead = 0.0 if simulation.integrator == "semi_implicit_euler" else 0.5
+        settings = ahead, simulation.period, FAR, 0.0, NOTHING
+        self._hold(*contacts_of(mechanism, shapes, self.links, settings))
+        none, still = np.zeros((0, 3)), np.zeros(mechanism.nv)
+        owners = np.zeros(0, dtype=np.int64)
+        self._nothing = Touching(owners, none, none, np.zeros(0), none, none, still)
         self._last: Touching | None = None
 
     def begin_with(self, touching: Touching | None) -> None:
@@ -375,9 +314,11 @@ class ContactMemory:
 
     def enlarge(self) -> None:
         """Make the solver's workspace large enough for the points that were found."""
-        contacts = self.contacts
-        points = min(2 * int(contacts.counts.points_found), len(contacts.points))
-        self._hold(*with_workspace(*self.arrays, points))
+        contacts = Contacts(*self.arrays)
+        points = min(2 * contacts.counts.points_found, len(contacts.points))
+        parts = {name: place.view(contacts) for name, place in Contacts.parts.items()}
+        room = np.zeros(workspace_size(points, contacts.free.size))
+        self._hold(*arrays_of(Contacts, {}, parts | {"workspace": room}))
 
     def _hold(self, numbers: Array, values: Array) -> None:
         self.arrays = numbers, values

@@ -49,14 +49,13 @@ from hapticmech_ros.contact.touch_kernels import tangents
 from hapticmech_ros.mechanism.kernels.metric_kernels import free_part, to_metric
 from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import dot, dot_rows
+from hapticmech_ros.numerics.small_matrices import add_scaled, dot, dot_rows, largest, put3
 
 
 @inner
 def contact_frame(point: Array, frame: Array) -> None:
     """Put a point's normal and two tangents into the rows of ``frame``."""
-    for i in range(3):
-        frame[0, i] = point[3 + i]
+    put3(frame[0], point[3:])
     tangents(frame[0], frame[1], frame[2])
 
 
@@ -105,9 +104,8 @@ def add_later(
     then[:] = 0.0
     for j in range(rates.size):
         if moves[j] != 0.0:
-            for i in range(6):
-                now[i] += axes[j, i] * rates[j]
-                then[i] += later[j, i] * free[j]
+            add_scaled(now, rates[j], axes[j])
+            add_scaled(then, free[j], later[j])
     x = point[0] + step * (now[0] + now[4] * centre[2] - now[5] * centre[1])
     y = point[1] + step * (now[1] + now[5] * centre[0] - now[3] * centre[2])
     z = point[2] + step * (now[2] + now[3] * centre[1] - now[4] * centre[0])
@@ -135,8 +133,7 @@ EXACT, MOST_TURNS = 1e-10, 12
 def _change(coupling: Array, i: int, change: float, velocity: Array) -> None:
     """Change all rates by what one more impulse does."""
     if change != 0.0:
-        for j in range(velocity.size):
-            velocity[j] += coupling[i, j] * change
+        add_scaled(velocity, change, coupling[i])
 
 
 @inner
@@ -223,19 +220,22 @@ def solve_points(
     put(kept_velocity, velocity)
     # Of all that would do, the least friction: what it was before leaves no trace.
     if not newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance, slopes):
-        _restore(kept, kept_velocity, impulse, velocity)
+        put(impulse, kept)
+        put(velocity, kept_velocity)
     worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
     sweeps = 0
     while sweeps < MOST_SWEEPS and worst > tolerance:
-        for i in range(size):
-            held[i], kept[i], kept_velocity[i] = impulse[i], impulse[i], velocity[i]
+        put(held, impulse)
+        put(kept, impulse)
+        put(kept_velocity, velocity)
         newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance, slopes)
         found, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
         if found <= tolerance:
             worst = found
             break
         if not found < worst:
-            _restore(kept, kept_velocity, impulse, velocity)
+            put(impulse, kept)
+            put(velocity, kept_velocity)
         for turn in range(2 * n):
             # There and back, so that a stack learns of its weight both ways.
             c = turn if turn < n else 2 * n - 1 - turn
@@ -244,12 +244,6 @@ def solve_points(
         worst, _ = mismatch(scales, impulse, 0.0, impulse, velocity, off)
     ended = ContactReport(report)
     ended.sweeps, ended.residual = sweeps, worst
-
-
-@inner
-def _restore(kept: Array, kept_velocity: Array, impulse: Array, velocity: Array) -> None:
-    for i in range(impulse.size):
-        impulse[i], velocity[i] = kept[i], kept_velocity[i]
 
 
 @inner
@@ -294,13 +288,11 @@ def _solve(
         impulse: (3 n,) first guess, N s; replaced by the solution.
         velocity: (3 n,) to fill, m/s.
     """
-    n, largest = depths.size, 0.0
+    n, fastest = depths.size, largest(apart)
     laws, owners, report = contacts.laws, contacts.owners, contacts.report
     scales, ways = shaped(local(n * SCALE_VALUES), (n, SCALE_VALUES)), local(n)
-    for i in range(3 * n):
-        largest = max(largest, abs(apart[i]))
-        velocity[i] = apart[i]
-    tolerance = (EXACT if reached else SHARE) * largest + FLOOR
+    put(velocity, apart)
+    tolerance = (EXACT if reached else SHARE) * fastest + FLOOR
     moving = False
     for turn in range(MOST_TURNS if reached else 1):
         away, longest = 0.0, 0.0
@@ -318,7 +310,7 @@ def _solve(
             break
         put_velocity(apart, coupling, impulse, velocity)
         solve_points(scales, apart, coupling, impulse, velocity, tolerance, report.values, slopes)
-    if (reached and moving) or report.residual > UNSOLVED_SHARE * largest + FLOOR:
+    if (reached and moving) or report.residual > UNSOLVED_SHARE * fastest + FLOOR:
         report.failed = 1.0
 
 
@@ -398,8 +390,7 @@ def contact_forces(
         report.energy_before += 0.5 * laws[owners[c], STIFFNESS] * before * before
         depths[c] = _depth(contacts, c, now[3 * c], step, True)
     put(trial, impulse)
-    for i in range(3 * n):
-        stiff[i] += apart[i]
+    add_scaled(stiff, 1.0, apart)
     fastest = find_impacts(contacts, stiff, now, depths, coupling, trial, tried, step, impacts)
     parts = parts_of(fastest)
     if parts > 1 and contacts.settings.is_part == 0.0:
@@ -416,12 +407,10 @@ def contact_forces(
         way = -0.5 * step * (now[k] + velocity[k]) if impacts[c] != 0 else -step * velocity[k]
         left = max(depths[c] + way, 0.0)
         report.energy += 0.5 * stiffness * left * left
-        for i in range(3):
-            forces[c, i] = 0.0
+        forces[c][:] = 0.0
         for d in range(3):
-            k = 3 * c + d
             for i in range(3):
-                forces[c, i] += frames[c, d, i] * impulse[k] / step
+                forces[c, i] += frames[c, d, i] * impulse[3 * c + d] / step
     return 1
 
 
@@ -439,8 +428,7 @@ def _fill_rows(
     """Fill a point's three rows of J, and its rates at the step's end without contacts."""
     parting, moves, axes = local(3), contacts.moves, contacts.axes
     point, pair = contacts.points[c], contacts.pairs[contacts.owners[c]]
-    for i in range(3):
-        parting[i] = 0.0
+    parting[:] = 0.0
     for side in range(2):
         joint = pair[JOINT_A + side]
         if joint > 0:

@@ -24,11 +24,11 @@ from hapticmech_ros.contact.touch_kernels import (
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
-from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, StepAccount, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     INACCURATE,
-    NEEDS_CARE,
     RATES_NOT_FINITE,
+    SINGULAR_STEP,
     begin_next,
     starts_near,
     step_once,
@@ -37,26 +37,18 @@ from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.mechanism.kernels.step_kernels import find_rates, start_step
 from hapticmech_ros.mechanism.kernels.tree_kernels import place_tree
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import cross, dot
-
-
-@inner
-def _copy(count: int, source: Array, target: Array) -> None:
-    for k in range(count):
-        for i in range(source.shape[1]):
-            target[k, i] = source[k, i]
+from hapticmech_ros.numerics.small_matrices import add_scaled, cross, dot, largest, put3, subtract3
 
 
 @inner
 def keep(contacts: Contacts) -> None:
     """Keep points and forces as they are."""
-    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
+    n = contacts.counts.points
     put(contacts.kept_counts.values, contacts.counts.values)
-    for k in range(count):
-        kept[k] = owners[k]
-    _copy(count, contacts.points, contacts.kept_points)
-    _copy(count, contacts.forces, contacts.kept_forces)
-    _copy(count, contacts.origins, contacts.kept_origins)
+    put(contacts.kept_owners[:n], contacts.owners[:n])
+    put(contacts.kept_points[:n], contacts.points[:n])
+    put(contacts.kept_forces[:n], contacts.forces[:n])
+    put(contacts.kept_origins[:n], contacts.origins[:n])
     put(contacts.kept_joint_force, contacts.joint_force)
     put(contacts.kept_report.values, contacts.report.values)
 
@@ -64,15 +56,13 @@ def keep(contacts: Contacts) -> None:
 @inner
 def restore(contacts: Contacts) -> None:
     """Put points and forces back as they were kept."""
-    found = contacts.counts.points_found
+    found, n = contacts.counts.points_found, contacts.kept_counts.points
     put(contacts.counts.values, contacts.kept_counts.values)
     contacts.counts.points_found = found
-    count, owners, kept = contacts.counts.points, contacts.owners, contacts.kept_owners
-    for k in range(count):
-        owners[k] = kept[k]
-    _copy(count, contacts.kept_points, contacts.points)
-    _copy(count, contacts.kept_forces, contacts.forces)
-    _copy(count, contacts.kept_origins, contacts.origins)
+    put(contacts.owners[:n], contacts.kept_owners[:n])
+    put(contacts.points[:n], contacts.kept_points[:n])
+    put(contacts.forces[:n], contacts.kept_forces[:n])
+    put(contacts.origins[:n], contacts.kept_origins[:n])
     put(contacts.joint_force, contacts.kept_joint_force)
     put(contacts.report.values, contacts.kept_report.values)
 
@@ -89,13 +79,11 @@ def contact_effects(contacts: Contacts, places: Array, count: int) -> None:
     moment, force, axes, moves = local(3), contacts.step_force, contacts.axes, contacts.moves
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     pairs, poses, origins = contacts.pairs, contacts.poses, contacts.origins
-    for j in range(force.size):
-        force[j] = 0.0
+    force[:] = 0.0
     for c in range(count):
         pair = pairs[owners[c]]
         cross(points[c], forces[c], moment)
-        for i in range(3):
-            origins[c, i] = poses[pair[SHAPE_A], 9 + i]
+        put3(origins[c], poses[pair[SHAPE_A], 9:])
         for j in range(force.size):
             side = moves[pair[JOINT_A], j] - moves[pair[JOINT_B], j]
             if side != 0.0:
@@ -112,19 +100,16 @@ def _push_links(contacts: Contacts, places: Array, count: int) -> None:
     points, forces, owners = contacts.points, contacts.forces, contacts.owners
     for link in range(carriers.size):
         push, origin = contacts.external[link], link_origins[link]
-        push[0] = carriers[link]
-        for i in range(3):
-            push[1 + i], push[4 + i], push[7 + i] = origin[i], 0.0, 0.0
+        push[0], push[4:] = carriers[link], 0.0
+        put3(push[1:], origin)
         put_point(places[carriers[link]], origin[0], origin[1], origin[2], place)
         for c in range(count):
             sign = acts[link, owners[c]]
             if sign != 0.0:
-                for i in range(3):
-                    arm[i] = points[c, i] - place[i]
+                subtract3(points[c], place, arm)
                 cross(arm, forces[c], moment)
-                for i in range(3):
-                    push[4 + i] += sign * forces[c, i]
-                    push[7 + i] += sign * moment[i]
+                add_scaled(push[4:7], sign, forces[c])
+                add_scaled(push[7:], sign, moment)
 
 
 # Points are looked for this many steps ahead: forces begin half a step before surfaces meet.
@@ -149,18 +134,17 @@ def _untouched(
     stage_space: Data,
     parts: Work,
     contacts: Contacts,
-    spring_work: Array,
     plan: RunPlan,
     external: Array,
 ) -> int:
     """Do a period as if there were no contacts; return NEAR where it cannot be done so.
 
-    NEAR is where shapes may come near in it, or a step needs care: all is as it was then. Terms at
+    NEAR is where shapes may come near in it, or a step is singular: all is as it was then. Terms at
     the end, or of a failure, are in ``end``.
     """
     q0, v0, account, begun = parts.q0, parts.v0, parts.account, contacts.begun
     substeps, stages, implicit = plan.steps, plan.stages, plan.implicit != 0
-    first = unpack(start, model)
+    first = Data(model.numbers, start)
     if plan.terms_known == 0:
         code = factor(model, q0, first)
         if code < 0:
@@ -173,15 +157,13 @@ def _untouched(
     put(begun[q0.size :], v0)
     before = StepAccount()
     put(before.values, account.values)
-    one, other, code, odd = first, unpack(end, model), SETTLED, False
+    one, other, code, odd = first, Data(model.numbers, end), SETTLED, False
     for step in range(substeps):
         odd = step % 2 == 1
         if step > 0:
             begin_next(parts)
             one, other = other, one
-        code = step_once(
-            model, one, True, stage_space, other, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, one, True, stage_space, other, parts, external, stages, implicit)
         if code != SETTLED:
             break
     # What pushes may have made it fast enough to come near after all.
@@ -190,7 +172,7 @@ def _untouched(
         if odd:
             put(end, start)
         return SETTLED
-    if code not in (SETTLED, NEEDS_CARE, INACCURATE, NOT_DECIDED):
+    if code not in (SETTLED, SINGULAR_STEP, INACCURATE, NOT_DECIDED):
         if odd:
             put(end, start)
         return code
@@ -212,7 +194,6 @@ def _find_free(
     last: Data,
     parts: Work,
     contacts: Contacts,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -221,13 +202,11 @@ def _find_free(
 
     They follow from the accelerations at its start; by an implicit rule, or where joints turn by
     more than ``TURNS``, from a step without contacts. ``stiff`` is by how much rates differ then
-    from those that accelerations would give. Returns SETTLED, or how that failed, NEEDS_CARE and
+    from those that accelerations would give. Returns SETTLED, or how that failed, SINGULAR_STEP and
     NOT_DECIDED included.
     """
     free, result, v0, step = contacts.free, model.result, parts.v0, parts.settings.step
-    change, stiff, fastest = contacts.change, contacts.stiff, 0.0
-    for c in range(v0.size):
-        fastest = max(fastest, abs(v0[c]))
+    change, stiff = contacts.change, contacts.stiff
     start_step(parts)
     if not np.isfinite(dot(parts.v, parts.v)):
         return RATES_NOT_FINITE
@@ -235,17 +214,15 @@ def _find_free(
     for c in range(free.size):
         free[c], stiff[c] = v0[c] + step * result[c], 0.0
         change[c] = 0.5 * step * (v0[c] + free[c])
-    if implicit or step * fastest > TURNS:
+    if implicit or step * largest(v0) > TURNS:
         account, settings, v = parts.account, parts.settings, parts.v
         before, tolerance = StepAccount(), settings.energy_tolerance
         put(before.values, account.values)
         settings.energy_tolerance = 0.0
-        code = step_once(
-            model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, first, True, stage_space, last, parts, external, stages, implicit)
         settings.energy_tolerance = tolerance
         put(account.values, before.values)
-        if code in (NEEDS_CARE, NOT_DECIDED):
+        if code in (SINGULAR_STEP, NOT_DECIDED):
             return code
         if code == SETTLED:
             put(contacts.q, parts.q)
@@ -268,15 +245,11 @@ def _approach(first: Data, step: float, contacts: Contacts) -> int:
 @inner
 def _remember(contacts: Contacts) -> None:
     """Keep points and forces of the substep before."""
-    count, counts = contacts.counts.points, contacts.counts
-    points, before = contacts.points, contacts.points_before
-    forces, forces_before = contacts.forces, contacts.forces_before
-    owners, owners_before = contacts.owners, contacts.owners_before
-    for k in range(count):
-        owners_before[k] = owners[k]
-        for i in range(3):
-            before[k, i], forces_before[k, i] = points[k, i], forces[k, i]
-    counts.points_before = count
+    n = contacts.counts.points
+    put(contacts.owners_before[:n], contacts.owners[:n])
+    put(contacts.points_before[:n], contacts.points[:n])
+    put(contacts.forces_before[:n], contacts.forces[:n])
+    contacts.counts.points_before = n
 
 
 @inner
@@ -311,7 +284,6 @@ def _substep(
     parts: Work,
     contact_numbers: Array,
     contact_values: Array,
-    spring_work: Array,
     stages: int,
     implicit: bool,
     searched: bool,
@@ -331,7 +303,7 @@ def _substep(
         if not is_known:
             _remember(contacts)
             if starts_near(first, parts):
-                return NEEDS_CARE
+                return SINGULAR_STEP
             code = _find_free(
                 model,
                 first,
@@ -339,7 +311,6 @@ def _substep(
                 last,
                 parts,
                 contacts,
-                spring_work,
                 external,
                 stages,
                 implicit,
@@ -370,24 +341,17 @@ def _substep(
     if is_known:
         return FORCES
     parts.settings.contact_wrenches = links if count > 0 else 0
-    code = step_once(
-        model, first, True, stage_space, last, parts, spring_work, external, stages, implicit
-    )
+    code = step_once(model, first, True, stage_space, last, parts, external, stages, implicit)
     parts.settings.contact_wrenches = 0.0
     if code == SETTLED and count > 0:
-        share, felt, force = (
-            step / contacts.settings.period,
-            contacts.joint_force,
-            contacts.step_force,
-        )
-        for c in range(felt.size):
-            felt[c] += share * force[c]
+        share = step / contacts.settings.period
+        add_scaled(contacts.joint_force, share, contacts.step_force)
         counts.unsolved += int(report.failed)
     return code
 
 
 @kernel(
-    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
+    "i8(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], i8[::1], f8[::1], i8[::1])",
     linked=True,
 )
 def advance_period(
@@ -397,7 +361,6 @@ def advance_period(
     end: Array,
     scratch: Array,
     work: Array,
-    spring_work: Array,
     contact_numbers: Array,
     contact_values: Array,
     plan: Array,
@@ -412,7 +375,6 @@ def advance_period(
         scratch: (size,) packed terms of stages.
         work: (work,) see ``model.Work``; ``q0`` and ``v0`` are the start, ``state`` the end,
             and the account adds up.
-        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         contact_numbers: (integers,) of the contacts, whole ones.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
         plan: (7,) a ``model.RunPlan`` that begins with ``WHOLE``, ``EACH`` or ``SEARCHED``.
@@ -421,15 +383,19 @@ def advance_period(
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
         pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
         is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
-        ``settings.known`` asks for these alone, or NEEDS_CARE, INACCURATE and NOT_DECIDED, of which
-        ``run_kernels.advance`` tells: ``q0`` and ``v0`` are its start then, and ``start`` has the
+        ``settings.known`` asks for these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
+        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the
         terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
         is FORCES or INACCURATE. Or how a substep failed. The account says how many substeps were
         done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    first, last, stage_space = (
+        Data(model.numbers, start),
+        Data(model.numbers, end),
+        Data(model.numbers, scratch),
+    )
     substeps, stages, known = run.steps, run.stages, run.terms_known != 0
     searched, implicit = run.begins_with == SEARCHED, run.implicit != 0
     external_count = run.external_wrenches
@@ -438,9 +404,7 @@ def advance_period(
         contacts.joint_force[:] = 0.0
         contacts.counts.parts, contacts.counts.unsolved = 1, 0
         external = contacts.external[links : links + external_count]
-        code = _untouched(
-            model, start, end, stage_space, parts, contacts, spring_work, run, external
-        )
+        code = _untouched(model, start, end, stage_space, parts, contacts, run, external)
         if code != NEAR:
             return code
         known = True
@@ -457,7 +421,6 @@ def advance_period(
             parts,
             contact_numbers,
             contact_values,
-            spring_work,
             stages,
             implicit,
             searched,
@@ -466,7 +429,7 @@ def advance_period(
         if code != SETTLED:
             # Terms at this substep's start are where they are looked for, or those of the failure.
             if step % 2 == 1:
-                if code >= NEEDS_CARE:
+                if code >= SINGULAR_STEP:
                     put(start, end)
                 else:
                     put(end, start)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
 
-That is the search for nearest points of two bounded shapes, steps that need care, and those that
+That is the search for nearest points of two bounded shapes, singular steps, and those that
 have to be divided to resolve an impact.
 """
 
@@ -31,11 +31,11 @@ from hapticmech_ros.contact.step_kernels import (
     WHOLE,
     advance_period,
 )
-from hapticmech_ros.mechanism.careful import branch_projection
+from hapticmech_ros.mechanism.branches import BranchMotion
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan
-from hapticmech_ros.mechanism.kernels.run_kernels import NEEDS_CARE
+from hapticmech_ros.mechanism.kernels.run_kernels import SINGULAR_STEP
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
@@ -44,9 +44,7 @@ from hapticmech_ros.mechanism.motion import (
     Took,
     check_external,
     end_of,
-    plan_of,
 )
-from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.stepping import Stepper
 
 if TYPE_CHECKING:
@@ -72,15 +70,12 @@ class ContactStepper:
     """Steps a mechanism by one period, with contacts."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        scene = mechanism.scene
-        plan = plan_of(scene.simulation)
         self._mechanism = mechanism
-        self._substeps = plan.substeps
-        self._stepper = Stepper(mechanism, plan)
+        self._substeps = mechanism.scene.simulation.substeps
+        self._stepper = Stepper(mechanism)
         self.memory = ContactMemory(mechanism)
-        scheme = SCHEMES[plan.integrator]
         self._plan = RunPlan()
-        self._plan.stages, self._plan.implicit = len(scheme.weights), scheme.implicit
+        self._plan.stages, self._plan.implicit = self._stepper.stages, self._stepper.implicit
         self._nearest = self._searches(self.memory.polytopes)
 
     def advance(
@@ -114,7 +109,7 @@ class ContactStepper:
                 took = self._call(active_set.dense, now, external, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
-                # Of the dense factorisation nothing is undecided: the step needs care.
+                # Of the dense factorisation nothing is undecided: the step is singular.
                 stepped, steps = self._alone(took.code, now, external), 1
             ended = stepped if ended is None else stepped.after(ended)
             now, left = end_of(stepped, now), left - steps
@@ -154,14 +149,14 @@ class ContactStepper:
         count: int,
         phase: int,
     ) -> Took:
-        """Do substeps by the kernel until one needs care, or cannot be done sparse."""
+        """Do substeps by the kernel until one is singular, or cannot be done sparse."""
         stepper, plan = self._stepper, self._plan
         known = stepper.load(start, active_set, external)
         plan.steps, plan.terms_known, plan.begins_with = count, known is not None, phase
         first, end = active_set.first_terms(known, count), np.empty(active_set.size)
-        constants, work = active_set.constants, (active_set.scratch, stepper.work, stepper.springs)
+        given = *active_set.constants, first, end, active_set.scratch, stepper.work
         while True:
-            code = advance_period(*constants, first, end, *work, *self.memory.arrays, plan.values)
+            code = advance_period(*given, *self.memory.arrays, plan.values)
             if code == SEARCH:
                 self._search()
             elif code == MORE_WORKSPACE:
@@ -183,7 +178,7 @@ class ContactStepper:
         """Do the substep that the kernel stopped before."""
         if code == IMPACT:
             return self._divided(start, external)
-        if code == NEEDS_CARE:
+        if code == SINGULAR_STEP:
             return self._on_branch(start, external)
         if not self.memory.contacts.counts.points:
             return self._stepper.alone(code, start, external)
@@ -196,8 +191,9 @@ class ContactStepper:
         the kernel, which finds these.
         """
         stepper, contacts = self._stepper, self.memory.contacts
-        free = stepper.alone(NEEDS_CARE, start, external)
-        branch = branch_projection(self._mechanism, start, external, stepper.step)
+        free = stepper.alone(SINGULAR_STEP, start, external)
+        motion = BranchMotion(self._mechanism, start, external, stepper.step)
+        branch = motion.projection(start.q)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
         # Whatever the scene's rule, positions move by the mean of both rates here.
         ahead = float(contacts.settings.ahead)
@@ -215,7 +211,7 @@ class ContactStepper:
             return self._divided(start, external)
         if not self.memory.contacts.counts.points:
             return free
-        return self._pushed(NEEDS_CARE, start, external)
+        return self._pushed(SINGULAR_STEP, start, external)
 
     def _pushed(self, code: int, start: Start, external: ExternalWrenches) -> Stepped:
         """Do a substep with the forces of contacts held that the kernel found."""

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel, local, local_whole, shaped
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
 from hapticmech_ros.contact.layout import (
     CYLINDER,
     FIRST_FACE,
@@ -47,7 +47,7 @@ from hapticmech_ros.contact.layout import (
 )
 from hapticmech_ros.mechanism.kernels.model import Data
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import dot
+from hapticmech_ros.numerics.small_matrices import add_scaled, dot, negate3, put3, subtract3
 
 # Corners that a polygon may have, and those that stand for a disk: as the face of a cylinder that
 # others lie on, or as what lies on another's face. Four already resist tilting alike all around.
@@ -57,9 +57,14 @@ _ON_END = 0.7071067811865476
 
 
 @inner
-def along_axis(pose: Array, axis: int, x: float, y: float, z: float) -> float:
-    """Return the part of a vector along an axis of a pose."""
-    return float(pose[3 * axis] * x + pose[3 * axis + 1] * y + pose[3 * axis + 2] * z)
+def in_frame(pose: Array, vector: Array) -> tuple[float, float, float]:
+    """Return the parts of a vector (3,) along the axes of a pose."""
+    a, b, c = vector[0], vector[1], vector[2]
+    return (
+        float(pose[0] * a + pose[1] * b + pose[2] * c),
+        float(pose[3] * a + pose[4] * b + pose[5] * c),
+        float(pose[6] * a + pose[7] * b + pose[8] * c),
+    )
 
 
 @inner
@@ -89,9 +94,7 @@ def support(contacts: Contacts, shape: int, direction: Array) -> tuple[float, in
         contacts.shape_values[shape],
         contacts.poses[shape],
     )
-    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
-    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
-    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    x, y, z = in_frame(pose, direction)
     middle = pose[9] * direction[0] + pose[10] * direction[1] + pose[11] * direction[2]
     kind = numbers[KIND]
     if kind == POLYTOPE:
@@ -115,15 +118,13 @@ def face_normal(contacts: Contacts, shape: int, direction: Array, out: Array) ->
         Whether the shape has such a face, less than 45° away.
     """
     numbers, pose, normals = contacts.shapes[shape], contacts.poses[shape], contacts.normals
-    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    x, y, z = in_frame(pose, direction)
     if numbers[KIND] == CYLINDER:
         for i in range(3):
             out[i] = pose[6 + i] if z > 0.0 else -pose[6 + i]
         return abs(z) > _ON_END
     if numbers[KIND] != POLYTOPE:
         return False
-    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
-    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
     most, found = -1.0, 0
     for face in range(numbers[FIRST_FACE], numbers[LAST_FACE]):
         cosine = normals[face, 0] * x + normals[face, 1] * y + normals[face, 2] * z
@@ -143,9 +144,7 @@ def _cylinder_feature(
     radius: float, half: float, pose: Array, direction: Array, disk_corners: int, out: Array
 ) -> int:
     """Put a cylinder's end as a polygon, or a line along its side, into ``out``."""
-    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
-    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
-    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    x, y, z = in_frame(pose, direction)
     across = np.sqrt(x * x + y * y)
     cosine, sine = (x / across, y / across) if across > 0.0 else (1.0, 0.0)
     if abs(z) <= _ON_END:
@@ -167,9 +166,7 @@ def _polytope_face(contacts: Contacts, shape: int, direction: Array, out: Array)
     numbers, pose, vertices = contacts.shapes[shape], contacts.poses[shape], contacts.vertices
     faces, corners, normals = contacts.faces, contacts.corners, contacts.normals
     _, vertex = support(contacts, shape, direction)
-    x = along_axis(pose, 0, direction[0], direction[1], direction[2])
-    y = along_axis(pose, 1, direction[0], direction[1], direction[2])
-    z = along_axis(pose, 2, direction[0], direction[1], direction[2])
+    x, y, z = in_frame(pose, direction)
     most, found = -2.0, numbers[FIRST_FACE]
     for face in range(numbers[FIRST_FACE], numbers[LAST_FACE]):
         cosine = normals[face, 0] * x + normals[face, 1] * y + normals[face, 2] * z
@@ -202,19 +199,16 @@ def feature(contacts: Contacts, shape: int, direction: Array, disk_corners: int,
     count = 1 if kind == SPHERE else 2
     for end in range(count):
         put_point(pose, 0.0, 0.0, half if end == 0 else -half, out[end])
-        for i in range(3):
-            out[end, i] += radius * direction[i]
+        add_scaled(out[end], radius, direction)
     return count
 
 
 @inner
 def place_shapes(contacts: Contacts, data: Data) -> None:
     """Fill ``axes`` and ``poses`` at the configuration that ``data`` was filled at."""
-    axes, seen, values = contacts.axes, data.joint_jacobian, contacts.shape_values
-    shapes, poses, places = contacts.shapes, contacts.poses, data.places
-    for rate in range(axes.shape[0]):
-        for i in range(6):
-            axes[rate, i] = seen[rate, i]
+    values, shapes = contacts.shape_values, contacts.shapes
+    poses, places = contacts.poses, data.places
+    put(contacts.axes, data.joint_jacobian)
     for shape in range(shapes.shape[0]):
         compose(places[shapes[shape, JOINT]], values[shape, :12], poses[shape])
 
@@ -242,8 +236,7 @@ def _bound(
     twist[:] = 0.0
     for rate in range(rates.size):
         if moves[rate] != 0.0:
-            for i in range(6):
-                twist[i] += axes[rate, i] * rates[rate]
+            add_scaled(twist, rates[rate], axes[rate])
     x, y, z = box[3], box[4], box[5]
     across = (
         twist[0] + twist[4] * z - twist[5] * y,
@@ -330,13 +323,9 @@ def below_plane(
     contacts: Contacts, plane: int, other: int, margin: float, above: Array, depths: Array
 ) -> int:
     """Put the points of a shape that are in a half-space, or nearly, into ``above``."""
-    down, shapes, poses = local(3), contacts.shapes, contacts.poses
-    for i in range(3):
-        down[i] = -poses[plane, 6 + i]
-    level = 0.0
-    for i in range(3):
-        level += down[i] * poses[plane, 9 + i]
-    count = 0
+    down, shapes, poses, count = local(3), contacts.shapes, contacts.poses, 0
+    negate3(poses[plane, 6:], down)
+    level = dot(down, poses[plane, 9:])
     if shapes[other, KIND] == POLYTOPE:
         vertices = contacts.vertices
         for k in range(shapes[other, FIRST_VERTEX], shapes[other, LAST_VERTEX]):
@@ -348,8 +337,7 @@ def below_plane(
     polygon = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
     many = feature(contacts, other, down, LYING_DISK_CORNERS, polygon)
     for k in range(many):
-        for i in range(3):
-            above[count, i] = polygon[k, i]
+        put3(above[count], polygon[k])
         count = kept_if_below(above, depths, count, down, level, margin)
     return count
 
@@ -369,8 +357,7 @@ def _clip(lying: Array, count: int, start: Array, end: Array, normal: Array, out
     for k in range(count):
         here = _beyond(lying[k], start, x, y, z)
         if here <= 0.0:
-            for i in range(3):
-                out[kept, i] = lying[k, i]
+            put3(out[kept], lying[k])
             kept += 1
         # An edge has no way back from its end.
         if count == 1 or (count == 2 and k == 1):
@@ -400,22 +387,16 @@ def on_face(
     lying = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
     clipped = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
     down = local(3)
-    for i in range(3):
-        down[i] = -normal[i]
+    negate3(normal, down)
     sides = feature(contacts, base, normal, DISK_CORNERS, face)
     count = feature(contacts, other, down, LYING_DISK_CORNERS, lying)
     for k in range(sides):
         count = _clip(lying, count, face[k], face[(k + 1) % sides], normal, clipped)
         for j in range(count):
-            for i in range(3):
-                lying[j, i] = clipped[j, i]
-    level = 0.0
-    for i in range(3):
-        level += down[i] * face[0, i]
-    kept = 0
+            put3(lying[j], clipped[j])
+    level, kept = dot(down, face[0]), 0
     for k in range(count):
-        for i in range(3):
-            above[kept, i] = lying[k, i]
+        put3(above[kept], lying[k])
         kept = kept_if_below(above, depths, kept, down, level, margin)
     return kept
 
@@ -440,14 +421,13 @@ def along_edges(
     if contacts.shapes[a, KIND] == POLYTOPE or contacts.shapes[b, KIND] == POLYTOPE:
         return 0
     back, along, across = local(3), local(3), local(3)
-    for i in range(3):
-        back[i] = -normal[i]
+    negate3(normal, back)
     many_a = feature(contacts, a, back, 4, edge_a)
     many_b = feature(contacts, b, normal, 4, edge_b)
     if many_a != 2 or many_b != 2:
         return 0
-    for i in range(3):
-        along[i], across[i] = edge_a[1, i] - edge_a[0, i], edge_b[1, i] - edge_b[0, i]
+    subtract3(edge_a[1], edge_a[0], along)
+    subtract3(edge_b[1], edge_b[0], across)
     square = _length_along(edge_a[0], edge_a[1], along)
     other = _length_along(edge_b[0], edge_b[1], across)
     product = _length_along(edge_b[0], edge_b[1], along)
@@ -563,8 +543,7 @@ def _chosen(
         lift = level
         for i in range(3):
             lift -= normal[i] * points[k, i]
-        for i in range(3):
-            points[k, i] += lift * normal[i]
+        add_scaled(points[k, :3], lift, normal)
     return int(kept)
 
 
@@ -585,16 +564,14 @@ def _face_between(contacts: Contacts, a: int, b: int, found: Array, normal: Arra
             direction[i] = sign * found[i]
         if face_normal(contacts, base, direction, trial):
             cosine = dot(direction, trial)
-            for i in range(3):
-                down[i] = -trial[i]
+            negate3(trial, down)
             own, _ = support(contacts, base, trial)
             facing, _ = support(contacts, other, down)
             apart = -own - facing
             close = cosine > 1.0 - 0.5 * _FACING * _FACING or apart >= least
             if close and apart > best:
                 best, side = apart + _FIRST * size, -int(sign)
-                for i in range(3):
-                    normal[i] = trial[i]
+                put3(normal, trial)
     return side
 
 
@@ -614,8 +591,7 @@ def _touching(
     lies_on_b = shapes[b, KIND] == HALF_SPACE
     if lies_on_b or shapes[a, KIND] == HALF_SPACE:
         plane, other = (b, a) if lies_on_b else (a, b)
-        for i in range(3):
-            normal[i] = contacts.poses[plane, 6 + i]
+        put3(normal, contacts.poses[plane, 6:])
         count = below_plane(contacts, plane, other, margin, above, depths)
         return _chosen(above, depths, count, normal, lies_on_b, points)
     side = _face_between(contacts, a, b, found, normal)
@@ -626,14 +602,11 @@ def _touching(
             return _chosen(above, depths, count, normal, side > 0, points)
     if found[3] > margin:
         return 0
-    for i in range(3):
-        normal[i] = -found[i]
+    negate3(found, normal)
     count = along_edges(contacts, a, b, normal, above, depths)
     if count == 0:
-        for i in range(3):
-            above[0, i] = found[4 + i]
-        depths[0] = -found[3]
-        count = 1
+        put3(above[0], found[4:])
+        depths[0], count = -found[3], 1
     return _chosen(above, depths, count, normal, True, points)
 
 

@@ -62,7 +62,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
-from hapticmech_ros.numerics.small_matrices import dot, solve_in_place
+from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, largest, solve_in_place
 
 # Samples that a memory has at most.
 MOST = 3
@@ -99,15 +99,6 @@ def change_of_mean(memory: HandMemory, start: float, period: float, change: Mean
         if memory.known > 2.0:
             turn = slope - (second.wrench[i] - third.wrench[i]) / before
             change.bend[i] = (square + first * middle) * (turn / (first + before))
-
-
-@inner
-def largest(vector: Array) -> float:
-    """Return the largest size of six numbers."""
-    most = 0.0
-    for i in range(6):
-        most = max(most, abs(vector[i]))
-    return most
 
 
 @inner
@@ -384,16 +375,13 @@ def give_answer(
     answer: Answer,
 ) -> None:
     """Answer a sample; see :func:`answer_sample`."""
-    seen, out, carries = model, answer.wrenches, False
+    seen, out = model, answer.wrenches
     if locality.force_channel != 0.0:
         seen = OperationalModelSample(local(MODEL_SIZE))
         ahead += predict(account, settings, queue, device, model, time, seen)
     answer_measurements(settings, device, seen, time, ahead, out)
-    for i in range(6):
-        carries = carries or faded[i] != 0.0
-    if carries:
-        for i in range(6):
-            out.on_hand[i] += faded[i]
+    if not is_zero(faded):
+        add_scaled(out.on_hand, 1.0, faded)
         limit_wrench(out.on_hand, settings.force_limit, settings.torque_limit)
 
 
@@ -456,7 +444,7 @@ def move_point_on(account: Array, operational_model: Array, elapsed: float) -> N
 
 @kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1],"
-    " float64, float64, float64[::1], float64[::1])"
+    " float64, float64, float64[::1], boolean, float64[::1])"
 )
 def answer_sample(
     account: Array,
@@ -468,6 +456,7 @@ def answer_sample(
     time: float,
     ahead: float,
     locality: Array,
+    answered: bool,
     answer: Array,
 ) -> None:
     """Answer a sample of the device, and account for it.
@@ -482,44 +471,16 @@ def answer_sample(
         time: s.
         ahead: s, from the time of ``operational_model`` to that of ``device``.
         locality: (3,) what the device closes, a ``Locality``.
+        answered: whether the answer's wrenches are there already, from a law in Python.
         answer: (numbers,) an ``Answer`` to fill.
     """
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     sample, model = DeviceSample(device), OperationalModelSample(operational_model)
     closed = Locality(locality)
     account_for_hand(side, sample)
-    give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
+    if not answered:
+        give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
     conclude(side, gains, sample, model, time, closed, given)
-
-
-@kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
-    " float64[::1])"
-)
-def account_for_answer(
-    account: Array,
-    settings: Array,
-    device: Array,
-    operational_model: Array,
-    time: float,
-    locality: Array,
-    answer: Array,
-) -> None:
-    """Account for an answer to a sample that was computed elsewhere; as :func:`answer_sample`.
-
-    Args:
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
-        settings: (59,) of the controllers, a ``ControllerSettings``.
-        device: (19,) sample of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-        time: s.
-        locality: (3,) what the device closes, a ``Locality``.
-        answer: (numbers,) an ``Answer``, filled.
-    """
-    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
-    sample, model = DeviceSample(device), OperationalModelSample(operational_model)
-    account_for_hand(side, sample)
-    conclude(side, gains, sample, model, time, Locality(locality), given)
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64[::1])")

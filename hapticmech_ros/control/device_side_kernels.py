@@ -33,6 +33,7 @@ from hapticmech_ros.control.loop_layout import (
 from hapticmech_ros.device.safety_kernels import Safety, stay_bounded, stay_within
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.small_matrices import add_scaled
 
 
 @inner
@@ -198,8 +199,7 @@ def hold_within(
     if not enough:
         best = 0.5 * slope / square if square > 0.0 else 0.0
         damping = min(max(best, 0.0), account.most_damping)
-    for i in range(6):
-        command[i] -= damping * momentum[i]
+    add_scaled(command, -damping, momentum)
     if not enough:
         share = share_within(account, command, twist, hand, available)
         for i in range(6):
@@ -318,16 +318,6 @@ def allow_command(
     account_for_actuators(side, now, applied)
     take_energy(side, given)
     allow(side, Safety(safety), command, now, added)
-
-
-@kernel("float64(float64[::1])")
-def available_energy(account: Array) -> float:
-    """Return what the actuators may give now, J.
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``.
-    """
-    return energy_available(DeviceAccount(account))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")

@@ -3,7 +3,7 @@
 """What goes into the controllers of Fig. 3 and what comes out, in one control period.
 
 As flat arrays they travel between nodes, and controllers read them. A device's sample is laid out
-as :data:`~hapticmech_ros.numerics.layout.DEVICE_SAMPLE` (19,), what the analysis and the mechanism
+as :class:`~hapticmech_ros.numerics.layout.DeviceSample` (19,), what the analysis and the mechanism
 report of a point as :data:`~hapticmech_ros.numerics.layout.OPERATIONAL_MODEL` (139,). Units and
 frames are those of the measurements.
 
@@ -21,7 +21,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import (
+    OPERATIONAL_MODEL,
+    DeviceSample,
+    OperationalModelSample,
+    Pose,
+)
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.operational.results import CompensatedResponse
 
@@ -103,15 +108,6 @@ def operational_model_of(
     )
 
 
-_PLACE = DEVICE_SAMPLE.slice("position", "quaternion")
-_TWIST, _FORCE = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
-_MATRICES = OPERATIONAL_MODEL.slice("inverse_inertia", "wrench_projector")
-_FREE = OPERATIONAL_MODEL.slice("free_acceleration")
-_POINT_PLACE = OPERATIONAL_MODEL.slice("position", "quaternion")
-_POINT_TWIST, _CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
-_NO_SPECTRUM = np.zeros(OPERATIONAL_MODEL["s"])
-
-
 def flat_device(measured: DeviceMeasurement) -> Array:
     """Return a device's measurement as a ``layout.DEVICE_SAMPLE`` (19,), SI, world axes."""
     place = pin.SE3ToXYZQUAT(measured.pose)
@@ -122,7 +118,7 @@ def flat_operational_model(model: OperationalModel, point: PointMeasurement) -> 
     """Return what the analysis and the mechanism report of a point as numbers (139,), without s."""
     return np.concatenate(
         (
-            _NO_SPECTRUM,
+            np.zeros(OPERATIONAL_MODEL["s"]),
             model.inverse_inertia.ravel(),
             model.constraint_projector.ravel(),
             model.wrench_projector.ravel(),
@@ -140,7 +136,8 @@ def device_of(device: Array) -> DeviceMeasurement:
     Args:
         device: (19,) pose, twist and F_h; m, m/s, rad/s, N and N m, world axes.
     """
-    return DeviceMeasurement(place_of(device[_PLACE]), device[_TWIST], device[_FORCE])
+    sample = DeviceSample(device)
+    return DeviceMeasurement(place_of(Pose(device).values), sample.twist, sample.hand_wrench)
 
 
 def model_of(operational_model: Array) -> OperationalModel:
@@ -149,8 +146,13 @@ def model_of(operational_model: Array) -> OperationalModel:
     Args:
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
     """
-    matrices = operational_model[_MATRICES].reshape(3, 6, 6)
-    return OperationalModel(matrices[0], matrices[1], matrices[2], operational_model[_FREE])
+    model = OperationalModelSample(operational_model)
+    x, projector, balance = (
+        model.inverse_inertia,
+        model.constraint_projector,
+        model.wrench_projector,
+    )
+    return OperationalModel(x, projector, balance, model.free_acceleration)
 
 
 def point_of(operational_model: Array) -> PointMeasurement:
@@ -159,8 +161,9 @@ def point_of(operational_model: Array) -> PointMeasurement:
     Args:
         operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
     """
-    place = place_of(operational_model[_POINT_PLACE])
-    return PointMeasurement(place, operational_model[_POINT_TWIST], operational_model[_CONTACT])
+    model = OperationalModelSample(operational_model)
+    place = place_of(np.concatenate((model.position, model.quaternion)))
+    return PointMeasurement(place, model.twist, model.contact)
 
 
 def place_of(numbers: Array) -> pin.SE3:

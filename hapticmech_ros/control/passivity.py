@@ -32,8 +32,8 @@ import numpy as np
 
 from hapticmech_ros.control.device_side_kernels import (
     allow_command,
-    available_energy,
     correct_command,
+    energy_available,
     enforce_passivity,
     record_sample,
     take_energy,
@@ -130,7 +130,7 @@ class PassivityController:
     @property
     def available(self) -> float:
         """J that the actuators may give now; infinite while E_m is not known."""
-        return available_energy(self.account.values)
+        return energy_available(self.account)
 
     def set_mechanism_energy(self, mechanism: float | None) -> None:
         """Take E_m, J; None while nobody tells it.

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
-    account_for_answer,
     answer_sample,
     command_mechanism,
     move_point_on,
@@ -140,26 +139,6 @@ class ControllerCommand(NamedTuple):
     def wrenches(self) -> Array:
         """(6, 6) rows, units and axes of :class:`~.measurements.ControlOutput`."""
         return self.numbers.wrenches.values.reshape(6, 6)
-
-    @property
-    def is_modelled(self) -> bool:
-        """Whether it says how its first wrench depends on the device."""
-        return self.numbers.modelled != 0.0
-
-    @property
-    def model(self) -> Array:
-        """(108,) G, K and B row by row, SI, world axes; zero unless :attr:`is_modelled`."""
-        return self.numbers.model.values
-
-    @property
-    def answered(self) -> Array:
-        """(19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``."""
-        return self.numbers.sample.values
-
-    @property
-    def to_mechanism(self) -> float:
-        """E_m when it was given, J."""
-        return self.numbers.to_mechanism
 
     @classmethod
     def nothing(cls, stamp_ns: int) -> ControllerCommand:
@@ -317,18 +296,16 @@ class RenderingController:
         locality: Locality,
     ) -> ControllerCommand:
         control, time, model = self.control, inputs.time, inputs.operational_model
-        answer, account, closed = Answer(), self.account.values, locality.values
-        queue, ahead = self._queue_of(inputs.ahead, locality)
+        answer, (queue, ahead) = Answer(), self._queue_of(inputs.ahead, locality)
         settings, flying = control.settings_at(time, clutch), None
         if control.answers_in_python:
             if locality.force_channel != 0.0:
                 flying = self.in_flight(queue, settings, device, model, time)
             found = control.answer(time, clutch, device, model, ahead, flying)
             answer.wrenches.values[:] = found.ravel()
-            account_for_answer(account, settings, device, model, time, closed, answer.values)
-        else:
-            known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
-            answer_sample(account, *known, closed, answer.values)
+        known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
+        answered = locality.values, control.answers_in_python, answer.values
+        answer_sample(self.account.values, *known, *answered)
         return ControllerCommand(answer, stamp_ns)
 
     def in_flight(

@@ -27,6 +27,7 @@ from hapticmech_ros.numerics.rotation_kernels import (
     multiply,
     multiply_transposed,
 )
+from hapticmech_ros.numerics.small_matrices import add_scaled
 
 # Half a nanosecond, s, absorbs the rounding of times that are sums of periods.
 START_TOLERANCE = 5e-10
@@ -135,9 +136,7 @@ def hand_wrench(
     elif hand.kind != NOBODY:
         _script(hand, table, moving, wrench)
     if hand.speed > 0.0:
-        sine = np.sin(hand.speed * max(moving, 0.0))
-        for i in range(6):
-            wrench[i] += sine * hand.trembling[i]
+        add_scaled(wrench, np.sin(hand.speed * max(moving, 0.0)), hand.trembling)
 
 
 @inner
@@ -148,10 +147,8 @@ def _follow(
     offset, rate, turn, goal = local(6), local(6), shaped(local(9), (3, 3)), Body(local(BODY_SIZE))
     _target(table, time, offset, rate)
     if hand.speed > 0.0:
-        sine, cosine = np.sin(hand.speed * time), np.cos(hand.speed * time)
-        for i in range(6):
-            offset[i] += sine * hand.sway[i]
-            rate[i] += hand.speed * cosine * hand.sway[i]
+        add_scaled(offset, np.sin(hand.speed * time), hand.sway)
+        add_scaled(rate, hand.speed * np.cos(hand.speed * time), hand.sway)
     exp3(offset[3:], turn)
     multiply(turn, held.rotation, goal.rotation)
     angular_rate(offset[3:], rate[3:], goal.twist[3:])

@@ -82,7 +82,7 @@ from hapticmech_ros.numerics.rotation_kernels import (
     quaternion_of,
 )
 from hapticmech_ros.numerics.saturation import limit
-from hapticmech_ros.numerics.small_matrices import dot
+from hapticmech_ros.numerics.small_matrices import add_scaled, dot, subtract3
 
 
 class Stop(Record):
@@ -290,8 +290,7 @@ def stop(end: Stop, away: Array, rate: Array, gain: float, left: float) -> None:
     damping = end.damping if pushed * speed >= 0.0 else 0.0
     after = pushed / (1.0 + gain * (damping + left * end.stiffness))
     if after < speed:
-        for i in range(3):
-            rate[i] += (after - speed) / distance * away[i]
+        add_scaled(rate, (after - speed) / distance, away)
 
 
 @inner
@@ -321,8 +320,7 @@ def _resist(device: DeviceModel, gain: Array, home: Place, body: Body) -> None:
     """Let end stops and friction act on a body's twist in the middle of a substep."""
     left, rate, spin, away = 0.5 * device.step, body.twist[:3], body.twist[3:], local(3)
     if device.stop.limit > 0.0:
-        for i in range(3):
-            away[i] = body.position[i] - home.position[i]
+        subtract3(body.position, home.position, away)
         stop(device.stop, away, rate, gain[0], left)
     if device.angular_stop.limit > 0.0:
         turn = shaped(local(9), (3, 3))
@@ -433,8 +431,7 @@ def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -
     moved, turn = local(6), shaped(local(9), (3, 3))
     multiply_transposed(out.seen, before.seen, turn)
     log3(turn, moved[3:])
-    for i in range(3):
-        moved[i] = out.position[i] - before.position[i]
+    subtract3(out.position, before.position, moved)
     for i in range(6):
         old = before.twist[i]
         out.twist[i] = old + device.filter_gain * (moved[i] / device.period - old)

@@ -27,6 +27,7 @@ from hapticmech_ros.compilation.records import Nested, Number, Record, Vector
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, rotation_of
+from hapticmech_ros.numerics.small_matrices import subtract3
 
 SHARE, LONGEST_LAG = 0.1, 0.015
 # Samples further apart, s, say nothing of each other.
@@ -121,9 +122,7 @@ def _from_lag(apart: Array, change: Array) -> float:
     for i in range(3):
         along -= apart[i] * change[i]
         square += change[i] * change[i]
-    lag = 0.0
-    if square > 0.0:
-        lag = min(max(along / square, 0.0), LONGEST_LAG)
+    lag = min(max(along / square, 0.0), LONGEST_LAG) if square > 0.0 else 0.0
     total = 0.0
     for i in range(3):
         total += (apart[i] + lag * change[i]) ** 2
@@ -165,18 +164,15 @@ def _follow(
 ) -> int:
     """Return what is wrong between a sample and the one before it."""
     twist, moved, pace = sample.twist, local(6), max(elapsed, motion.period)
-    for i in range(3):
-        moved[i] = sample.position[i] - last.position[i]
+    subtract3(sample.position, last.position, moved)
     now_axes, last_axes, turn = local(9), local(9), local(9)
     rotation_of(sample.quaternion, shaped(now_axes, (3, 3)))
     rotation_of(last.quaternion, shaped(last_axes, (3, 3)))
     multiply_transposed(shaped(now_axes, (3, 3)), shaped(last_axes, (3, 3)), shaped(turn, (3, 3)))
     log3(shaped(turn, (3, 3)), moved[3:])
     for part in range(2):
-        at = 3 * part
-        change = local(3)
-        for i in range(3):
-            change[i] = twist[at + i] - before[at + i]
+        at, change = 3 * part, local(3)
+        subtract3(twist[at:], before[at:], change)
         # Encoder steps make a twist of their own.
         most = motion.most_acceleration[part] + motion.slack[part] / (pace * pace)
         if _exceeds(motion, _length(change) / pace, most):
@@ -205,8 +201,7 @@ def follow_sample(motion: Motion, sample: DeviceSample, elapsed: float) -> int:
         code = _follow(motion, sample, last, before, elapsed)
     if code == SOUND:
         moved = local(3)
-        for i in range(3):
-            moved[i] = sample.position[i] - motion.first[i]
+        subtract3(sample.position, motion.first, moved)
         if _exceeds(motion, _length(moved), motion.reach):
             code = AWAY
     put(last.values, sample.values)

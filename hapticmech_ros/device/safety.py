@@ -90,8 +90,8 @@ class MotionCheck:
         self.numbers.started = 0.0
         self.fault = ""
 
-    def look(self, sample: Array, stamp_ns: int) -> None:
-        """Look at a sample; a fault ends once all samples of 0.1 s were sound.
+    def check(self, sample: Array, stamp_ns: int) -> None:
+        """Check a sample; a fault ends once all samples of 0.1 s were sound.
 
         Args:
             sample: (19,) of the device, see ``layout.DEVICE_SAMPLE``.

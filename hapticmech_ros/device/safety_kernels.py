@@ -11,6 +11,7 @@ import numpy as np
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.compilation.records import Number, Record, Vector
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import subtract3
 
 
 class Reason(str, Enum):
@@ -108,8 +109,7 @@ def exceeds(vector: Array, most: float) -> bool:
 def jumps(vector: Array, last: Array, most: float) -> bool:
     """Let a force or a torque (3,) change by no more than ``most``; return whether it did."""
     change = local(3)
-    for i in range(3):
-        change[i] = vector[i] - last[i]
+    subtract3(vector, last, change)
     size = length_of(change)
     if size <= most:
         return False

@@ -31,7 +31,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import (
     solve_motion,
 )
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import Data, tail_of, views_of
+from hapticmech_ros.mechanism.kernels.model import Data, tail_of
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
 
@@ -152,7 +152,7 @@ class Closing:
     @property
     def parts(self) -> Data:
         """Views of the array's parts."""
-        return views_of(self.packed, self.active_set.model)
+        return Data(self.active_set.model.numbers, self.packed)
 
     @property
     def space(self) -> ConstraintSpace:
@@ -183,11 +183,6 @@ class Closing:
     def least(self) -> float:
         """Smallest σ that is more than rounding over the largest; 1 without closures."""
         return tail_of(self.packed).least_sigma
-
-    @property
-    def resolved(self) -> int:
-        """Number of rows that differ by more than rounding; above r next to a singular position."""
-        return int(tail_of(self.packed).resolved_rank)
 
 
 class ConstraintSpace:

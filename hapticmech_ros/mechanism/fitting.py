@@ -186,7 +186,7 @@ class _Fitting:
     def fit(self, q: Array) -> Fit | None:
         """Return the loops fitted, from next to q (nq,) on."""
         first = self._closed(self._written, q)
-        if first is None or self._is_settled(first):
+        if first is None or self._is_met(first, first.rank, RESOLVED):
             return None
         along = self._along(first)
         rank = max(at.rank for at in along)
@@ -276,11 +276,6 @@ class _Fitting:
                 return at if at.opened <= FIT_TOLERANCE else None
             q = mechanism.integrate(q, step * min(1.0, _STEP_LIMIT / size))
         return None
-
-    def _is_settled(self, at: _At) -> bool:
-        """Return whether loops are closed, and no row nearly follows from others."""
-        nearly = at.sigma[(at.sigma < FIT_TOLERANCE * at.sigma[0])]
-        return at.opened <= _CLOSED and not (nearly > RESOLVED * at.sigma[0]).any()
 
     def _is_met(self, at: _At, rank: int, least: float) -> bool:
         """Return whether loops are closed, and all rows but ``rank`` follow to a relative σ."""

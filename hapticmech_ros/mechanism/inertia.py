@@ -10,7 +10,6 @@ them.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,31 +23,16 @@ from hapticmech_ros.scene import Scene
 
 def dtrsm(*arguments: Any, **options: Any) -> Any:
     """Return the solution of a triangular system for a matrix; see ``scipy.linalg.blas.dtrsm``."""
-    return _blas().dtrsm(*arguments, **options)
+    from scipy.linalg.blas import dtrsm as solve
+
+    return solve(*arguments, **options)
 
 
 def dtrsv(*arguments: Any, **options: Any) -> Any:
     """Return the solution of a triangular system for a vector; see ``scipy.linalg.blas.dtrsv``."""
-    return _blas().dtrsv(*arguments, **options)
+    from scipy.linalg.blas import dtrsv as solve
 
-
-def dpotrf(*arguments: Any, **options: Any) -> Any:
-    """Return the factor of a positive definite matrix; see ``scipy.linalg.lapack.dpotrf``."""
-    return _lapack().dpotrf(*arguments, **options)
-
-
-@cache
-def _blas() -> Any:
-    from scipy.linalg import blas
-
-    return blas
-
-
-@cache
-def _lapack() -> Any:
-    from scipy.linalg import lapack
-
-    return lapack
+    return solve(*arguments, **options)
 
 
 # A joint's inertia below this fraction of what its mass has at the mechanism's length is rounding.
@@ -79,19 +63,16 @@ def cholesky_of_upper(inertia_upper: Array) -> Array:
     Raises:
         SingularInertiaError: D is not positive definite.
     """
+    from scipy.linalg.lapack import dpotrf
+
     upper, info = dpotrf(inertia_upper, lower=0, clean=1)
     if info != 0:
-        raise singular_inertia(info - 1)
+        raise SingularInertiaError(
+            f"joint-space inertia is not positive definite at degree of freedom {info - 1}: "
+            "every joint must move some mass",
+            info - 1,
+        )
     return np.asarray(upper.T)
-
-
-def singular_inertia(rate: int) -> SingularInertiaError:
-    """Return the error of a D that is not positive definite at this degree of freedom."""
-    return SingularInertiaError(
-        f"joint-space inertia is not positive definite at degree of freedom {rate}: "
-        "every joint must move some mass",
-        rate,
-    )
 
 
 def singular_joint(tree: TreeModel, rate: int) -> SingularInertiaError:

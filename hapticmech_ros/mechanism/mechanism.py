@@ -32,7 +32,7 @@ from hapticmech_ros.mechanism.fitting import Fit, fitted
 from hapticmech_ros.mechanism.inertia import ANGULAR, refuse_massless
 from hapticmech_ros.mechanism.kernels.closure_kernels import KINDS
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet, sparse_or_dense
-from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS, Constants
+from hapticmech_ros.mechanism.kernels.model import DENSE, JOINT_COLUMNS
 from hapticmech_ros.mechanism.kernels.motion_kernels import move_frames
 from hapticmech_ros.mechanism.kernels.tree_kernels import JOINT_KINDS, joint_row
 from hapticmech_ros.mechanism.model import TreeModel, authored_state, build_tree
@@ -42,26 +42,39 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 
+# A pose in memory: the columns of its rotation, then its translation.
+_POSE_SIZE = 12
 # Rounding of a closure's row, of what its ends do: some units of the last place.
 _ROUNDING = 16.0 * np.finfo(float).eps
 
 
-class MultibodyModel:
-    """Names, frames, configurations and energies of a mechanism; no dynamics.
+class Mechanism:
+    """A scene's tree, closures and operational points, evaluated at states.
+
+    Every result is an array of its own.
 
     Args:
         scene: what to model.
+        fit: whether frames of loops that are written with about seven digits are fitted.
 
     Attributes:
         scene: what is modelled, with the integrator that ``auto`` stands for.
+        fit: how frames of the scene's loops were moved; None if they are as written.
         nv: number of degrees of freedom of the open tree.
         nq: length of the configuration vector.
         length: characteristic length, m; the unit of closures' point rows.
         elements: springs, dampers, friction, stops and efforts.
         initially_active: which closures are closed as the scene starts; couplings always.
+        needs_matrix: whether the scene's integrator needs D as a matrix, as implicit ones do.
+
+    Raises:
+        SingularInertiaError: a joint moves no mass.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, fit: bool = True) -> None:
+        self.fit: Fit | None = fitted(scene, _as_written) if fit else None
+        if self.fit is not None:
+            scene = self.fit.scene
         self.scene = scene
         self.tree: TreeModel = build_tree(scene)
         self.closures: tuple[LoopClosure, ...] = (
@@ -86,11 +99,28 @@ class MultibodyModel:
         self._neutral: Array = np.asarray(pin.neutral(self.model))
         closed = [closure.active for closure in scene.closures]
         self.initially_active: Active = (*closed, *(True for _ in scene.couplings))
+        self.needs_matrix: bool = SCHEMES[self.scene.simulation.integrator].implicit
+        self._authored, _ = authored_state(scene, self.tree)
+        # Copying a pose is a fifth of making one.
+        poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
+        self._point_poses = tuple(poses)
+        self._point_places = placement_view(poses)
+        self._all_placements = self._placements()
+        self._carriers = np.array([int(frame.parentJoint) for frame in self.model.frames])
+        self._joint_rows = np.zeros((self.model.njoints, JOINT_COLUMNS))
+        for index, joint in enumerate(self.tree.joints, 1):
+            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
+            placement = self.model.jointPlacements[index]
+            inertia = self.model.inertias[index]
+            row = joint_row(placement, axis, inertia, joint.armature, self.tree.carried[index])
+            self._joint_rows[index] = row
+        self._sets: dict[Active, ActiveSet] = {}
+        self._single = [self._choose([index]) for index in range(len(self.closures))]
 
     def __repr__(self) -> str:
         closures = ", ".join(closure.name for closure in self.closures) or "no closures"
-        points, kind = ", ".join(self.point_names), type(self).__name__
-        return f"{kind} of {self.scene.name}: nv {self.nv}; {closures}; held at {points}"
+        points = ", ".join(self.point_names)
+        return f"Mechanism of {self.scene.name}: nv {self.nv}; {closures}; held at {points}"
 
     def row_units(self, indices: Sequence[int]) -> Array:
         """Return (m,) what rows of closures are divided by before they are factored.
@@ -126,15 +156,14 @@ class MultibodyModel:
         the largest other closure, or of what one end does.
         """
         scales, rounding = np.ones(len(self.closures)), np.zeros(len(self.closures))
-        q, _ = authored_state(self.scene, self.tree)
         # Not the scratch data: this may be asked for in the middle of an evaluation.
         model, data = self.model, self.model.createData()
-        upper = np.triu(pin.crba(model, data, q).reshape(self.nv, self.nv))
+        upper = np.triu(pin.crba(model, data, self._authored).reshape(self.nv, self.nv))
         try:
             factor = np.linalg.cholesky(upper + np.triu(upper, 1).T)
         except np.linalg.LinAlgError:
             return scales, rounding
-        pin.computeJointJacobians(model, data, q)
+        pin.computeJointJacobians(model, data, self._authored)
         pin.updateFramePlacements(model, data)
         of_ends, lengths = np.zeros(len(self.closures)), np.repeat((self.length, 1.0), 3)[:, None]
         for index, loop in enumerate(self.closures):
@@ -208,8 +237,16 @@ class MultibodyModel:
         points = list(self.scene.operational_points)
         points[index] = point
         self.scene = self.scene.model_copy(update={"operational_points": tuple(points)})
-        frame = self.model.frames[self._point_frames[index]]
+        at = self._point_frames[index]
+        frame = self.model.frames[at]
         frame.parentJoint, frame.placement = self.tree.place(point.link, point.origin)
+        self._carriers[at] = frame.parentJoint
+        self._all_placements[at] = _in_memory(frame.placement)
+        for active_set in {*self._sets.values(), *self._single}:
+            for model in (active_set.model, active_set.dense.model):
+                place = model.points[index]
+                model.carriers[place] = self._carriers[at]
+                model.placements[place] = self._all_placements[at]
 
     def on_wrong_branch(self, index: int, q: Array) -> bool:
         """Return whether closure ``index`` has axes more than 90° apart at q.
@@ -389,67 +426,6 @@ class MultibodyModel:
             checked.append(array)
         return checked[0], checked[1]
 
-
-# A pose in memory: the columns of its rotation, then its translation.
-_POSE_SIZE = 12
-
-
-class Mechanism(MultibodyModel):
-    """A scene's tree, closures and operational points, evaluated at states.
-
-    Every result is an array of its own.
-
-    Args:
-        scene: what to model.
-        fit: whether frames of loops that are written with about seven digits are fitted.
-
-    Attributes:
-        needs_matrix: whether the scene's integrator needs D as a matrix, as implicit ones do.
-        fit: how frames of the scene's loops were moved; None if they are as written.
-
-    Raises:
-        SingularInertiaError: a joint moves no mass.
-    """
-
-    def __init__(self, scene: Scene, fit: bool = True) -> None:
-        self.fit: Fit | None = fitted(scene, _as_written) if fit else None
-        if self.fit is not None:
-            scene = self.fit.scene
-        super().__init__(scene)
-        # Copying a pose is a fifth of making one.
-        poses = pin.StdVec_SE3([pin.SE3.Identity()] * len(self.point_names))
-        self._point_poses = tuple(poses)
-        self._point_places = placement_view(poses)
-        self._all_placements = self._placements()
-        self._carriers = np.array([int(frame.parentJoint) for frame in self.model.frames])
-        self._joint_rows = np.zeros((self.model.njoints, JOINT_COLUMNS))
-        for index, joint in enumerate(self.tree.joints, 1):
-            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            placement = self.model.jointPlacements[index]
-            inertia = self.model.inertias[index]
-            row = joint_row(placement, axis, inertia, joint.armature, self.tree.carried[index])
-            self._joint_rows[index] = row
-        self._sets: dict[Active, ActiveSet] = {}
-        self.needs_matrix: bool = SCHEMES[self.scene.simulation.integrator].implicit
-        self._authored, _ = authored_state(scene, self.tree)
-        self._single = [self._choose([index]) for index in range(len(self.closures))]
-
-    def set_operational_point(self, point: OperationalPoint) -> None:
-        """Put an operational point elsewhere; see :meth:`MultibodyModel.set_operational_point`."""
-        super().set_operational_point(point)
-        index = self.point_index(point.name)
-        at = self._point_frames[index]
-        frame = self.model.frames[at]
-        self._carriers[at], self._all_placements[at] = (
-            frame.parentJoint,
-            _in_memory(frame.placement),
-        )
-        for active_set in {*self._sets.values(), *self._single}:
-            for model in (active_set.model, active_set.dense.model):
-                place = model.points[index]
-                model.carriers[place] = self._carriers[at]
-                model.placements[place] = self._all_placements[at]
-
     def evaluate(
         self, q: Array, v: Array, active: Active, closing: Closing | None = None
     ) -> Evaluation:
@@ -551,41 +527,34 @@ class Mechanism(MultibodyModel):
         ]
         lengths = [np.zeros(0), *(loop.row_lengths(self.length) for loop in loops)]
         frames = list(place)
-        model = self.model
-        return ActiveSet(
-            Constants(
-                self.nq,
-                self.nv,
-                int(rows[-1]),
-                DENSE,
-                width=0,
-                border=0,
-                independent=-1,
-                carriers=self._carriers[frames],
-                joints=np.array([self._joint_numbers(i) for i in range(model.njoints)]),
-                closures=np.array(closures, dtype=np.int64).reshape(-1, 4),
-                points=np.array([place[frame] for frame in self._point_frames]),
-                elements=np.array([(e.rate, e.position) for e in self.elements.joints]),
-                springs=np.array([(place[s.frame_a], place[s.frame_b]) for s in springs]),
-                order=np.zeros(0, dtype=np.int64),
-                sequence=np.zeros((0, 5), dtype=np.int64),
-                damping=np.array(self.tree.damping, dtype=float),
-                lengths=np.concatenate(lengths),
-                units=self.row_units(indices),
-                rounding=np.array([self.rounding(indices)]),
-                placements=self._all_placements[frames],
-                effort=self.elements.effort,
-                element_values=np.array([_joint_values(e.joint) for e in self.elements.joints]),
-                spring_values=np.array(
-                    [
-                        (s.stiffness, s.damping, s.rest_length, self.elements.shortest)
-                        for s in springs
-                    ]
-                ),
-                joint_values=self._joint_rows,
-                gravity=np.array(model.gravity.linear),
-            )
-        )
+        model, elements, shortest = self.model, self.elements.joints, self.elements.shortest
+        ends = [(place[s.frame_a], place[s.frame_b]) for s in springs]
+        pulls = [(s.stiffness, s.damping, s.rest_length, shortest) for s in springs]
+        sizes = {"nq": self.nq, "nv": self.nv, "m": int(rows[-1]), "path": DENSE}
+        parts = {
+            "carriers": self._carriers[frames],
+            "joints": np.array([self._joint_numbers(i) for i in range(model.njoints)]),
+            "closures": np.array(closures).reshape(-1, 4),
+            "points": np.array([place[frame] for frame in self._point_frames]),
+            "elements": np.array([(e.rate, e.position) for e in elements]).reshape(-1, 2),
+            "springs": np.array(ends).reshape(-1, 2),
+            "order": np.zeros(0),
+            "sequence": np.zeros((0, 5)),
+            "damping": self.tree.damping,
+            "lengths": np.concatenate(lengths),
+            "units": self.row_units(indices),
+            "rounding": np.array([self.rounding(indices)]),
+            "placements": self._all_placements[frames].reshape(-1, 12),
+            "effort": self.elements.effort,
+            "element_values": np.array([_joint_values(e.joint) for e in elements]).reshape(-1, 9),
+            "spring_values": np.array(pulls).reshape(-1, 4),
+            "joint_values": self._joint_rows,
+            "gravity": model.gravity.linear,
+        }
+        scheme = SCHEMES[self.scene.simulation.integrator]
+        kept = len(scheme.weights) if scheme.implicit or scheme.history else 0
+        sizes |= {"implicit": int(scheme.implicit), "stages": kept}
+        return ActiveSet({**sizes, "width": 0, "border": 0, "independent": -1}, parts)
 
     def _joint_numbers(self, joint: int) -> tuple[int, int, int, int, int]:
         """Return a joint's row of ``Model.joints``; the world's has no rates."""

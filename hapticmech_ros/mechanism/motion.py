@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into a step of a mechanism and what comes out, and the equations of motion in it."""
+"""What goes into a step of a mechanism and what comes out; rates of a state by Eq. 1."""
 
 from __future__ import annotations
 
@@ -16,15 +16,13 @@ from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, Evaluation
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.scene.mechanism import Simulation
 
 NOTHING: Mapping[str, Array] = MappingProxyType({})
 
 
-class Owed(NamedTuple):
-    """What the energy account has at a step's start, J, as far as its drift goes.
+class EarlierAccount(NamedTuple):
+    """The energy account at a step's start, J, as far as its drift goes.
 
     Attributes:
         surplus: made from nothing so far.
@@ -48,7 +46,7 @@ class Start(NamedTuple):
         active: per closure, whether it is closed.
         terms: of Eq. 1 there, if known.
         closing: the closures' terms there, if known.
-        owed: by the account so far.
+        earlier: by the account so far.
     """
 
     q: Array
@@ -56,7 +54,7 @@ class Start(NamedTuple):
     active: Active
     terms: Evaluation | None = None
     closing: Closing | None = None
-    owed: Owed = Owed()
+    earlier: EarlierAccount = EarlierAccount()
 
     def packed(self, active_set: ActiveSet) -> Array | None:
         """Return the packed terms (size,) if they are known, and of this kind."""
@@ -124,27 +122,6 @@ class Stepped(NamedTuple):
         )
 
 
-class Plan(NamedTuple):
-    """How a period is stepped through.
-
-    Attributes:
-        integrator: name of a rule of ``SCHEMES``.
-        period: s.
-        substeps: steps of the integrator in a period.
-        baumgarte_rate: a of T4 (docs/derivations.md), 1/s; 0 where states are projected instead.
-        tolerance: by which share of what it exchanges a step's energy account may be off; 0 where
-            steps are not watched.
-        max_substeps: in which a step is done again at most.
-    """
-
-    integrator: str
-    period: float
-    substeps: int = 1
-    baumgarte_rate: float = 0.0
-    tolerance: float = 0.0
-    max_substeps: int = 1
-
-
 class Took(NamedTuple):
     """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
 
@@ -155,32 +132,14 @@ class Took(NamedTuple):
 
 def end_of(stepped: Stepped, start: Start) -> Start:
     """Return where a step from ``start`` ended as where the next one begins."""
-    before = start.owed
-    owed = Owed(
+    before = start.earlier
+    earlier = EarlierAccount(
         before.surplus + stepped.surplus,
         before.work_in + stepped.work_in,
         before.lost + stepped.energy_lost,
         max(before.moved, stepped.moved),
     )
-    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing, owed=owed)
-
-
-def plan_of(simulation: Simulation) -> Plan:
-    """Return how a scene's simulation steps through a period; its integrator is not ``auto``."""
-    pulled = simulation.stabilisation == "baumgarte"
-    rate = simulation.baumgarte_rate if pulled else 0.0
-    accuracy = simulation.accuracy
-    tolerance = accuracy.tolerance
-    if tolerance is None:
-        tolerance = SCHEMES[simulation.integrator].tolerance
-    return Plan(
-        simulation.integrator,
-        simulation.period,
-        simulation.substeps,
-        rate,
-        0.0 if pulled else tolerance,
-        accuracy.max_substeps,
-    )
+    return Start(stepped.q, stepped.v, start.active, closing=stepped.closing, earlier=earlier)
 
 
 class Rates(NamedTuple):
@@ -192,75 +151,33 @@ class Rates(NamedTuple):
     contact_power: float = 0.0
 
 
-class HeldMotion:
-    """The equations of motion under constant external wrenches.
+def rates_at(mechanism: Mechanism, state: Start, external: ExternalWrenches) -> Rates:
+    """Return what the equations of motion give at a state under external wrenches.
 
     Args:
         mechanism: that moves.
-        start: of the step.
-        external: constant during the step.
-        pull: Baumgarte's rate, 1/s; 0 for none.
+        state: where.
+        external: that act.
+
+    Raises:
+        InvalidInputError: v is not finite.
     """
-
-    def __init__(
-        self, mechanism: Mechanism, start: Start, external: ExternalWrenches, pull: float = 0.0
-    ) -> None:
-        self._mechanism = mechanism
-        self._start = start
-        self._external = external
-        self._pull = pull
-        self._first: Evaluation | None = None
-
-    def __call__(self, q: Array, v: Array) -> Rates:
-        """Return the rates at a state.
-
-        Raises:
-            InvalidInputError: v is not finite.
-        """
-        if not math.isfinite(v @ v):
-            raise not_finite("rates", v)
-        terms = self._evaluate(q, v)
-        touch = self._on_links(q, self._external.touching, np.zeros(v.size))
-        force = self._force(q, terms)
-        power_in = float((force + terms.effort) @ v)
-        power_lost = -float(terms.dissipative_force @ v)
-        acceleration, _ = self._pulled(terms, v).acceleration(force + touch)
-        return Rates(acceleration, power_in, power_lost, float(touch @ v))
-
-    @property
-    def first(self) -> Evaluation:
-        """The terms at the step's start."""
-        return self._evaluate(self._start.q, self._start.v)
-
-    def _evaluate(self, q: Array, v: Array) -> Evaluation:
-        start = self._start
-        if q is not start.q or v is not start.v:
-            return self._mechanism.evaluate(q, v, start.active)
-        if self._first is None:
-            known = start.terms
-            self._first = known or self._mechanism.evaluate(q, v, start.active, start.closing)
-        return self._first
-
-    def _force(self, q: Array, terms: Evaluation) -> Array:
-        wrenches, on_links, in_joints, _ = self._external
-        force = np.zeros(terms.bias_force.size) if in_joints is None else in_joints.copy()
-        for point, wrench in zip(terms.points, wrenches, strict=True):
-            force += wrench @ point.jacobian
-        return self._on_links(q, on_links, force)
-
-    def _on_links(self, q: Array, on_links: Mapping[str, Array], force: Array) -> Array:
-        """Return joint forces with those of wrenches on links added, in place."""
-        for link, wrench in on_links.items():
-            force += wrench @ self._mechanism.link_jacobian(q, link)
-        return force
-
-    def _pulled(self, terms: Evaluation, v: Array) -> Evaluation:
-        """Return the terms with W v̇ = -Ẇv - 2a W v - a² φ for W v̇ = -Ẇv."""
-        if self._pull == 0.0:
-            return terms
-        gap, speed = terms.closure_residual, terms.closure_jacobian @ v
-        pull = 2.0 * self._pull * speed + self._pull**2 * gap
-        return terms._replace(closure_bias=terms.closure_bias + pull)
+    q, v, active, terms, closing, _ = state
+    if not math.isfinite(v @ v):
+        raise not_finite("rates", v)
+    terms = terms or mechanism.evaluate(q, v, active, closing)
+    wrenches, on_links, in_joints, touching = external
+    force = np.zeros(v.size) if in_joints is None else in_joints.copy()
+    touch = np.zeros(v.size)
+    for point, wrench in zip(terms.points, wrenches, strict=True):
+        force += wrench @ point.jacobian
+    for joint_force, on_these in ((force, on_links), (touch, touching)):
+        for link, wrench in on_these.items():
+            joint_force[:] += wrench @ mechanism.link_jacobian(q, link)
+    power_in = float((force + terms.effort) @ v)
+    power_lost = -float(terms.dissipative_force @ v)
+    acceleration, _ = terms.acceleration(force + touch)
+    return Rates(acceleration, power_in, power_lost, float(touch @ v))
 
 
 def check_external(external: ExternalWrenches, points: int, nv: int) -> None:

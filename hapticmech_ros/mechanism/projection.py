@@ -140,7 +140,10 @@ def project(
         q = mechanism.integrate(q, -correction)
     else:
         refuse_open(mechanism, worst, active)
-    refuse_jump(mechanism, stepped, corrected, active)
+    # By more than half: the step ended nowhere near the closures, and what the projection found may
+    # be another assembly of the mechanism.
+    if corrected > JUMP * stepped:
+        raise jumped(corrected / stepped, mechanism.names_of(active))
     return Projected(q, space.closed_rates(v), worst, closing)
 
 
@@ -157,17 +160,6 @@ def refuse_open(mechanism: Mechanism, worst: float, active: Active) -> None:
     """
     if not worst <= PROJECTION_FAILURE * mechanism.length:
         raise came_apart(worst, mechanism.names_of(active))
-
-
-def refuse_jump(mechanism: Mechanism, stepped: float, corrected: float, active: Active) -> None:
-    """Check how far the projection moved a state, against the step before it.
-
-    Raises:
-        ClosureError: by more than half: the step ended nowhere near the closures, and what the
-            projection found may be another assembly of the mechanism.
-    """
-    if corrected > JUMP * stepped:
-        raise jumped(corrected / stepped, mechanism.names_of(active))
 
 
 def refuse_flipped(mechanism: Mechanism, q: Array, worst: float, active: Active) -> None:

@@ -107,12 +107,15 @@ def redundancy(mechanism: Mechanism, q: Array, active: Active) -> Redundancy:
     in_metres = np.array([name.rsplit("/", 1)[1] in _IN_METRES for name in names], dtype=bool)
     new = independent(_scaled_rows(mechanism, closing, loops))
     redundant = {name for name, is_new in zip(names, new, strict=True) if not is_new}
-    sizes = np.abs(closing.residual)
+    sizes, found = np.abs(closing.residual), []
+    for loop in loops:
+        rows = tuple(f"{loop.name}/{row}" for row in ROW_NAMES[loop.kind])
+        found.append(ClosureRows(loop.name, rows, tuple(row for row in rows if row in redundant)))
     return Redundancy(
         rows=len(names),
         rank=closing.space.rank,
         mobility=mechanism.nv - closing.space.rank,
-        closures=tuple(_closure(loop, redundant) for loop in loops),
+        closures=tuple(found),
         residual_m=float(sizes[in_metres].max(initial=0.0)),
         residual_rad=float(sizes[~in_metres].max(initial=0.0)),
     )
@@ -153,8 +156,3 @@ def _scaled_rows(mechanism: Mechanism, closing: Closing, loops: list[LoopClosure
     units = mechanism.row_units([mechanism.closures.index(loop) for loop in loops])
     columns = solve_lower(closing.space.factor, (closing.jacobian / units[:, None]).T)
     return np.asarray((closing.space.basis.T @ columns).T)
-
-
-def _closure(loop: LoopClosure, redundant: set[str]) -> ClosureRows:
-    rows = tuple(f"{loop.name}/{row}" for row in ROW_NAMES[loop.kind])
-    return ClosureRows(loop.name, rows, tuple(row for row in rows if row in redundant))

@@ -17,7 +17,7 @@ By how much the energy account of a step is off.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import NamedTuple, cast
 
@@ -27,51 +27,20 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import failure
 from hapticmech_ros.mechanism.inertia import diverged, inaccurate
-from hapticmech_ros.mechanism.kernels.energy_kernels import allowed
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE
 from hapticmech_ros.mechanism.kernels.model import tail_of
 from hapticmech_ros.mechanism.kernels.run_kernels import RATES_NOT_FINITE
 from hapticmech_ros.mechanism.kernels.settle_kernels import FLIPPED, JUMPED, OPEN
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.model import TreeModel
-from hapticmech_ros.mechanism.motion import Owed, Start, Stepped, end_of, not_finite
+from hapticmech_ros.mechanism.motion import EarlierAccount, Start, Stepped, end_of, not_finite
 from hapticmech_ros.mechanism.projection import came_apart, flipped, jumped
 from hapticmech_ros.mechanism.tolerances import ROUNDED_STEPS
 from hapticmech_ros.numerics import Array
 
 # A step that is off by this share of what it exchanged, however it is divided, is an error.
 FAILURE = 0.1
-
-
-class Balance(NamedTuple):
-    """Energy account of a step, J; see ``energy_kernels.put_balance``.
-
-    Attributes:
-        off: energy at the end less that at the start and the work done, plus losses: 0 is exact.
-        judged: what of that is held against a tolerance.
-        made: what was made from nothing.
-        exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
-            what the step's forces would give to a free mechanism at rest.
-        rounding: of the potential energies, and what nobody feels.
-        kinetic: at the end.
-        lost: to dampers, friction and stops, and to a rule that damps what is too fast for it.
-    """
-
-    off: float
-    judged: float
-    made: float
-    exchanged: float
-    rounding: float
-    kinetic: float
-    lost: float
-
-    def is_within(self, tolerance: float) -> bool:
-        """Return whether the step is off by no more than a share of what was exchanged."""
-        return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
-
-
-# Of no step.
-NO_BALANCE = Balance(math.inf, math.inf, math.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 def judged(
@@ -103,7 +72,7 @@ def judged(
             raise inaccurate(tree, stepped.v - start.v, balance.off, balance.exchanged)
         made = min(balance.made, balance.kinetic)
     surplus, kinetic = balance.off - made, balance.kinetic - made
-    drifts = drift(start.owed, stepped, surplus, balance, most)
+    drifts = drift(start.earlier, stepped, surplus, balance, most)
     drifted = min(max(drifts, 0.0), kinetic)
     taken = made + drifted
     share = math.sqrt(1.0 - taken / balance.kinetic) if taken > 0.0 else 1.0
@@ -117,19 +86,21 @@ def judged(
     )
 
 
-def drift(owed: Owed, stepped: Stepped, surplus: float, balance: Balance, most: float) -> float:
+def drift(
+    earlier: EarlierAccount, stepped: Stepped, surplus: float, balance: Balance, most: float
+) -> float:
     """Return what steps made from nothing since the start, J, or lost, if it is too much; 0 if not.
 
     Args:
-        owed: by the account before the step.
+        earlier: by the account before the step.
         stepped: what it did.
         surplus: that is left of the step, J.
         balance: its account.
         most: share of what was exchanged that is not too much.
     """
-    work, lost = owed.work_in + stepped.work_in, owed.lost + balance.lost
-    total = owed.surplus + surplus
-    exchanged = abs(work) + lost + max(owed.moved, balance.kinetic)
+    work, lost = earlier.work_in + stepped.work_in, earlier.lost + balance.lost
+    total = earlier.surplus + surplus
+    exchanged = abs(work) + lost + max(earlier.moved, balance.kinetic)
     within = abs(total) <= most * exchanged + ROUNDED_STEPS * balance.rounding
     return 0.0 if within else total
 
@@ -202,29 +173,6 @@ class Ways(NamedTuple):
     balance: Callable[[Start, Stepped], Balance]
 
 
-class _Best:
-    """The outcome whose account is off by least, so far."""
-
-    def __init__(self, start: Start, ways: Ways) -> None:
-        self._start, self._ways = start, ways
-        self.stepped: Stepped | None = None
-        self.balance = NO_BALANCE
-
-    def is_within(self, tolerance: float) -> bool:
-        """Return whether there is one whose account closes."""
-        return self.stepped is not None and self.balance.is_within(tolerance)
-
-    def take(self, stepped: Stepped) -> None:
-        """Take an outcome if it is better.
-
-        Raises:
-            HapticMechError: it has no account.
-        """
-        balance = self._ways.balance(self._start, stepped)
-        if self.stepped is None or balance.judged < self.balance.judged:
-            self.stepped, self.balance = stepped, balance
-
-
 def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Stepped, Balance]:
     """Return the state after a step whose energy account is off by least, and the account.
 
@@ -237,31 +185,41 @@ def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Step
     Raises:
         HapticMechError: it fails however small the steps are, as it does in one.
     """
-    best, failed, count = _Best(start, ways), None, 1
-    while count <= most and not best.is_within(CLOSER * tolerance):
-        was, before = best.is_within(tolerance), best.balance.judged
+    outcomes: list[tuple[Stepped, Balance]] = []
+    best: Balance | None = None
+    failed, count = None, 1
+    while count <= most and not (best and best.is_within(CLOSER * tolerance)):
+        before = best
         try:
-            best.take(ways.divided(count))
+            stepped = ways.divided(count)
+            outcomes.append((stepped, ways.balance(start, stepped)))
+            _, best = least_off(outcomes)
         except HapticMechError as error:
             failed = failed or error
-        if was and PAYS * best.balance.judged > before:
+        closed = before if before and before.is_within(tolerance) else None
+        if closed and best and PAYS * best.judged > closed.judged:
             break
         count *= 2
-    if best.stepped is None:
+    if not outcomes:
         raise cast(HapticMechError, failed)
     mesh = np.linspace(0.0, 1.0, most + 1)
     for _ in range(MESHES if most > 1 else 0):
-        if best.is_within(tolerance):
+        if least_off(outcomes)[1].is_within(tolerance):
             break
         try:
             stepped, off = _along(mesh, start, ways)
-            best.take(stepped)
+            outcomes.append((stepped, ways.balance(start, stepped)))
         except HapticMechError:
             break
         if not np.isfinite(off).all():
             break
         mesh = equidistributed(mesh, off)
-    return best.stepped, best.balance
+    return least_off(outcomes)
+
+
+def least_off(outcomes: Sequence[tuple[Stepped, Balance]]) -> tuple[Stepped, Balance]:
+    """Return the outcome whose account is off by least, the first one of equals."""
+    return min(outcomes, key=lambda outcome: outcome[1].judged)
 
 
 def _along(mesh: Array, start: Start, ways: Ways) -> tuple[Stepped, Array]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps of a mechanism, one or many, in a call of one kernel: integrated, then projected.
 
-Where branches of the motion cross, or nearly do, the kernel stops, and the step is done with care.
+Where branches of the motion cross, or nearly do, the kernel stops, and the step is led along one.
 """
 
 from __future__ import annotations
@@ -15,27 +15,31 @@ from typing import cast
 import numpy as np
 
 from hapticmech_ros.errors import InaccurateStepError
-from hapticmech_ros.mechanism.careful import careful_step
+from hapticmech_ros.mechanism.branches import branch_step
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.energy_kernels import BALANCE, judge
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
-from hapticmech_ros.mechanism.kernels.run_kernels import EVERYTHING, NEEDS_CARE, UNCHECKED, advance
+from hapticmech_ros.mechanism.kernels.run_kernels import (
+    EVERYTHING,
+    SINGULAR_STEP,
+    UNCHECKED,
+    advance,
+)
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
-from hapticmech_ros.mechanism.kernels.step_kernels import history_size, springs_size, work_size
+from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     ExternalWrenches,
-    Plan,
     Start,
     Stepped,
     Took,
     check_external,
     end_of,
 )
-from hapticmech_ros.mechanism.refinement import Balance, Ways, judged, refined, step_error
+from hapticmech_ros.mechanism.refinement import Ways, judged, refined, step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import (
     BAUMGARTE_FAILURE,
@@ -54,29 +58,28 @@ class Stepper:
     """Steps a mechanism by periods.
 
     Args:
-        mechanism: to step.
-        plan: how.
+        mechanism: to step, as its scene's simulation says.
 
     Attributes:
         work: see ``model.Work``.
         parts: views of the work's parts.
-        springs: of implicit rules, see ``implicit_kernels.Springs``; or all stages of a rule with
-            ``history``; empty for others.
         stages: of the rule.
         implicit: 1 for an implicit rule.
         step: s, length of the steps that are done now; see :meth:`divided`.
     """
 
-    def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._plan = plan
+        self._plan = plan = mechanism.scene.simulation
+        scheme, tolerance = SCHEMES[plan.integrator], plan.accuracy.tolerance
+        self._pulled = plan.stabilisation == "baumgarte"
         # Of the steps that are done now; see _unwatched.
-        self.step, self._tolerance = plan.period / plan.substeps, plan.tolerance
+        self.step = plan.period / plan.substeps
+        self._tolerance = scheme.tolerance if tolerance is None else tolerance
+        if self._pulled:
+            self._tolerance = 0.0
         nq, nv, points = mechanism.nq, mechanism.nv, len(mechanism.point_names)
-        scheme = SCHEMES[plan.integrator]
         self._drift = scheme.drift
-        size = springs_size(nv) if scheme.implicit else history_size(nv) * scheme.history
-        self.springs = np.zeros(size)
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
         work = Work(numbers, self.work)
@@ -86,14 +89,13 @@ class Stepper:
         self._prepared: tuple[int, float, float] | None = None
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
-        self._pulled = pulled = plan.baumgarte_rate > 0.0
-        most_open = BAUMGARTE_FAILURE if pulled else PROJECTION_FAILURE
+        most_open = BAUMGARTE_FAILURE if self._pulled else PROJECTION_FAILURE
         settings = parts.settings
         settings.semi_implicit, settings.drift_tolerance = scheme.late, scheme.drift
         settings.projection_tolerance = PROJECTION_TOLERANCE * mechanism.length
         settings.rounding_tolerance = ROUNDING_TOLERANCE * mechanism.length
         settings.jump_residual = PROJECTION_FAILURE * mechanism.length
-        settings.baumgarte_rate = plan.baumgarte_rate
+        settings.baumgarte_rate = plan.baumgarte_rate if self._pulled else 0.0
         settings.residual_limit = most_open * mechanism.length
         settings.local_rates = scheme.corrected and nq != nv
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
@@ -176,7 +178,7 @@ class Stepper:
             code, _, stepped = self._call(dense, start, external, 1, _NO_SAMPLES, 0)
             if stepped is not None:
                 return stepped
-        single = self._careful_substep if code == NEEDS_CARE else self._substep
+        single = self._branch_substep if code == SINGULAR_STEP else self._substep
         if self._tolerance == 0.0:
             return single(start, external)
         damps = bool(self.implicit)
@@ -185,7 +187,7 @@ class Stepper:
             lambda now, share: self._smaller(now, external, 1.0 / share, 1),
             lambda now, stepped: self._balance(now, stepped, external, damps),
         )
-        stepped, balance = refined(start, self._tolerance, self._plan.max_substeps, ways)
+        stepped, balance = refined(start, self._tolerance, self._plan.accuracy.max_substeps, ways)
         return judged(self._mechanism.tree, start, stepped, balance, self._tolerance, self._drift)
 
     def _divided(
@@ -227,7 +229,7 @@ class Stepper:
     ) -> Balance:
         """Return the energy account of a step; see ``energy_kernels.put_balance``."""
         # At a singular position a sparse factorisation is not decided.
-        closing, parts, found = stepped.closing.dense, self.parts, np.empty(BALANCE)
+        closing, parts, found = stepped.closing.dense, self.parts, Balance()
         known = self.load(start, closing.active_set, external)
         if known is None:
             known = factored(self._mechanism.tree, closing.active_set, start.q).packed
@@ -241,15 +243,15 @@ class Stepper:
             damps,
             stepped.work_in + stepped.contact_work,
             stepped.energy_lost,
-            found,
+            found.values,
         )
-        return Balance(*found.tolist())
+        return found
 
-    def _careful_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Return the state after a step: with care, as where branches of the motion cross."""
+    def _branch_substep(self, start: Start, external: ExternalWrenches) -> Stepped:
+        """Return the state after a step, along its branch where branches of the motion cross."""
         if not self._pulled:
             known = start.closing if start.terms is None else start.terms.closing
-            led = careful_step(
+            led = branch_step(
                 self._mechanism,
                 start._replace(closing=known),
                 external,
@@ -278,7 +280,7 @@ class Stepper:
         apart: int,
         heeded: int = EVERYTHING,
     ) -> Took:
-        """Do steps by the kernel until one needs care, or cannot be done sparse.
+        """Do steps by the kernel until one is singular, or cannot be done sparse.
 
         Raises:
             HapticMechError: a step failed.
@@ -294,7 +296,6 @@ class Stepper:
             end,
             active_set.scratch,
             self.work,
-            self.springs,
             self.on_links(external),
             samples,
             run.values,
@@ -330,7 +331,7 @@ class Stepper:
             account.earlier_work,
             account.earlier_loss,
             account.largest_kinetic,
-        ) = start.owed
+        ) = start.earlier
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
@@ -343,7 +344,7 @@ class Stepper:
         if wanted == self._prepared:
             return
         settings = self.parts.settings
-        # States that are pulled are off the closures anyway: no step needs care.
+        # States that are pulled are off the closures anyway: no step is singular.
         checked = heeded == EVERYTHING and not self._pulled
         settings.step = self.step
         settings.singularity_checks = EVERYTHING if checked else UNCHECKED
@@ -366,7 +367,7 @@ class Stepper:
         parts = self.parts
         account = parts.account
         done, by_contacts = int(account.steps_done), account.contact_work
-        failed = code not in (SETTLED, NOT_DECIDED) and code < NEEDS_CARE
+        failed = code not in (SETTLED, NOT_DECIDED) and code < SINGULAR_STEP
         # Smaller steps may go where this one cannot.
         if failed and not parts.settings.energy_tolerance > 0.0:
             raise step_error(self._mechanism, parts, code, end, active)

@@ -216,9 +216,9 @@ class ControllerOutputs:
 
     def gain(self, answer: ControllerCommand, stamp_ns: int) -> None:
         """Publish how an answer depends on the device."""
-        self.gain_from_ns = stamp_ns + self.gain_every_ns
+        self.gain_from_ns, numbers = stamp_ns + self.gain_every_ns, answer.numbers
         published = LocalFeedbackGain.answering(
-            stamp_ns, answer.answered_ns, answer.to_mechanism, answer.model
+            stamp_ns, answer.answered_ns, numbers.to_mechanism, numbers.model.values
         )
         self.to_gain.publish(self._gain.encode(published.values))
 

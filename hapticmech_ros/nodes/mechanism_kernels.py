@@ -91,8 +91,8 @@ def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) ->
     "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
     " int64[::1], int64[:, ::1], int64[::1], float64[::1],"
     " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
-    " int64[::1], float64[::1], float64[:, ::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1], int64[::1], float64[::1], int64[::1], int64[::1])",
+    " int64[::1], float64[::1], float64[:, ::1], float64[::1], int64[::1],"
+    " float64[::1], int64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def move_at_deadlines(
@@ -116,10 +116,8 @@ def move_at_deadlines(
     constants: Array,
     packed: Array,
     work: Array,
-    springs: Array,
     whole: Array,
     real: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
@@ -148,10 +146,8 @@ def move_at_deadlines(
         constants: (numbers,) likewise.
         packed: (4, size) likewise.
         work: (work,) likewise.
-        springs: (numbers,) likewise.
         whole: (integers,) likewise.
         real: (numbers,) likewise.
-        nobody: (0, 10) likewise.
         contact_numbers: (integers,) likewise.
         contact_values: (numbers,) likewise.
         clock: (9,) likewise.
@@ -195,8 +191,6 @@ def move_at_deadlines(
             data,
             packed,
             work,
-            springs,
-            nobody,
             contact_numbers,
             contact_values,
             clock,

@@ -42,7 +42,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.operational.analysis import ContactWrenches, by_others
 from hapticmech_ros.scene.mechanism import OperationalPoint
-from hapticmech_ros.session.sample import LeftState, begin_totals
+from hapticmech_ros.session.sample import begin_totals, state_of
 from hapticmech_ros.session.tick_kernels import (
     AT,
     CLOCK_SIZE,
@@ -70,7 +70,6 @@ from hapticmech_ros.wire.topics import (
     user_prefixes,
 )
 
-_NOBODY = np.zeros((0, 10))
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
@@ -172,10 +171,8 @@ class MechanismTicks(PlainMessages):
             *active_set.constants,
             self._packed,
             simulator.stepper.work,
-            simulator.stepper.springs,
             data.numbers,
             data.data,
-            _NOBODY,
             *_NO_CONTACTS,
             self._clock,
             self.ages,
@@ -189,7 +186,7 @@ class MechanismTicks(PlainMessages):
             port.order.last = link.newest, link.arrived
         if link.done:
             known, data = self._known or actor.state, self._data
-            state = LeftState(known, data.totals, data.q.copy(), data.v.copy()).state()
+            state = state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
             self._known = state
             published = code != kernels.TO_SAY
             actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)

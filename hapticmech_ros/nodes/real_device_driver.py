@@ -85,7 +85,7 @@ class RealDeviceDriver(DeviceDriver[D]):
             super().tick(periods, deadline_ns)
             if self._real.fresh:
                 # Before the next command, which is made for this sample.
-                self._motion.look(self._sample(), self.now_ns())
+                self._motion.check(self._sample(), self.now_ns())
         self.buttons.publish(self._real.buttons, deadline_ns)
 
     def put_at_zero(self) -> None:

@@ -415,7 +415,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.ages.add(now_ns - stamp)
         gap = now_ns - self._last_ns
         self._last_ns = now_ns
-        self.motion.look(device, stamp)
+        self.motion.check(device, stamp)
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return
@@ -629,7 +629,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         if answer is None:
             outputs.mechanism(commanded, mechanism_ns)
             return
-        with_gain = self.lockstep or answer.is_modelled
+        with_gain = self.lockstep or answer.numbers.modelled != 0.0
         if with_gain and (self.lockstep or self.path.paced or not self.path.obeyed):
             outputs.gain(answer, stamp_ns)
             with_gain = False

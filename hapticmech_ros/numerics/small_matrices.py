@@ -26,6 +26,52 @@ def dot(a: Array, b: Array) -> float:
 
 
 @leaf
+def add_scaled(vector: Array, scale: float, other: Array) -> None:
+    """Add ``scale`` times another vector, of the same length or longer."""
+    for i in range(vector.size):
+        vector[i] += scale * other[i]
+
+
+@leaf
+def put3(target: Array, source: Array) -> None:
+    """Copy the first three numbers of a vector."""
+    for i in range(3):
+        target[i] = source[i]
+
+
+@leaf
+def negate3(vector: Array, out: Array) -> None:
+    """Put the first three numbers of a vector, with their signs changed, into ``out``."""
+    for i in range(3):
+        out[i] = -vector[i]
+
+
+@leaf
+def subtract3(a: Array, b: Array, out: Array) -> None:
+    """Put a - b of the first three numbers into ``out``."""
+    for i in range(3):
+        out[i] = a[i] - b[i]
+
+
+@leaf
+def largest(vector: Array) -> float:
+    """Return the largest size of a vector's numbers; 0 of none."""
+    most = 0.0
+    for i in range(vector.size):
+        most = max(most, abs(vector[i]))
+    return most
+
+
+@leaf
+def is_zero(vector: Array) -> bool:
+    """Return whether all numbers of a vector are zero; NaN is not."""
+    zero = True
+    for i in range(vector.size):
+        zero = zero and vector[i] == 0.0
+    return bool(zero)
+
+
+@leaf
 def clear(matrix: Array, columns: int) -> None:
     """Put zero into the first columns."""
     for i in range(matrix.shape[0]):
@@ -162,8 +208,7 @@ def remove(basis: Array, rank: int, vector: Array, along: Array) -> None:
     for i in range(rank):
         along[i] = dot_with_row(basis, i, vector)
     for i in range(rank):
-        for k in range(vector.size):
-            vector[k] -= along[i] * basis[i, k]
+        add_scaled(vector, -along[i], basis[i])
 
 
 @inner

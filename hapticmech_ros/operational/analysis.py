@@ -259,14 +259,6 @@ class Analyser:
         """
         return self.observe_terms(terms).analysis
 
-    def observe_terms(self, terms: Evaluation) -> Observation:
-        """Return what :meth:`observe` does, from terms at a state, without delay compensation.
-
-        Raises:
-            HapticMechError: as :meth:`observe`.
-        """
-        return self._observe_terms(terms, 0.0)
-
     def compensated(
         self, terms: Evaluation, found: OperationalAnalysis, before: Array | None = None
     ) -> CompensatedResponse:
@@ -282,11 +274,21 @@ class Analyser:
         """
         if self.compensated_delay == 0.0:
             return CompensatedResponse(found.inverse_inertia, found.free_acceleration)
-        return self._observe_terms(terms, self.compensated_delay, before).compensated
+        return self.observe_terms(terms, self.compensated_delay, before).compensated
 
-    def _observe_terms(
-        self, terms: Evaluation, compensated_delay: float, before: Array | None = None
+    def observe_terms(
+        self, terms: Evaluation, compensated_delay: float = 0.0, before: Array | None = None
     ) -> Observation:
+        """Return what :meth:`observe` does, from terms at a state.
+
+        Args:
+            terms: of Eq. 1.
+            compensated_delay: τ, s.
+            before: (1 + nv,) as of :meth:`observe`.
+
+        Raises:
+            HapticMechError: as :meth:`observe`.
+        """
         known, v = terms.closing, terms.v
         return self._observe(
             known.q, v, known.active_set, known.packed, 1, compensated_delay, before

@@ -64,13 +64,14 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     from_metric,
     to_metric,
 )
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.mechanism.kernels.motion_kernels import closure_bias, move_joints, move_point
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.rotation_kernels import quaternion_of
 from hapticmech_ros.numerics.small_matrices import (
+    add_scaled,
     cholesky,
     dot,
     dot_rows,
@@ -208,7 +209,7 @@ def predict(
             compensated_delay * v[c] - 0.5 * compensated_delay * compensated_delay * change[c]
         )
     move(model, q, change, place)
-    later = unpack(ahead, model)
+    later = Data(model.numbers, ahead)
     if factor(model, place, later) < 0 or not _trusted(model, later, data, length):
         return
     motions, bias_force, passive = model.motions, model.forces[0], model.forces[1]
@@ -216,8 +217,7 @@ def predict(
     bias_force_of(model, later, motions, bias_force)
     closure_bias(model, later, v, motions, model.bias)
     element_forces(model, later, place, v, passive, model.forces[2])
-    for c in range(nv):
-        passive[c] += model.effort[c]
+    add_scaled(passive[:nv], 1.0, model.effort)
     jacobian, motion = shaped(local(6 * nv), (6, nv)), local(12)
     move_point(model, later, motions, index, jacobian, motion)
     own[:] = 0.0
@@ -252,9 +252,7 @@ def _unit_rates(
     for i in range(t):
         if s[i] > LEAST_S:
             for k in range(t):
-                share = wrenches[k, i] / s[i]
-                for c in range(nv):
-                    rates[i, c] += share * along[k, c]
+                add_scaled(rates[i], wrenches[k, i] / s[i], along[k])
 
 
 @inner
@@ -392,8 +390,7 @@ def _in_world(metric: Metric, rotation: Array, rows: Array, factors: Array) -> N
     for which in range(2):
         for i in range(t):
             for k in range(t):
-                for j in range(t):
-                    factors[which, i, j] += turn[i, k] * metric.factors[which, k, j]
+                add_scaled(factors[which, i], turn[i, k], metric.factors[which, k])
 
 
 @inner
@@ -491,8 +488,7 @@ def analyse_motion(
     measured[:] = 0.0
     for j in range(t):
         for i in range(t):
-            for c in range(nv):
-                measured[j, c] += factors[0, i, j] * root[i, c]
+            add_scaled(measured[j], factors[0, i, j], root[i])
     lengths = local(6)
     if not _spectrum(measured, turn, lengths):
         return False
@@ -564,7 +560,7 @@ def observe_point(
         0; NO_SPECTRUM where the SVD of S does not converge; or a negative code.
     """
     model, metric = Model(numbers, values), metric_of(constants, rows.size)
-    data = unpack(packed, model)
+    data = Data(model.numbers, packed)
     nv, t = model.nv, rows.size
     if known == 0:
         code = factor(model, q, data)
@@ -576,8 +572,7 @@ def observe_point(
     bias_force_of(model, data, motions, bias_force)
     closure_bias(model, data, v, motions, bias)
     element_forces(model, data, q, v, passive, dissipative)
-    for c in range(nv):
-        passive[c] += model.effort[c]
+    add_scaled(passive[:nv], 1.0, model.effort)
     found, details = Observed(observation), _details_of(observation, t, nv)
     move_point(model, data, motions, index, details.jacobian, details.motion)
     pose = data.poses[model.points[index]]
@@ -758,7 +753,7 @@ def consistent_wrench(
         wrench: (6,) F_c to fill, N and N m, world axes at the point.
     """
     model, t = Model(numbers, values), rows.size
-    data, nv = unpack(packed, model), model.nv
+    data, nv = Data(model.numbers, packed), model.nv
     rates, acceleration = local(nv), local(6)
     put(rates, joint_force)
     to_metric(model, data, rates)

@@ -21,10 +21,9 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.elements import stiff_elements
 from hapticmech_ros.mechanism.kernels.factor_kernels import APART
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS, SOME_ROWS
-from hapticmech_ros.mechanism.kernels.model import Data, views_of
+from hapticmech_ros.mechanism.kernels.model import Data
 from hapticmech_ros.mechanism.kernels.step_kernels import work_size
 from hapticmech_ros.mechanism.model import authored_state
-from hapticmech_ros.mechanism.motion import Plan, plan_of
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.numerics import Array
@@ -36,6 +35,7 @@ from hapticmech_ros.plan.loop_check import connection_warning
 from hapticmech_ros.plan.step_accuracy import StepAccuracy, step_accuracy
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.holding_rules import hand_beyond_device, pose_without_torques
+from hapticmech_ros.scene.mechanism import Simulation
 from hapticmech_ros.simulation import MechanismState, Simulator
 
 # Relative σ below which the start counts as next to a singular position: directions change within
@@ -317,8 +317,8 @@ def _closure_rows(run: Running) -> Choice:
 def _stabilisation(run: Running) -> Choice:
     if run.rows.rows == 0 and not run.can_latch:
         return Choice("stabilisation", "none", "no closure is active or can latch")
-    rate = run.stepping.baumgarte_rate
-    if rate > 0.0:
+    if run.stepping.stabilisation == "baumgarte":
+        rate = run.stepping.baumgarte_rate
         return Choice("stabilisation", "baumgarte", f"chosen by the scene, rate {rate:g} /s")
     return Choice("stabilisation", "projection", "after every substep, in the mass metric")
 
@@ -347,7 +347,7 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     active_set = mechanism.active_set(run.state.active)
     yield from zip(("model, integers", "model, reals"), active_set.constants, strict=True)
     yield "data of a configuration", np.empty(active_set.size)
-    packed = views_of(np.empty(active_set.size), active_set.model)
+    packed = Data(active_set.model.numbers, np.empty(active_set.size))
     views = {f"of which {name}": part.view(packed) for name, part in Data.parts.items()}
     yield from ((name, view) for name, view in views.items() if view.size)
     yield "workspace of a step", np.empty(work_size(mechanism.nq, mechanism.nv, points))
@@ -372,7 +372,7 @@ class Running:
         state: initial state, loops closed.
         analyser: of the operational point that is held.
         rows: rows, rank and mobility of the closures active there.
-        stepping: integrator, period, substeps, Baumgarte's rate.
+        stepping: of the scene; its integrator is not ``auto``.
     """
 
     scene: Scene
@@ -380,7 +380,7 @@ class Running:
     state: MechanismState
     analyser: Analyser
     rows: Redundancy
-    stepping: Plan
+    stepping: Simulation
 
     @property
     def mechanism(self) -> Mechanism:
@@ -489,7 +489,7 @@ def plan_scene(scene: Scene, point: str = "") -> ScenePlan:
     mechanism = simulator.mechanism
     analyser, state = Analyser(mechanism, point), simulator.initial_state()
     rows = redundancy(mechanism, state.q, state.active)
-    stepping = plan_of(simulator.scene.simulation)
+    stepping = simulator.scene.simulation
     run = Running(scene, simulator, state, analyser, rows, stepping)
     return ScenePlan(
         scene=scene.name,

@@ -8,7 +8,7 @@ What a session went through in many ticks, as arrays.
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, DeviceSample
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
@@ -39,6 +39,7 @@ ONE, FORCE = Field(1), Field(6, WRENCH)
 POSE_ERROR = ("position",) * 3 + ("angle",) * 3
 # Letters of names of fields that a repr shows.
 REPR_NAMES = 60
+_ACCOUNT = tuple(field.name for field in fields(EnergyAccount))
 # Rows of a ControlOutput, and then its pose error.
 CONTROL = ("device_command", "mechanism_command", "impedance", "joint_constraint", "four_channel")
 
@@ -175,9 +176,6 @@ def data_frame(columns: Mapping[str, Array]) -> Any:
     return pandas.DataFrame(dict(columns))
 
 
-_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
-
-
 def begin_totals(totals: SessionTotals, state: MechanismState) -> None:
     """Let what kernels add up begin with a state; the number of joint constraints stays.
 
@@ -186,53 +184,29 @@ def begin_totals(totals: SessionTotals, state: MechanismState) -> None:
         state: of the mechanism.
     """
     totals.time, totals.closure_error = state.time, state.closure_error
-    for field in fields(EnergyAccount):
-        setattr(totals, field.name, getattr(state.account, field.name))
+    for name in _ACCOUNT:
+        setattr(totals, name, getattr(state.account, name))
 
 
-class LeftState(NamedTuple):
-    """A mechanism's state as a kernel left it.
+def state_of(
+    before: MechanismState, totals: SessionTotals, q: Array, v: Array, touching: Touching | None
+) -> MechanismState:
+    """Return a mechanism's state as a kernel left it.
 
-    Attributes:
-        known: the last state before that was known as such.
+    Args:
+        before: the last state that was known as such.
         totals: what kernels added up.
-        q, v: configuration (nq,) and rates (nv,).
+        q: (nq,) configuration; it can be written no more.
+        v: (nv,) rates, likewise.
         touching: points of contact; None in a scene without.
     """
-
-    known: MechanismState
-    totals: SessionTotals
-    q: Array
-    v: Array
-    touching: Touching | None = None
-
-    def state(self) -> MechanismState:
-        """Return the state; q and v can be written no more."""
-        # Read at once: one by one they would take some microseconds.
-        before, numbers = self.known, self.totals.values.tolist()
-        totals = dict(zip(SessionTotals.fields, numbers, strict=True))
-        self.q.flags.writeable = self.v.flags.writeable = False
-        return MechanismState(
-            totals["time"],
-            self.q,
-            self.v,
-            before.active,
-            totals["closure_error"],
-            EnergyAccount(
-                work_in=totals["work_in"],
-                damping_loss=totals["damping_loss"],
-                latch_loss=totals["latch_loss"],
-                contact_loss=totals["contact_loss"],
-                contact_energy=totals["contact_energy"],
-                surplus=totals["surplus"],
-                refined=int(totals["refined"]),
-                inaccurate=int(totals["inaccurate"]),
-                moved=totals["moved"],
-                contact_most=totals["contact_most"],
-            ),
-            self.touching,
-            before.released,
-        )
+    # Read at once: one by one they would take some microseconds.
+    known: dict[str, Any] = dict(zip(SessionTotals.fields, totals.values.tolist(), strict=True))
+    known["refined"], known["inaccurate"] = int(known["refined"]), int(known["inaccurate"])
+    account = EnergyAccount(*(known[name] for name in _ACCOUNT))
+    q.flags.writeable = v.flags.writeable = False
+    time, error = known["time"], known["closure_error"]
+    return MechanismState(time, q, v, before.active, error, account, touching, before.released)
 
 
 class Sample:
@@ -315,7 +289,7 @@ class Sample:
         if isinstance(self._mechanism, tuple):
             data, (known, touching) = self._data, self._mechanism
             parts = data.began_totals, data.began_q, data.began_v
-            self._mechanism = LeftState(known, *parts, touching).state()
+            self._mechanism = state_of(known, *parts, touching)
         return self._mechanism
 
     @property
@@ -329,7 +303,7 @@ class Sample:
     @property
     def hand_wrench(self) -> Array:
         """(6,) F_h on the device, by the hand and by others, as reported; N and N m, world axes."""
-        return self._data.sample[_FORCE]
+        return DeviceSample(self._data.sample).hand_wrench
 
     @property
     def external_wrench(self) -> Array:

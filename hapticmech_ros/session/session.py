@@ -34,7 +34,13 @@ from hapticmech_ros.control.loop_layout import (
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
 from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
-from hapticmech_ros.device import DeviceState, ImpedanceDevice, SimulatedDevice, device_for
+from hapticmech_ros.device import (
+    NO_WRENCH,
+    DeviceState,
+    ImpedanceDevice,
+    SimulatedDevice,
+    device_for,
+)
 from hapticmech_ros.device.kernels import DeviceModel
 from hapticmech_ros.device.safety import MotionCheck, SafetyEnvelope
 from hapticmech_ros.device.safety_kernels import Safety
@@ -43,7 +49,7 @@ from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, DeviceSample
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
@@ -53,7 +59,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Controller
 from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.scene.mechanism import Origin
-from hapticmech_ros.session.sample import LeftState, Run, Sample, begin_totals, run_layout
+from hapticmech_ros.session.sample import Run, Sample, begin_totals, run_layout, state_of
 from hapticmech_ros.session.tick_kernels import (
     ALL,
     ANSWERED,
@@ -88,13 +94,10 @@ if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
 
 _MODEL_SIZE = OPERATIONAL_MODEL.size
-_FORCE = DEVICE_SAMPLE.slice("hand_wrench")
-_RATES = DEVICE_SAMPLE.slice("twist", "hand_wrench")
-_NOBODY = np.zeros((0, 10))
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
 Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
-_NO_RECORDS = np.zeros((0, 0))
+NO_RECORDS = np.zeros((0, 0))
 # Wrenches by others in a tick without any.
 _NOTHING = np.zeros((1, 12))
 _NOTHING.flags.writeable = False
@@ -175,12 +178,12 @@ class Session:
         # Of the kernel, in its order; those that never change.
         self._arguments = np.empty(KERNEL_ARGUMENTS, dtype=object)
         contacts = _NO_CONTACTS if self._contacts is None else self._contacts.arrays
-        own = self._stepper.work, self._stepper.springs, self._data.numbers, self._data.data
-        self._give(WORK, (*own, None, None, _NOBODY, *contacts, counted))
+        own = self._stepper.work, self._data.numbers, self._data.data
+        self._give(WORK, (*own, None, None, *contacts, counted))
         # The mechanism's state now, if it is known as such; and the last one that was.
         self._mechanism_state: MechanismState | None = state
         self._known = state
-        self._begin(state)
+        self.put(state)
 
     def __repr__(self) -> str:
         return f"Session of {self.scene.name} at {self.time:g} s"
@@ -201,19 +204,20 @@ class Session:
     def mechanism(self) -> MechanismState:
         """State of the mechanism at the next tick."""
         if self._mechanism_state is None:
-            self._mechanism_state = self._left().state()
+            parts = self._parts
+            moved = parts.totals, parts.q.copy(), parts.v.copy()
+            self._mechanism_state = state_of(self._known, *moved, self._touching())
         return self._mechanism_state
 
     def go_on(self, state: MechanismState) -> None:
         """End a tick that :meth:`answer` began: the mechanism is at ``state`` at the next one."""
-        self._begin(state)
+        self.put(state)
         self._clock[TICK] += 1
 
     def begun(self) -> Begun:
         """Return what is known as such before a tick."""
-        state = self._mechanism_state
-        touching = None if self._contacts is None else self._contacts.touching()
-        return self.time, (self._known, touching) if state is None else state, self._device_state
+        known = self._mechanism_state or (self._known, self._touching())
+        return self.time, known, self._device_state
 
     def sample(self, begun: Begun) -> Sample:
         """Return the sample of a tick that has been done."""
@@ -296,9 +300,12 @@ class Session:
             inputs[0, 6:] = checked_wrench("hand_wrench", hand_wrench, limits)
         begun = self.begun()
         if pushed:
-            self._tick_pushed(inputs, _NO_RECORDS, pushed)
+            # The kernel does not know wrenches on links.
+            self._clock[EVERY] = 0
+            self._all_but_mechanism(inputs, NO_RECORDS)
+            self._step_in_python(pushed)
         else:
-            self._go(1, inputs, _NO_RECORDS, 0)
+            self._go(1, inputs, NO_RECORDS, 0)
         return self.sample(begun)
 
     def run(
@@ -358,7 +365,7 @@ class Session:
         Raises:
             InvalidInputError: unknown closure, or one too far open to be closed.
         """
-        self._begin(self.simulator.switch(self.mechanism, {name: closed}))
+        self.put(self.simulator.switch(self.mechanism, {name: closed}))
 
     def set_operational_point(self, frame: str, origin: Origin | None = None) -> None:
         """Hold the mechanism elsewhere from the next tick on, without a bump.
@@ -382,11 +389,7 @@ class Session:
         self._side.held_elsewhere()
         self._carried = self._given.wrenches.on_hand.copy()
         self._counter.begin()
-        self._begin(state)
-
-    def put(self, state: MechanismState) -> None:
-        """Go on from another state of the mechanism at the next tick."""
-        self._begin(state)
+        self.put(state)
 
     @property
     def answered(self) -> Array:
@@ -400,11 +403,10 @@ class Session:
             inputs: (1, 12) by others, as of :meth:`answer`.
         """
         if self._simulated:
-            self._call(SENSE, inputs, _NO_RECORDS)
+            self._call(SENSE, inputs, NO_RECORDS)
         else:
             self._sense_in_python(inputs[0])
-        wrench: Array = self._parts.sample[_FORCE].copy()
-        return wrench
+        return DeviceSample(self._parts.sample).hand_wrench.copy()
 
     def answer(self, inputs: Array, rows: Array, correction: Array) -> Array:
         """Do a tick, begun by :meth:`sense`, up to the mechanism's step, which is another's to do.
@@ -442,9 +444,8 @@ class Session:
     @property
     def analysis(self) -> OperationalAnalysis:
         """Analysis of the operational point at this tick, once it is answered."""
-        found = self._parts.observation.copy()
-        mechanism, analyser = self.simulator.mechanism, self._analyser
-        return Observation(found, analyser.rows, mechanism.nv).analysis
+        found, nv = self._parts.observation.copy(), self.simulator.mechanism.nv
+        return Observation(found, self._analyser.rows, nv).analysis
 
     @property
     def _given(self) -> Answer:
@@ -520,15 +521,11 @@ class Session:
             back.state, back.rows = data.back_state, data.back
         return data
 
-    def _left(self) -> LeftState:
-        """Return how the kernel left the mechanism."""
-        totals = SessionTotals(self._parts.totals.values.copy())
-        q, v = self._parts.q.copy(), self._parts.v.copy()
-        touching = None if self._contacts is None else self._contacts.touching()
-        return LeftState(self._known, totals, q, v, touching)
+    def _touching(self) -> Touching | None:
+        return None if self._contacts is None else self._contacts.touching()
 
-    def _begin(self, state: MechanismState) -> None:
-        """Go on from a state of the mechanism."""
+    def put(self, state: MechanismState) -> None:
+        """Go on from another state of the mechanism at the next tick."""
         mechanism, data, clock = self.simulator.mechanism, self._parts, self._clock
         active_set = mechanism.active_set(state.active)
         if active_set is not self._chosen:
@@ -579,7 +576,7 @@ class Session:
                 self._observe_in_python()
                 code = self._call(ALL & ~(SENSE | OBSERVE), given, rows)
             if code:
-                self._step_careful()
+                self._finish_step()
             elif latching:
                 self._latch()
             done += clock[TICK] - first
@@ -600,15 +597,9 @@ class Session:
         """Do a tick in which something is done in Python."""
         self._all_but_mechanism(inputs, rows)
         if self._call(MECHANISM, inputs, rows):
-            self._step_careful()
+            self._finish_step()
         elif self._may_latch:
             self._latch()
-
-    def _tick_pushed(self, inputs: Array, rows: Array, on_links: Mapping[str, Array]) -> None:
-        """Do a tick in which links are pushed, which the kernel does not know."""
-        self._clock[EVERY] = 0
-        self._all_but_mechanism(inputs, rows)
-        self._step_in_python(on_links)
 
     def _all_but_mechanism(self, inputs: Array, rows: Array) -> None:
         """Do the phases of a tick up to the mechanism's step."""
@@ -656,16 +647,16 @@ class Session:
         data.external[:] = given[:6]
         data.push[:] = given[6:]
         data.sample[:] = state.published[: DEVICE_SAMPLE.size]
-        data.sample[_FORCE] = state.reported + device.sensed(data.push)
+        DeviceSample(data.sample).hand_wrench[:] = state.reported + device.sensed(data.push)
         data.added[:] = device.compensation(state)
         data.state[:] = state.flat
         if self._motion is not None:
-            self._look_at_motion(self._motion)
+            self._check_motion(self._motion)
 
-    def _look_at_motion(self, motion: MotionCheck) -> None:
+    def _check_motion(self, motion: MotionCheck) -> None:
         """Hold a sample against the one before; engage anew where it is no motion of a device."""
         before = motion.faults
-        motion.look(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
+        motion.check(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
         if motion.faults > before:
             warnings.warn(f"disengaged: {motion.fault}", RuntimeWarning, stacklevel=2)
             self._parts.answers[:] = self._parts.commanded[:] = 0.0
@@ -673,7 +664,7 @@ class Session:
         if motion.fault:
             self._clutch = None
             # In the accounts of energy it stands still: nobody moves it so.
-            self._parts.sample[_RATES] = 0.0
+            DeviceSample(self._parts.sample).fill(twist=NO_WRENCH, hand_wrench=NO_WRENCH)
 
     def _observe_in_python(self) -> None:
         """Analyse where the kernel could not, or raise what is wrong."""
@@ -709,9 +700,9 @@ class Session:
         state = self.mechanism
         latched = self.simulator.latch(state)
         if latched is not state:
-            self._begin(latched)
+            self.put(latched)
 
-    def _step_careful(self) -> None:
+    def _finish_step(self) -> None:
         """Move the mechanism on where the kernel cannot.
 
         That is at singular positions, and where nearest points of shapes are searched for.

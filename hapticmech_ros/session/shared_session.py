@@ -21,10 +21,8 @@ from hapticmech_ros.operational.analysis import ContactWrenches, by_others, coup
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Origin
 from hapticmech_ros.session.sample import Run, Sample
-from hapticmech_ros.session.session import Session, checked_wrench
+from hapticmech_ros.session.session import NO_RECORDS, Session, checked_wrench
 from hapticmech_ros.simulation import MechanismState, Simulator
-
-_NO_RECORDS = np.zeros((0, 0))
 
 
 class SharedSession:
@@ -215,7 +213,7 @@ class SharedSession:
             self._command(point, user.sense(rows[point]))
         for point, user in self._users.items():
             at = self._places[point]
-            record = records.get(point, _NO_RECORDS)
+            record = records.get(point, NO_RECORDS)
             wrenches[at] = user.answer(rows[point], record, self._correction(point))
             wrenches[at] += inputs[point][0, :6]
         self._couple()

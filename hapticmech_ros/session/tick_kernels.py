@@ -15,6 +15,7 @@ from hapticmech_ros.compilation import (
     gathering_kernel,
     inner,
     put,
+    shaped,
 )
 from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
@@ -47,11 +48,12 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.safety_kernels import Safety
-from hapticmech_ros.mechanism.kernels.model import Model, RunPlan, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
+from hapticmech_ros.numerics.small_matrices import add_scaled, is_zero
 from hapticmech_ros.operational.observe_kernels import (
     MODEL_SIZE,
     ConstraintTrigger,
@@ -196,7 +198,7 @@ CLOCK_SIZE = 9
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
-KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 13, 3, 7, 8, 10
+KERNEL_ARGUMENTS, WORK, INPUTS, RECORDS, CONTACTS = 11, 3, 6, 7, 8
 # Among the whole numbers of a session.
 RECEIVED = SessionData.sizes["received"].index
 
@@ -207,8 +209,7 @@ def sense(data: SessionData) -> None:
     device, measured, sample = DeviceModel(data.device), DeviceSample(data.state), data.sample
     put(sample, measured.values)
     if device.senses_itself == MEASURED:
-        for i in range(6):
-            DeviceSample(sample).hand_wrench[i] += data.push[i]
+        add_scaled(DeviceSample(sample).hand_wrench, 1.0, data.push)
     compensate(device, measured.twist, data.added)
 
 
@@ -235,7 +236,7 @@ def remember_rates(past: Array, tick: int, rates: Array) -> None:
 
 
 @inner
-def look(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
+def observe(numbers: Array, values: Array, data: SessionData, packed: Array, clock: Array) -> bool:
     """Analyse the operational point, and count joint constraints; return whether it succeeded."""
     times, rows, observation = data.times, data.rows, data.observation
     put(data.began_state, data.state)
@@ -270,12 +271,9 @@ def feel_contacts(
     numbers: Array, values: Array, data: SessionData, packed: Array, contacts: Contacts
 ) -> None:
     """Fill F_c of the contacts in the step that led here."""
-    force, felt = contacts.joint_force, False
-    for c in range(force.size):
-        felt = felt or force[c] != 0.0
-    if not felt:
-        data.contact[:] = 0.0
-    else:
+    force = contacts.joint_force
+    data.contact[:] = 0.0
+    if not is_zero(force):
         consistent_wrench(numbers, values, packed, data.observation, data.rows, force, data.contact)
 
 
@@ -360,16 +358,11 @@ def move_mechanism(
     data: SessionData,
     packed: Array,
     work: Array,
-    springs: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
 ) -> bool:
-    """Move the mechanism on by a period; return whether it could be done, else nothing is changed.
-
-    ``nobody`` is a matrix (0, 10): of wrenches on links, and of samples of the steps.
-    """
+    """Move the mechanism on by a period; return whether it was done, else nothing is changed."""
     parts, index, acting = Work(numbers, work), data.index, ActingWrenches(data.wrenches)
     pushed, account, totals = parts.wrenches, parts.account, data.totals
     put(parts.q0, data.q)
@@ -397,15 +390,14 @@ def move_mechanism(
             last,
             stages,
             work,
-            springs,
             contact_numbers,
             contact_values,
             plan.values,
         )
     else:
-        code = advance(
-            numbers, values, first, last, stages, work, springs, nobody, nobody, plan.values
-        )
+        # Of wrenches on links, and of samples of the steps.
+        none = shaped(values, (0, 10))
+        code = advance(numbers, values, first, last, stages, work, none, none, plan.values)
     clock[WHY] = code
     if code != SETTLED:
         clock[KNOWN] = 0
@@ -421,7 +413,7 @@ def move_mechanism(
     totals.surplus += account.energy_defect
     totals.inaccurate += account.lossy_steps
     totals.moved = account.largest_kinetic
-    totals.closure_error = unpack(packed[1 - at], Model(numbers, values)).tail.largest_residual
+    totals.closure_error = Data(numbers, packed[1 - at]).tail.largest_residual
     if touches:
         held = contacts.report.energy if contacts.counts.points > 0 else 0.0
         totals.contact_loss += totals.contact_energy - held - account.contact_work
@@ -461,8 +453,8 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
 
 
 @gathering_kernel(
-    "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
+    "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], int64[::1],"
+    " float64[::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
     " int64[::1])"
 )
 def run_ticks(
@@ -470,17 +462,15 @@ def run_ticks(
     values: Array,
     packed: Array,
     work: Array,
-    springs: Array,
     whole: Array,
     real: Array,
     inputs: Array,
     records: Array,
-    nobody: Array,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
 ) -> int:
-    """Do ticks, or parts of one; called with an array (13,) of what follows.
+    """Do ticks, or parts of one; called with an array (11,) of what follows.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
@@ -488,13 +478,11 @@ def run_ticks(
         packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
             delay compensation works in, and those of a step's stages.
         work: (work,) of the step; see ``model.Work``.
-        springs: (numbers,) of implicit rules; see ``implicit_kernels.Springs``.
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.tick_kernels.SessionData`.
         inputs: (ticks or 1, 12) wrenches by others on the mechanism at the operational point, and
             on the device at the point held; N and N m, world axes.
         records: (records, ...) to fill; see ``run_layout``.
-        nobody: (0, 10).
         contact_numbers: of the contacts, whole ones; (0,) in a scene without.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
         clock: (9,) what to do, and what was done.
@@ -513,7 +501,7 @@ def run_ticks(
             put(external, row[:6])
             put(push, row[6:])
             sense(data)
-        if phases & OBSERVE and not look(numbers, values, data, packed, clock):
+        if phases & OBSERVE and not observe(numbers, values, data, packed, clock):
             return OBSERVATION_FAILED
         if phases & RECEIVE:
             if contact_numbers.size > 0 and clock[KNOWN] != 0:
@@ -534,8 +522,6 @@ def run_ticks(
                 data,
                 packed,
                 work,
-                springs,
-                nobody,
                 contact_numbers,
                 contact_values,
                 clock,

@@ -7,7 +7,7 @@ The mechanism at a time, and over a time; nothing here changes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,11 +20,10 @@ from hapticmech_ros.mechanism.inertia import NO_MASS, SingularInertiaError, is_m
 from hapticmech_ros.mechanism.mechanism import Mechanism
 from hapticmech_ros.mechanism.motion import (
     NOTHING,
+    EarlierAccount,
     ExternalWrenches,
-    Owed,
     Start,
     Stepped,
-    plan_of,
 )
 from hapticmech_ros.mechanism.projection import consistent_initial_state, project
 from hapticmech_ros.mechanism.stepping import Stepper
@@ -150,49 +149,6 @@ class Trajectory:
 AT_ONCE = 0.1
 
 
-class Latches:
-    """The closures of a mechanism that latch: within reach, where their frames come nearest.
-
-    One that was opened there is released: it does not latch again before it has left its reach.
-
-    Args:
-        mechanism: whose.
-    """
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
-        self._limits = {
-            index: loop.latch_distance
-            for index, loop in enumerate(mechanism.closures)
-            if loop.latch_distance
-        }
-
-    def waiting(self, active: Active) -> bool:
-        """Return whether one is open."""
-        return not all(active[index] for index in self._limits)
-
-    def after(
-        self, q: Array, v: Array, active: Active, released: Iterable[int]
-    ) -> tuple[Active, frozenset[int]]:
-        """Return which closures are closed at (q, v), and which of the others are released.
-
-        Args:
-            q: (nq,) configuration.
-            v: (nv,) rates, rad/s or m/s.
-            active: per closure, whether it is closed.
-            released: indices of those that were opened, and have not left their reach since.
-        """
-        closed, still = list(active), set(released)
-        for index, limit in self._limits.items():
-            if not closed[index]:
-                distance, speed = self._mechanism.distance_of(index, q, v)
-                if distance >= limit:
-                    still.discard(index)
-                elif index not in still and (speed >= 0.0 or distance < AT_ONCE * limit):
-                    closed[index] = not self._mechanism.on_wrong_branch(index, q)
-        return tuple(closed), frozenset(still)
-
-
 # A closure without latch_distance can be closed from this fraction of the mechanism's length.
 CLOSE_BY_HAND = 0.02
 
@@ -217,18 +173,28 @@ class Simulator:
             raise SingularInertiaError(NO_MASS, error.rate) from None
         self.scene = scene = self.mechanism.scene
         self.period = scene.simulation.period
-        self.stepper = Stepper(self.mechanism, plan_of(scene.simulation))
-        self._contacts = _contact_stepper(self.mechanism)
+        self.stepper = Stepper(self.mechanism)
+        self._contacts: ContactStepper | None = None
+        if scene.contacts:
+            # Here, so that a scene without contacts imports nothing of them.
+            from hapticmech_ros.contact.stepping import ContactStepper
+
+            self._contacts = ContactStepper(self.mechanism)
+        # Of each closure that latches by itself: within which distance.
+        self._reaches = {
+            index: loop.latch_distance
+            for index, loop in enumerate(self.mechanism.closures)
+            if loop.latch_distance
+        }
         self._evaluated: tuple[MechanismState, Evaluation] | None = None
         self._projected: tuple[MechanismState, Closing] | None = None
-        self._latches = Latches(self.mechanism)
 
     def __repr__(self) -> str:
         return f"Simulator of {self.scene.name}: steps of {self.period:g} s"
 
     def may_latch(self, state: MechanismState) -> bool:
         """Return whether a closure is open that may latch by itself."""
-        return self._latches.waiting(state.active)
+        return not all(state.active[index] for index in self._reaches)
 
     def contact_memory(self) -> ContactMemory | None:
         """Return the scene's contacts as arrays for kernels, made anew; None without contacts."""
@@ -325,7 +291,7 @@ class Simulator:
         if every < 1:
             raise InvalidInputError("every", every, "must be 1 or more")
         held = np.zeros((len(self.mechanism.point_names), 6)) if wrenches is None else wrenches
-        if self._latches.waiting(state.active) or self._contacts is not None:
+        if self.may_latch(state) or self._contacts is not None:
             return self._run_watched(state, steps, held, every)
         return self._run_free(state, steps, held, every)
 
@@ -387,8 +353,8 @@ class Simulator:
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
         a = state.account
-        owed = Owed(a.surplus, a.work_in, a.lost, a.moved)
-        return Start(state.q, state.v, state.active, terms, self._closing(state), owed)
+        earlier = EarlierAccount(a.surplus, a.work_in, a.lost, a.moved)
+        return Start(state.q, state.v, state.active, terms, self._closing(state), earlier)
 
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
@@ -442,15 +408,22 @@ class Simulator:
     def latch(self, state: MechanismState) -> MechanismState:
         """Return a state with those open loops closed that latch: frames in reach and nearest.
 
+        One that was opened there is released: it does not latch again before it has left its reach.
+
         Raises:
             ClosureError: the loops cannot be closed there.
         """
-        if not self._latches.waiting(state.active):
-            return state
-        q, v = state.q, state.v
-        active, released = self._latches.after(q, v, state.active, state.released)
-        if released != state.released:
-            state = replace(state, released=released)
+        closed, still = list(state.active), set(state.released)
+        for index, reach in self._reaches.items():
+            if not closed[index]:
+                distance, speed = self.mechanism.distance_of(index, state.q, state.v)
+                if distance >= reach:
+                    still.discard(index)
+                elif index not in still and (speed >= 0.0 or distance < AT_ONCE * reach):
+                    closed[index] = not self.mechanism.on_wrong_branch(index, state.q)
+        if still != state.released:
+            state = replace(state, released=frozenset(still))
+        active = tuple(closed)
         return state if active == state.active else self._activated(state, active)
 
     def _activated(self, state: MechanismState, active: Active) -> MechanismState:
@@ -469,16 +442,6 @@ class Simulator:
         if distance > limit or self.mechanism.on_wrong_branch(index, q):
             rule = f"can be closed only within {limit:.4g} (m, rad) of its frames, axes alike"
             raise InvalidInputError(f"distance of closure {loop.name}", distance, rule)
-
-
-def _contact_stepper(mechanism: Mechanism) -> ContactStepper | None:
-    """Return what steps a mechanism with contacts; None if its scene has none."""
-    if not mechanism.scene.contacts:
-        return None
-    # Here, so that a scene without contacts imports nothing of them.
-    from hapticmech_ros.contact.stepping import ContactStepper
-
-    return ContactStepper(mechanism)
 
 
 def _frozen(array: Array) -> Array:

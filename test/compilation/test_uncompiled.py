@@ -137,7 +137,8 @@ def use_parts(scene, control):
         mean_change(memory, 0.0, 1e-3, np.empty(12))
         command = PUSH
         if answer is not None:
-            command = corrected(PUSH, answer.model, answer.answered, sample, memory, 1e-3)
+            model, answered = answer.numbers.model.values, answer.numbers.sample.values
+            command = corrected(PUSH, model, answered, sample, memory, 1e-3)
         device.allow(command, sample, state.applied, 0.01 * tick)
         device.envelope.apply(command, sample[:3])
         device.passivity.record(sample, state.applied)

@@ -74,8 +74,8 @@ def test_a_sample_is_answered_once_what_is_in_flight_has_acted(delay, time):
         found = side.tick(inputs, clutch, corrects)
         expected = side.control.answer(time, clutch, sample, model, 0.0, in_flight)
         assert np.abs(found.wrenches - expected).max() < 1e-12 * np.abs(expected).max()
-        assert np.array_equal(found.answered, sample)
-        assert found.is_modelled == corrects
+        assert np.array_equal(found.numbers.sample.values, sample)
+        assert (found.numbers.modelled != 0.0) == corrects
 
 
 def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
@@ -95,7 +95,8 @@ def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
             got += 0.5 * PERIOD * acted @ (moved + model[MOVED])
         before, moved = sample, model[MOVED]
         assert side.from_hand == pytest.approx(gave, abs=1e-12)
-        assert side.entry.to_mechanism == answer.to_mechanism == pytest.approx(got, abs=1e-12)
+        assert side.entry.to_mechanism == pytest.approx(got, abs=1e-12)
+        assert answer.numbers.to_mechanism == side.entry.to_mechanism
         told = answer.wrenches[1]
         sent, acted = side.command_mechanism()
         # Without a delay.
@@ -238,9 +239,10 @@ class Composed(Session):
         now, command, told = self.waiting.pop(0), np.zeros(6), None
         remember_wrench(self.hand, self.period, seen[PUSH])
         if now is not None:
-            command, told = now.wrenches[0], now.to_mechanism
-            if now.is_modelled:
-                model = now.model, now.answered, seen, self.hand, self.period
+            command, told = now.wrenches[0], now.numbers.to_mechanism
+            if now.numbers.modelled != 0.0:
+                numbers = now.numbers
+                model = numbers.model.values, numbers.sample.values, seen, self.hand, self.period
                 command = corrected(command, *model)
         on_hand = self.end.allow(command, seen, own[19:], told, added)
         assert np.abs(sample.acting - (on_hand, on_mechanism)).max() < 1e-11

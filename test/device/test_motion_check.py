@@ -24,7 +24,7 @@ def faults(samples, stamps=None, device=None, period=1e-3):
     begun, said = [], []
     for index, sample in enumerate(samples):
         before = check.faults
-        check.look(sample, PERIOD_NS * (index + 1) if stamps is None else stamps[index])
+        check.check(sample, PERIOD_NS * (index + 1) if stamps is None else stamps[index])
         if check.faults > before:
             begun.append(index)
             said.append(check.fault)
@@ -132,7 +132,7 @@ def test_one_wild_sample_is_one_fault_that_ends():
     samples[500][POSITION] += [0.2, 0.0, 0.0]
     check, faulty = MotionCheck(Device(), 1e-3), []
     for index, sample in enumerate(samples):
-        check.look(sample, PERIOD_NS * (index + 1))
+        check.check(sample, PERIOD_NS * (index + 1))
         faulty.append(bool(check.fault))
     # Back again with the next one, and sound for 0.1 s after that.
     assert (faulty.index(True), sum(faulty)) == (500, 102)
@@ -150,7 +150,7 @@ def test_a_pose_that_stands_still_while_its_twist_does_not_is_found(speed):
 def test_a_fault_that_lasts_lasts():
     check = MotionCheck(Device(), 1e-3)
     for index, sample in enumerate(along_x(0.3, np.zeros(3000))):
-        check.look(sample, PERIOD_NS * (index + 1))
+        check.check(sample, PERIOD_NS * (index + 1))
         assert bool(check.fault) == (index >= 3)
     assert check.faults == 1
     assert "moved by" in check.fault

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.motion import ExternalWrenches, Plan, Start
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.tolerances import BAUMGARTE_FAILURE
 from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import run, simulator, with_start
@@ -30,9 +30,8 @@ def off_the_closures(mechanism, state, size):
 def test_an_open_loop_closes_as_the_equation_says():
     """φ'' + 2a φ' + a² φ = 0 from rest: φ = φ₀ (1 + a t) exp(-a t)."""
     rate, period, steps = 40.0, 1e-3, 50
-    sim = held(FIVE_BAR, period)
-    mechanism, state = sim.mechanism, sim.initial_state()
-    stepper = type(sim.stepper)(mechanism, Plan("rk4", period, baumgarte_rate=rate))
+    sim = held(FIVE_BAR, period, baumgarte_rate=rate, integrator="rk4")
+    mechanism, state, stepper = sim.mechanism, sim.initial_state(), sim.stepper
     q, v = off_the_closures(mechanism, state, 1e-3), np.zeros(state.v.size)
     first = mechanism.closing_terms(q, state.active).residual
     external = ExternalWrenches(np.zeros((len(mechanism.point_names), 6)))

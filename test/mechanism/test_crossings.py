@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hapticmech_ros.mechanism.careful import BranchMotion
+from hapticmech_ros.mechanism.branches import BranchMotion
 from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from oracles.crossings import MECHANISMS, SPEED, Step, passed

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import ClosureError
-from hapticmech_ros.mechanism.refinement import Balance, Ways, refined
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance
+from hapticmech_ros.mechanism.refinement import Ways, refined
 
 
 class Sudden:
@@ -59,7 +60,7 @@ def _of_times(monkeypatch):
 
 
 def balance(off):
-    return Balance(off, abs(off), max(off, 0.0), 1.0, 0.0, 1.0, 0.0)
+    return Balance(np.array((off, abs(off), max(off, 0.0), 1.0, 0.0, 1.0, 0.0)))
 
 
 BEGUN = SimpleNamespace(time=0.0)

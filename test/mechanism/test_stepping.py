@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.motion import ExternalWrenches, Start, plan_of
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Start
 from hapticmech_ros.mechanism.stepping import Stepper
 from oracles.generator import closed_chain, random_mechanism
 from oracles.planar_linkages import (
@@ -52,7 +52,7 @@ def test_what_is_known_changes_no_bit(document):
     sim = stepping(document, "rk4")
     state = sim.initial_state()
     mechanism, wrenches = sim.mechanism, push(sim)
-    stepper = Stepper(mechanism, plan_of(sim.scene.simulation))
+    stepper = Stepper(mechanism)
     closing = mechanism.closing_terms(state.q, state.active)
     terms = mechanism.evaluate(state.q, state.v, state.active)
     mechanism.evaluate(mechanism.integrate(state.q, state.v), state.v, state.active)  # scratch

@@ -5,13 +5,13 @@
 import numpy as np
 
 from hapticmech_ros.mechanism.kernels.element_kernels import element_resistance, element_slopes
-from hapticmech_ros.mechanism.kernels.model import Model, views_of
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 
 
 def _parts(mechanism, q):
     closing = mechanism.closing_terms(q, mechanism.initially_active).dense
     active_set = closing.active_set
-    return Model(*active_set.constants), views_of(closing.packed, active_set.model)
+    return Model(*active_set.constants), Data(active_set.model.numbers, closing.packed)
 
 
 def slopes(mechanism, q, v, horizon):

@@ -100,22 +100,10 @@ def force_to_metric(model: Model, data: Data, vector: Array) -> None:
 
 
 @inner
-def rates_from_metric(model: Model, data: Data, vector: Array) -> None:
-    """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
-    _sweep_outwards(model, data, vector, False)
+def sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) -> None:
+    """Replace joint rates v (nv,) by y = Lᵀv, in the mass metric; or y by v, L⁻ᵀ y.
 
-
-@inner
-def rates_to_metric(model: Model, data: Data, vector: Array) -> None:
-    """Replace joint rates (nv,) by Lᵀ of them."""
-    _sweep_outwards(model, data, vector, True)
-
-
-@inner
-def _sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) -> None:
-    """Go from the world to the tips with twists, where v_c √d_c = y_c - U_c·twist / √d_c.
-
-    ``vector`` (nv,) is v, to be replaced by y = Lᵀv, if it is said to be rates; else the reverse.
+    From the world to the tips with twists, where v_c √d_c = y_c - U_c·twist / √d_c.
     """
     joints, axes, pivots = model.joints, data.joint_jacobian, data.pivots
     twists = model.sweep

@@ -23,12 +23,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, leaf, local, shaped
+from hapticmech_ros.compilation import inner, leaf, local, put, shaped
 from hapticmech_ros.mechanism.kernels.articulated_kernels import pair_to_metric
 from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.tolerances import PASSING, RESOLVED, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import cholesky
+from hapticmech_ros.numerics.small_matrices import add_scaled, cholesky, dot
 
 # Up to this square of a column of [-S, 1]ᵀ the factor of their products will do: rounding is
 # magnified by no more.
@@ -51,9 +51,7 @@ def factor_border(data: Data) -> bool:
             square[i, k] = 1.0 if i == k else 0.0
     for j in range(m):
         for i in range(p):
-            share = basis[j, i]
-            for k in range(i + 1):
-                square[i, k] += share * basis[j, k]
+            add_scaled(square[i, : i + 1], basis[j, i], basis[j])
     largest = 0.0
     for i in range(p):
         if not np.isfinite(square[i, i]):
@@ -105,17 +103,11 @@ def _reflect_unit(basis: Array, m: int) -> None:
 @inner
 def _remove(basis: Array, m: int, k: int, along: Array) -> None:
     """Reflect the later columns by column k; fill ``along`` with twice their products with it."""
-    p = basis.shape[1]
-    for other in range(p):
-        along[other] = 0.0
+    along[:] = 0.0
     for j in range(m):
-        share = 2.0 * basis[j, k]
-        for other in range(k + 1, p):
-            along[other] += share * basis[j, other]
+        add_scaled(along[k + 1 :], 2.0 * basis[j, k], basis[j, k + 1 :])
     for j in range(m):
-        share = basis[j, k]
-        for other in range(k + 1, p):
-            basis[j, other] -= share * along[other]
+        add_scaled(basis[j, k + 1 :], -basis[j, k], along[k + 1 :])
 
 
 @inner
@@ -130,24 +122,15 @@ def keep_free(model: Model, data: Data, pivots: Array, turned: Array) -> None:
     """
     basis, m, p = data.shares, pivots.size, model.border
     first, free = model.nv - p, local(p)
-    for k in range(p):
-        free[k] = 0.0
+    free[:] = 0.0
     for j in range(m):
-        for k in range(p):
-            free[k] += basis[j, k] * pivots[j]
+        add_scaled(free, pivots[j], basis[j])
     for i in range(p):
-        for k in range(p):
-            free[k] += basis[m + i, k] * turned[first + i]
+        add_scaled(free, turned[first + i], basis[m + i])
     for j in range(m):
-        total = 0.0
-        for k in range(p):
-            total += basis[j, k] * free[k]
-        pivots[j] = total
+        pivots[j] = dot(basis[j], free)
     for i in range(p):
-        total = 0.0
-        for k in range(p):
-            total += basis[m + i, k] * free[k]
-        turned[first + i] = total
+        turned[first + i] = dot(basis[m + i], free)
 
 
 # Columns of ``Data.row_places``.
@@ -188,10 +171,8 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
             last = max(last, int(places[i, LAST]))
         if last - begin >= width:
             return NOT_DECIDED
-        for place in range(begin, last + 1):
-            column[place] = 0.0
-        for place in range(edge, model.nv):
-            column[place] = 0.0
+        column[begin : last + 1] = 0.0
+        column[edge : model.nv] = 0.0
         pair_to_metric(model, data, a, b, pairs[row], 1.0 / units[row], column)
         square = 0.0
         for place in range(begin, last + 1):
@@ -210,8 +191,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
         if not np.isfinite(left):
             return NOT_DECIDED
         places[j, BEGIN], places[j, FIRST] = begin, hit
-        for place in range(begin, last + 1):
-            band[j, place - begin] = column[place]
+        put(band[j, : last + 1 - begin], column[begin : last + 1])
         resolved = max(RESOLVED * largest, rounding)
         if left <= max(resolved, tolerance * largest) and model.border == 0:
             if tolerance <= SOLVER_RANK_TOLERANCE and left > resolved:
@@ -251,9 +231,7 @@ def _share(places: Array, band: Array, shares: Array, j: int, own: Array) -> Non
     for k in range(own.size):
         shares[j, k] = -own[k]
     for i in range(int(places[j, FIRST]), j):
-        above = band[j, int(places[i, PIVOT]) - begin]
-        for k in range(own.size):
-            shares[j, k] -= above * shares[i, k]
+        add_scaled(shares[j], -band[j, int(places[i, PIVOT]) - begin], shares[i])
     for k in range(own.size):
         shares[j, k] *= inverse
 
@@ -262,12 +240,8 @@ def _share(places: Array, band: Array, shares: Array, j: int, own: Array) -> Non
 def _reflect(places: Array, band: Array, j: int, vector: Array) -> None:
     """Apply reflection j to a vector by places."""
     begin, pivot, last = int(places[j, BEGIN]), int(places[j, PIVOT]), int(places[j, LAST])
-    along = 0.0
-    for place in range(pivot, last + 1):
-        along += band[j, place - begin] * vector[place]
-    along *= 2.0
-    for place in range(pivot, last + 1):
-        vector[place] -= along * band[j, place - begin]
+    reached, normal = vector[pivot : last + 1], band[j, pivot - begin : last + 1 - begin]
+    add_scaled(reached, -2.0 * dot(normal, reached), normal)
 
 
 @inner
@@ -354,8 +328,7 @@ def _least(model: Model, data: Data, rank: int, bordered: bool) -> float:
     """
     places, band, m = data.row_places, data.band, model.m
     turned, before, size = model.turned, model.along, np.sqrt(float(rank))
-    for j in range(m):
-        before[j] = 1.0
+    before[:] = 1.0
     for _ in range(_ROUNDS):
         share = 1.0 / size
         for j in range(m):
@@ -385,8 +358,7 @@ def _least(model: Model, data: Data, rank: int, bordered: bool) -> float:
 def _weaken(model: Model, data: Data, turned: Array) -> None:
     """Replace the pivots z of a turned vector by (1 + S Sᵀ)⁻¹ z: AᵀA is Rᵀ (1 + S Sᵀ) R."""
     places, across = data.row_places, model.across
-    for k in range(model.nv - model.border, model.nv):
-        turned[k] = 0.0
+    turned[model.nv - model.border :] = 0.0
     for j in range(across.size):
         across[j] = turned[int(places[j, PIVOT])]
     keep_free(model, data, across, turned)

@@ -61,9 +61,9 @@ def element_slopes(
 
     C has the secant of friction, and a stop counts if it is met within ``horizon`` (s).
     """
+    stiffness[:] = 0.0
+    damping[:] = 0.0
     for i in range(model.nv):
-        for j in range(model.nv):
-            stiffness[i, j], damping[i, j] = 0.0, 0.0
         damping[i, i] = model.damping[i]
     for row in range(model.elements.shape[0]):
         rate, values = model.elements[row, 0], model.element_values[row]

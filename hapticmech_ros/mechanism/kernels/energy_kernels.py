@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.mechanism.kernels.element_kernels import (
     LOWER,
     PULL,
@@ -21,7 +22,7 @@ from hapticmech_ros.mechanism.kernels.element_kernels import (
     element_resistance,
 )
 from hapticmech_ros.mechanism.kernels.metric_kernels import lift, to_metric
-from hapticmech_ros.mechanism.kernels.model import DENSE, Data, Model, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import DENSE, Data, Model, Work
 from hapticmech_ros.mechanism.kernels.motion_kernels import (
     add_link_forces,
     add_point_forces,
@@ -32,16 +33,37 @@ from hapticmech_ros.mechanism.tolerances import ENERGY_ROUNDING, UNFELT
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot, remove
 
-# Of an account of a step.
-OFF, JUDGED, MADE, EXCHANGED, ROUNDING, KINETIC, LOST, BALANCE = range(8)
+
+class Balance(Record):
+    """Energy account of a step, J; see :func:`put_balance`.
+
+    Attributes:
+        off: energy at the end less that at the start and the work done, plus losses: 0 is exact.
+        judged: what of that is held against a tolerance.
+        made: what was made from nothing.
+        exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
+            what the step's forces would give to a free mechanism at rest.
+        rounding: of the potential energies, and what nobody feels.
+        kinetic: at the end.
+        lost: to dampers, friction and stops, and to a rule that damps what is too fast for it.
+    """
+
+    off, judged, made, exchanged = Number(), Number(), Number(), Number()
+    rounding, kinetic, lost = Number(), Number(), Number()
+
+    def is_within(self, tolerance: float) -> bool:
+        """Return whether the step is off by no more than a share of what was exchanged."""
+        return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
+
+
+BALANCE_SIZE = Balance.layout.size
 
 
 @inner
 def kinetic_energy(model: Model, data: Data, v: Array) -> float:
     """Return ½ vᵀ D v, J, at rates v (nv,)."""
     lifted = model.result[: model.nv]
-    for c in range(lifted.size):
-        lifted[c] = v[c]
+    put(lifted, v)
     lift(model, data, lifted)
     return 0.5 * dot(lifted, lifted)
 
@@ -83,9 +105,9 @@ def put_balance(
     damps: bool,
     work_in: float,
     lost: float,
-    out: Array,
+    out: Balance,
 ) -> None:
-    """Fill ``out`` (7,) with the account of the step from ``parts.q0`` to ``parts.q``, J.
+    """Fill ``out`` with the account of the step from ``parts.q0`` to ``parts.q``, J.
 
     By how much it is off: energy at the end less that at the start and the work done, plus losses;
     the size of that, which is held against a tolerance; and what was made from nothing. What was
@@ -101,13 +123,11 @@ def put_balance(
         most = lost + _damped_most(model, first, parts, parts.q0, parts.v0)
         most += _damped_most(model, last, parts, parts.q, parts.v)
         lost = min(max(-gained, 0.0), max(most, 0.0))
-    out[OFF], out[LOST] = gained + lost, lost
-    out[MADE], out[JUDGED] = max(out[OFF], 0.0), abs(out[OFF])
-    if not np.isfinite(out[OFF]):
-        out[JUDGED] = np.inf
-    out[EXCHANGED] = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
-    out[ROUNDING] = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
-    out[KINETIC] = moves
+    off = gained + lost
+    out.off, out.lost, out.kinetic = off, lost, moves
+    out.made, out.judged = max(off, 0.0), abs(off) if np.isfinite(off) else np.inf
+    out.exchanged = moved + moves + abs(stands - stood) + abs(work_in) + abs(lost)
+    out.rounding = ENERGY_ROUNDING * (abs(stood) + abs(stands)) + UNFELT
 
 
 @inner
@@ -198,9 +218,9 @@ def judge(
         damps: see ``put_balance``.
         work_in: J, done in the step.
         lost: J, in damping, friction and stops.
-        out: (7,) to fill; what was exchanged with ``pushed_energy``.
+        out: (7,) a :class:`Balance` to fill; what was exchanged with ``pushed_energy``.
     """
-    model, parts = Model(numbers, values), Work(numbers, work)
-    first = unpack(start, model)
-    put_balance(model, first, unpack(end, model), parts, damps, work_in, lost, out)
-    out[EXCHANGED] += pushed_energy(model, first, parts, external)
+    model, parts, found = Model(numbers, values), Work(numbers, work), Balance(out)
+    first = Data(model.numbers, start)
+    put_balance(model, first, Data(model.numbers, end), parts, damps, work_in, lost, found)
+    found.exchanged += pushed_energy(model, first, parts, external)

@@ -42,7 +42,7 @@ from hapticmech_ros.mechanism.kernels.metric_kernels import (
     correction_of,
     lift,
 )
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
     DRIFT_CAP,
@@ -55,6 +55,7 @@ from hapticmech_ros.numerics.small_matrices import (
     EPSILON,
     cholesky,
     dot_rows,
+    largest,
     orthogonalise,
     solve_lower,
 )
@@ -77,8 +78,7 @@ def factor_dense(model: Model, data: Data, tolerance: float) -> int:
         row_of = closures[index]
         kind, a, b, first = row_of[0], row_of[1], row_of[2], row_of[3]
         for row in range(first, end_of_rows(closures, index, m)):
-            for c in range(jacobian.shape[1]):
-                jacobian[row, c] = 0.0
+            jacobian[row][:] = 0.0
             add_pair(joints, axes, carriers[a], carriers[b], pairs[row], 1.0, jacobian[row])
         if kind == COUPLING:
             add_gear(model, data.poses, a, b, jacobian[first])
@@ -250,10 +250,7 @@ def locate(model: Model, q: Array, data: Data) -> None:
             continue
         residual_of(kind, poses, a, b, first, residual)
         wrenches_of(kind, poses, a, b, first, pairs)
-    worst = 0.0
-    for i in range(model.m):
-        worst = max(worst, abs(residual[i]))
-    data.tail.largest_residual = worst
+    data.tail.largest_residual = largest(residual)
 
 
 @inner
@@ -302,8 +299,7 @@ def factor_closures(numbers: Array, values: Array, q: Array, packed: Array) -> i
     Returns:
         The rank r; or NO_SVD, SINGULAR and below, or NOT_DECIDED of a sparse factorisation.
     """
-    model = Model(numbers, values)
-    return factor(model, q, unpack(packed, model))
+    return factor(Model(numbers, values), q, Data(numbers, packed))
 
 
 @kernel(
@@ -330,8 +326,8 @@ def solve_motion(
         bias: (m,) Ẇv, m/s² or 1/s².
         result: (nv + m,) Σ Jᵀ F and efforts, N m or N, replaced by v̇ and λ; λ is NaN if sparse.
     """
-    model = Model(numbers, values)
-    accelerate(model, unpack(packed, model), bias_force, passive, bias, result)
+    model, data = Model(numbers, values), Data(numbers, packed)
+    accelerate(model, data, bias_force, passive, bias, result)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
@@ -345,8 +341,7 @@ def correct(numbers: Array, values: Array, packed: Array, residual: Array, chang
         residual: (m,) φ, rad or m.
         change: (nv,) to fill, rad or m.
     """
-    model = Model(numbers, values)
-    correction_of(model, unpack(packed, model), residual, change)
+    correction_of(Model(numbers, values), Data(numbers, packed), residual, change)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
@@ -359,8 +354,7 @@ def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> N
         packed: (size,) packed terms at the configuration.
         rates: (nv,) rad/s or m/s, replaced by the nearest with W v = 0.
     """
-    model = Model(numbers, values)
-    close_rates(model, unpack(packed, model), rates)
+    close_rates(Model(numbers, values), Data(numbers, packed), rates)
 
 
 @kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
@@ -373,5 +367,4 @@ def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> No
         packed: (size,) packed terms at the configuration.
         rates: (nv,) rates or a change of q, replaced by Lᵀ of them, in the mass metric.
     """
-    model = Model(numbers, values)
-    lift(model, unpack(packed, model), rates)
+    lift(Model(numbers, values), Data(numbers, packed), rates)

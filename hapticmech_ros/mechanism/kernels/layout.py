@@ -9,6 +9,7 @@ A set of active closures: the model that kernels take, dense, and sparse where i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
 from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
-from hapticmech_ros.mechanism.kernels.model import SPARSE, Constants, Model, pack, views_of
+from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, pack
 from hapticmech_ros.numerics import Array
 
 
@@ -26,7 +27,7 @@ class ActiveSet:
     """What a set of active closures fixes, for one kind of factorisation.
 
     Attributes:
-        known: the mechanism's constants, with these closures.
+        sizes, parts: the mechanism's constants, with these closures; see ``model.pack``.
         constants: these, packed.
         model: views of the packed ones.
         m: number of closure rows.
@@ -36,13 +37,16 @@ class ActiveSet:
     """
 
     def __init__(
-        self, known: Constants, dense: ActiveSet | None = None, redundant: bool = False
+        self,
+        sizes: Mapping[str, int],
+        parts: Mapping[str, Array],
+        dense: ActiveSet | None = None,
+        redundant: bool = False,
     ) -> None:
-        self.known = known
-        self.constants: tuple[Array, Array] = pack(known)
+        self.sizes, self.parts = sizes, parts
+        self.constants: tuple[Array, Array] = pack(sizes, parts)
         self.model = Model(*self.constants)
-        self.m = known.m
-        self.size = self.model.data_size
+        self.m, self.size = self.model.m, self.model.data_size
         self.dense: ActiveSet = self if dense is None else dense
         self.redundant = redundant
 
@@ -86,7 +90,7 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
         dense: the closures with a dense one.
         position: (nq,) a configuration, to see how wide the band becomes, and what is redundant.
     """
-    known = dense.known
+    known = dense.model
     if COUPLING in known.closures[:, 0]:
         return dense  # a coupling is no pair of wrenches on two links
     n, m = float(known.nv), float(known.m)
@@ -97,7 +101,9 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
     found = sparse(dense, position)
     if found is None or (found.redundant and n < MANY_RATES):
         return dense
-    fewer = _SWEEP * n + _rows_cost(found.known) < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
+    sequence, border = found.model.sequence, found.model.border
+    in_band = _cost(sequence[:, 2] - sequence[:, 1] + 1.0, border)
+    fewer = _SWEEP * n + in_band < n**3 / 6.0 + m * n * n / 2.0 + rows + chain
     return found if fewer else dense
 
 
@@ -108,17 +114,16 @@ def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
         dense: the closures with a dense factorisation.
         position: (nq,) configuration.
     """
-    model = dense.known
+    model = dense.model
     reaches = _reaches(model)
     start = np.array(position, dtype=float)
     for order in _orders(model, reaches):
-        trial = ActiveSet(_in_order(model, reaches, order, model.nv, -1), dense)
+        trial = _in_order(dense, reaches, order, model.nv, -1)
         packed = np.empty(trial.size)
         rank = factor_closures(*trial.constants, start, packed)
         if rank >= 0:
             width = _width(trial, packed) + _SLACK if model.m else 0
-            ordered = _in_order(model, reaches, order, width, rank)
-            return ActiveSet(ordered, dense, redundant=rank < model.m)
+            return _in_order(dense, reaches, order, width, rank)
     return None
 
 
@@ -134,7 +139,7 @@ class _Order(NamedTuple):
     border: int
 
 
-def _depths(model: Constants) -> Array:
+def _depths(model: Model) -> Array:
     """Return (nv,) the number of rates that move each rate's joint, its own included."""
     depths = np.zeros(model.nv)
     before = np.zeros(len(model.joints))
@@ -145,18 +150,12 @@ def _depths(model: Constants) -> Array:
     return depths
 
 
-def _rows_cost(model: Constants) -> float:
-    """Return how many products a sparse factorisation of the closure rows takes."""
-    extents = model.sequence[:, 2] - model.sequence[:, 1] + 1.0
-    return _cost(extents, model.border)
-
-
 def _cost(extents: Array, border: int) -> float:
-    """Return the same for rows that reach over (m,) so many places of the band."""
+    """Return how many products rows take that reach over (m,) so many places of the band."""
     return float(_IN_BAND * np.square(extents).sum() + _IN_QR * len(extents) * border**2)
 
 
-def _reaches(model: Constants) -> Array:
+def _reaches(model: Model) -> Array:
     """Return (m, nv) whether a closure row reaches a rate: of its joints, or before them."""
     reaches = np.zeros((model.m, model.nv), dtype=bool)
     for row in range(model.m):
@@ -169,13 +168,13 @@ def _reaches(model: Constants) -> Array:
     return reaches
 
 
-def _joints_of(model: Constants, row: int) -> tuple[int, int]:
+def _joints_of(model: Model, row: int) -> tuple[int, int]:
     closure = int(np.searchsorted(model.closures[:, 3], row, side="right")) - 1
     a, b = model.carriers[model.closures[closure, 1:3]]
     return int(a), int(b)
 
 
-def _orders(model: Constants, reaches: Array) -> list[_Order]:
+def _orders(model: Model, reaches: Array) -> list[_Order]:
     """Return orders that keep the band narrow, that of the least cost first."""
     natural = np.arange(model.nv)
     if not model.m:
@@ -224,27 +223,24 @@ def _extents(reaches: Array, order: _Order) -> Array:
 
 
 def _in_order(
-    model: Constants, reaches: Array, order: _Order, width: int, independent: int
-) -> Constants:
-    """Return the model of a sparse factorisation."""
+    dense: ActiveSet, reaches: Array, order: _Order, width: int, independent: int
+) -> ActiveSet:
+    """Return closures with a sparse factorisation; ``independent`` is its rank, -1 for any."""
+    model = dense.model
     spans = _spans(reaches, order)
     rows = sorted(range(model.m), key=lambda row: (*spans[row], row))
     sequence = [(row, *spans[row], *_joints_of(model, row)) for row in rows]
-    return model._replace(
-        path=SPARSE,
-        width=width,
-        border=order.border,
-        independent=independent,
-        order=order.places,
-        sequence=np.array(sequence, dtype=np.int64).reshape(-1, 5),
-    )
+    sizes = {"path": SPARSE, "width": width, "border": order.border, "independent": independent}
+    ordered = {"order": order.places, "sequence": np.array(sequence).reshape(-1, 5)}
+    redundant = 0 <= independent < model.m
+    return ActiveSet({**dense.sizes, **sizes}, {**dense.parts, **ordered}, dense, redundant)
 
 
 def _width(active_set: ActiveSet, packed: Array) -> int:
     """Return how many places the widest row of a factorisation needs."""
-    places, widest = views_of(packed, active_set.model).row_places, 0
+    places, widest = Data(active_set.model.numbers, packed).row_places, 0
     for j in range(active_set.m):
         before = places[int(places[j, FIRST]) : j, LAST]
-        last = max(int(before.max(initial=-1)), int(active_set.known.sequence[j, 2]))
+        last = max(int(before.max(initial=-1)), int(active_set.model.sequence[j, 2]))
         widest = max(widest, last - int(places[j, BEGIN]) + 1)
     return widest

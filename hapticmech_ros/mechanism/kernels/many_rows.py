@@ -15,7 +15,7 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, local_whole, shaped
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import EPSILON
+from hapticmech_ros.numerics.small_matrices import EPSILON, add_scaled, clear
 
 # QR takes less time from so many rows on; and an SVD is then that of R.
 SOME_ROWS = 4
@@ -31,8 +31,7 @@ def solve_lower_columns(factor: Array, columns: Array) -> None:
         for k in range(i):
             share = factor[i, k]
             if share != 0.0:
-                for j in range(count):
-                    columns[i, j] -= share * columns[k, j]
+                add_scaled(columns[i], -share, columns[k])
         pivot = factor[i, i]
         for j in range(count):
             columns[i, j] /= pivot
@@ -62,8 +61,7 @@ def triangularise(
         pivot = r
         if tolerance >= 0.0:
             # Computed anew each time: a square that is only put down loses its digits.
-            for j in range(r, count):
-                squares[j] = 0.0
+            squares[r:count] = 0.0
             for i in range(r, size):
                 for j in range(r, count):
                     squares[j] += matrix[i, j] * matrix[i, j]
@@ -94,8 +92,7 @@ def _reflect(matrix: Array, r: int, length: float, along: Array, normal: Array) 
     # Away from the column's own side, so that nothing cancels.
     goal = -length if head > 0.0 else length
     norm = np.sqrt(2.0 * length * (length + abs(head)))
-    for i in range(r):
-        normal[i] = 0.0
+    normal[:r] = 0.0
     for i in range(r, size):
         normal[i] = matrix[i, r] / norm
     normal[r] = (head - goal) / norm
@@ -109,18 +106,14 @@ def _reflect(matrix: Array, r: int, length: float, along: Array, normal: Array) 
 def mirror(matrix: Array, row: int, start: int, end: int, normal: Array, along: Array) -> None:
     """Apply 1 - 2 w wᵀ, where w is zero before ``row``, to columns ``start`` to ``end``."""
     size = matrix.shape[0]
-    for j in range(start, end):
-        along[j] = 0.0
+    products = along[start:end]
+    products[:] = 0.0
     for i in range(row, size):
-        share = normal[i]
-        if share != 0.0:
-            for j in range(start, end):
-                along[j] += share * matrix[i, j]
+        if normal[i] != 0.0:
+            add_scaled(products, normal[i], matrix[i, start:end])
     for i in range(row, size):
-        share = 2.0 * normal[i]
-        if share != 0.0:
-            for j in range(start, end):
-                matrix[i, j] -= share * along[j]
+        if normal[i] != 0.0:
+            add_scaled(matrix[i, start:end], -2.0 * normal[i], products)
 
 
 @inner
@@ -129,9 +122,7 @@ def first_directions(reflectors: Array, rank: int, size: int, along: Array, foun
 
     ``along`` (rank or more,) is to work in.
     """
-    for i in range(size):
-        for j in range(rank):
-            found[i, j] = 0.0
+    clear(found[:size], rank)
     for i in range(rank):
         found[i, i] = 1.0
     for r in range(rank - 1, -1, -1):
@@ -142,16 +133,13 @@ def first_directions(reflectors: Array, rank: int, size: int, along: Array, foun
 @inner
 def inverse_transposed(upper: Array, size: int, found: Array) -> None:
     """Fill ``found`` (size, size) with R⁻ᵀ of an upper triangular R, which may be wider."""
-    for i in range(size):
-        for j in range(size):
-            found[i, j] = 0.0
+    clear(found[:size], size)
     for i in range(size):
         found[i, i] = 1.0
         for k in range(i):
             share = upper[k, i]
             if share != 0.0:
-                for j in range(k + 1):
-                    found[i, j] -= share * found[k, j]
+                add_scaled(found[i, : k + 1], -share, found[k])
         pivot = upper[i, i]
         for j in range(i + 1):
             found[i, j] /= pivot
@@ -188,8 +176,7 @@ def pseudo_inverse_transposed(
         for k in range(i + 1, rank):
             share = turned[i, k]
             if share != 0.0:
-                for j in range(count):
-                    found[i, j] -= share * found[k, j]
+                add_scaled(found[i, :count], -share, found[k])
         pivot = turned[i, i]
         for j in range(count):
             found[i, j] /= pivot
@@ -242,11 +229,9 @@ def cut(
     while error > EPSILON:
         turned = shaped(workspace[there], (count, kept))
         for j in range(count):
-            for k in range(kept):
-                turned[j, k] = 0.0
+            turned[j][:] = 0.0
             for i in range(min(j + 1, resolved)):
-                for k in range(kept):
-                    turned[j, k] += upper[i, j] * product[i, k]
+                add_scaled(turned[j], upper[i, j], product[i])
         space, product = shaped(workspace[here], (count, kept)), shaped(turned, (resolved, kept))
         _span(turned, shaped(workspace[1], (kept, count)), order, sums, space)
         _times(upper, space, product)
@@ -255,9 +240,7 @@ def cut(
     if triangularise(product, kept, EPSILON, order, mirrors, sums) < kept:
         return False
     first_directions(mirrors, kept, resolved, sums[0], directions[:resolved])
-    for i in range(resolved, size):
-        for k in range(kept):
-            directions[i, k] = 0.0
+    clear(directions[resolved:size], kept)
     for r in range(resolved - 1, -1, -1):
         mirror(directions, r, 0, kept, reflectors[r], sums[0])
     inverse = shaped(workspace[1], (kept, kept))
@@ -283,11 +266,8 @@ def _span(columns: Array, mirrors: Array, order: Array, sums: Array, space: Arra
 @inner
 def _times(upper: Array, space: Array, product: Array) -> None:
     """Fill ``product`` with so many rows of R times ``space``."""
-    count, rank = space.shape
+    count = space.shape[0]
     for i in range(product.shape[0]):
-        for k in range(rank):
-            product[i, k] = 0.0
+        product[i][:] = 0.0
         for j in range(i, count):
-            share = upper[i, j]
-            for k in range(rank):
-                product[i, k] += share * space[j, k]
+            add_scaled(product[i], upper[i, j], space[j])

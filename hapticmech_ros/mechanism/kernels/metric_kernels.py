@@ -13,8 +13,7 @@ import numpy as np
 from hapticmech_ros.compilation import inner
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
-    rates_from_metric,
-    rates_to_metric,
+    sweep_outwards,
 )
 from hapticmech_ros.mechanism.kernels.band_kernels import (
     clear_pivots,
@@ -25,6 +24,7 @@ from hapticmech_ros.mechanism.kernels.band_kernels import (
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
+    add_scaled,
     dot_with_row,
     remove,
     solve_lower,
@@ -45,7 +45,7 @@ def to_metric(model: Model, data: Data, vector: Array) -> None:
 def from_metric(model: Model, data: Data, vector: Array) -> None:
     """Replace ``vector`` (nv,) by joint rates L⁻ᵀ vector."""
     if model.path == SPARSE:
-        rates_from_metric(model, data, vector)
+        sweep_outwards(model, data, vector, False)
     else:
         solve_lower_transposed(data.factor, vector)
 
@@ -54,7 +54,7 @@ def from_metric(model: Model, data: Data, vector: Array) -> None:
 def lift(model: Model, data: Data, rates: Array) -> None:
     """Replace joint rates (nv,) by Lᵀ of them."""
     if model.path == SPARSE:
-        rates_to_metric(model, data, rates)
+        sweep_outwards(model, data, rates, True)
         return
     factor = data.factor
     for i in range(rates.size):
@@ -87,7 +87,7 @@ def accelerate(
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
     """
-    nv, m, rank = model.nv, model.m, int(data.tail.rank)
+    nv, rank = model.nv, int(data.tail.rank)
     rates, multipliers = result[:nv], result[nv:]
     for c in range(nv):
         rates[c] = rates[c] + passive[c] - bias_force[c]
@@ -106,10 +106,8 @@ def accelerate(
             surplus[i] = dot_with_row(basis, i, rates)
             surplus[i] += dot_with_row(rows, i, bias) / sigma[i]
         for i in range(rank):
-            for c in range(nv):
-                rates[c] -= surplus[i] * basis[i, c]
-            for j in range(m):
-                multipliers[j] += rows[i, j] * (surplus[i] / sigma[i])
+            add_scaled(rates, -surplus[i], basis[i])
+            add_scaled(multipliers, surplus[i] / sigma[i], rows[i])
     from_metric(model, data, rates)
 
 
@@ -127,8 +125,7 @@ def correction_of(model: Model, data: Data, residual: Array, change: Array) -> N
         basis, rows, sigma = data.basis, data.rows, data.sigma
         for i in range(rank):
             along = dot_with_row(rows, i, residual) / sigma[i]
-            for c in range(change.size):
-                change[c] += along * basis[i, c]
+            add_scaled(change, along, basis[i])
     from_metric(model, data, change)
 
 

@@ -13,12 +13,11 @@ What the mechanism's kernels read and fill besides matrices, by name: one record
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure, inner
+from hapticmech_ros.compilation import SIZES, Part, RecordPart, Size, Structure
 from hapticmech_ros.compilation.records import Number, Record, Whole
 from hapticmech_ros.mechanism.kernels.many_rows import SOME_ROWS
 from hapticmech_ros.numerics import Array
@@ -72,7 +71,7 @@ class StepAccount(Record):
         steps_done: their number.
         energy_defect: by how much the energy accounts of all steps are off, J.
         contact_work: the part of the work that contacts did, J.
-        earlier_defect: energy defect when the run began, J; see ``motion.Owed``.
+        earlier_defect: energy defect when the run began, J; see ``motion.EarlierAccount``.
         earlier_work: work done by then, J.
         earlier_loss: energy lost by then, J.
         largest_kinetic: largest kinetic energy at the end of a step so far, earlier ones included,
@@ -138,11 +137,41 @@ class TermsTail(Record):
 
 
 class SharedConstants(Structure):
-    """What begins the table of places that model, terms and work share: most of :class:`Constants`.
+    """What begins the table of places that model, terms and work share: a mechanism's constants.
+
+    With a set of active closures; f frames, j joints with the world. Only frames are there that
+    closures, operational points and springs need.
 
     Attributes:
-        data_size: length of a packed array of terms, see :class:`Data`; all others have the names
-            of the constants.
+        nq: length of q.
+        nv: number of rates.
+        m: number of closure rows.
+        path: DENSE or SPARSE.
+        width: of a sparse factorisation's band; 0 of a dense one.
+        border: number of rates that are in no band, the last ones in ``order``; see
+            ``band_kernels``.
+        independent: rank that a sparse factorisation has to have, -1 for any.
+        carriers: (f,) joint that carries each frame.
+        joints: (j, 5) per joint its parent, its first rate, its number of rates, its kind (see
+            ``tree_kernels``) and where it is in q; 0 is the world.
+        closures: (closures, 4) kind, frames a and b, and first row.
+        points: (points,) frame of each operational point.
+        elements: (e, 2) per joint with spring, friction or stops its index in v and in q.
+        springs: (s, 2) frames a and b of each spring between points.
+        order: (nv,) a sparse factorisation's order of rates; (0,) of a dense one.
+        sequence: (m, 5) its order of closure rows: row, first and last place in ``order`` that it
+            reaches before the border, joints a and b; (0, 5) of a dense one.
+        damping: (nv,) viscous damping, N m s/rad or N s/m.
+        lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
+        placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
+            a the first axis is as long as the rod.
+        effort: (nv,) constant forces of the joints, N m or N.
+        element_values: (e, 9) stiffness, rest, friction and its speed, lower and upper stop, their
+            stiffness, damping and depth.
+        spring_values: (s, 4) stiffness, damping, rest length, and length without direction.
+        joint_values: (j, 57) see ``tree_kernels.joint_row``.
+        gravity: (3,) m/s².
+        data_size: length of a packed array of terms, see :class:`Data`.
     """
 
     __slots__ = ()
@@ -225,19 +254,6 @@ class Work(Structure, after=Data):
     held, wrenches, state = Part(1), Part(2), Part(1)
 
 
-def views_of(packed: Array, model: Model) -> Data:
-    """Return the parts of a packed array, as views.
-
-    Args:
-        packed: (size,) packed terms.
-        model: the mechanism's.
-    """
-    return Data(model.numbers, packed)
-
-
-unpack = inner(views_of)
-
-
 def tail_of(packed: Array) -> TermsTail:
     """Return the end of a packed array of whatever mechanism, a view.
 
@@ -249,162 +265,81 @@ def tail_of(packed: Array) -> TermsTail:
 
 # Path of a factorisation: see :class:`Data`.
 DENSE, SPARSE = 0, 1
-JOINT_COLUMNS, JOINT_NUMBERS, FRAME_COLUMNS = 57, 5, 12
+JOINT_COLUMNS, FRAME_COLUMNS = 57, 12
 # What a sparse factorisation keeps of a rate, and of a closure row beside its band.
 _PIVOT, _ROW = 8, 5
 
 
-class Constants(NamedTuple):
-    """Constants of a mechanism with a set of active closures; f frames, j joints with the world.
-
-    Only frames are there that closures, operational points and springs need.
-
-    Attributes:
-        nq: length of q.
-        nv: number of rates.
-        m: number of closure rows.
-        path: DENSE or SPARSE.
-        width: of a sparse factorisation's band; 0 of a dense one.
-        border: number of rates that are in no band, the last ones in ``order``; see
-            ``band_kernels``.
-        independent: rank that a sparse factorisation has to have, -1 for any.
-        carriers: (f,) joint that carries each frame.
-        joints: (j, 5) per joint its parent, its first rate, its number of rates, its kind (see
-            ``tree_kernels``) and where it is in q; 0 is the world.
-        closures: (closures, 4) kind, frames a and b, and first row.
-        points: (points,) frame of each operational point.
-        elements: (e, 2) per joint with spring, friction or stops its index in v and in q.
-        springs: (s, 2) frames a and b of each spring between points.
-        order: (nv,) a sparse factorisation's order of rates; (0,) of a dense one.
-        sequence: (m, 5) its order of closure rows: row, first and last place in ``order`` that it
-            reaches before the border, joints a and b; (0, 5) of a dense one.
-        damping: (nv,) viscous damping, N m s/rad or N s/m.
-        lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
-        units: (m,) what each row of W is divided by before it is factored; see
-            :meth:`~hapticmech_ros.mechanism.mechanism.MultibodyModel.row_units`.
-        rounding: (1,) σ of rows over their units below which all is rounding.
-        placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
-            a the first axis is as long as the rod.
-        effort: (nv,) constant forces of the joints, N m or N.
-        element_values: (e, 9) stiffness, rest, friction and its speed, lower and upper stop, their
-            stiffness, damping and depth.
-        spring_values: (s, 4) stiffness, damping, rest length, and length without direction.
-        joint_values: (j, 57) see ``tree_kernels.joint_row``.
-        gravity: (3,) m/s².
-    """
-
-    nq: int
-    nv: int
-    m: int
-    path: int
-    width: int
-    border: int
-    independent: int
-    carriers: Array
-    joints: Array
-    closures: Array
-    points: Array
-    elements: Array
-    springs: Array
-    order: Array
-    sequence: Array
-    damping: Array
-    lengths: Array
-    units: Array
-    rounding: Array
-    placements: Array
-    effort: Array
-    element_values: Array
-    spring_values: Array
-    joint_values: Array
-    gravity: Array
-
-
 _WHOLE = [name for name, part in SharedConstants.parts.items() if part.whole]
 _REAL = [name for name, part in SharedConstants.parts.items() if not part.whole]
-_COLUMNS = {
-    "joints": JOINT_NUMBERS,
-    "closures": 4,
-    "elements": 2,
-    "springs": 2,
-    "sequence": 5,
-    "placements": FRAME_COLUMNS,
-    "element_values": 9,
-    "spring_values": 4,
-    "joint_values": JOINT_COLUMNS,
-}
 # Rows of ``Model.small``.
 _SMALL = 4
 
 
-def pack(constants: Constants) -> tuple[Array, Array]:
-    """Return constants as (integers,) and (numbers,); see :class:`Model`."""
-    whole = [np.asarray(getattr(constants, name), dtype=np.int64) for name in _WHOLE]
-    real = [np.asarray(getattr(constants, name), dtype=float) for name in _REAL]
-    places = _places(_WHOLE, whole, SIZES + 3 * Model.numbered)
-    places += _places(_REAL, real, 0)
-    of_data, size = _data_places(constants)
-    places += of_data + _work_places(constants)
-    rooms, workspace = _stacked(_workspace_shapes(constants), sum(part.size for part in real))
-    places += rooms
-    constant = np.concatenate([*(part.ravel() for part in real), np.zeros(workspace)])
-    places += [constant.size, constants.m, 1, constant.size + constants.m, 1, 1]
-    sizes = (*constants[:7], size)
-    return (
-        np.concatenate([np.array((*sizes, *places)), *(part.ravel() for part in whole)]),
-        np.concatenate((constant, constants.units, constants.rounding)),
-    )
+def pack(sizes: Mapping[str, int], parts: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Return a mechanism's constants as (integers,) and (numbers,); see :class:`Model`.
+
+    Args:
+        sizes: all of :class:`SharedConstants` but ``data_size``, by name; ``implicit``, 1 for an
+            implicit rule; and ``stages``, of a rule that keeps all of them, else 0.
+        parts: (n,) or (n, m) those of it, and ``units`` and ``rounding``, by name.
+    """
+    whole = [np.asarray(parts[name], dtype=np.int64) for name in _WHOLE]
+    real = [np.asarray(parts[name], dtype=float) for name in _REAL]
+    frames, joints, points = (len(parts[name]) for name in ("carriers", "joints", "points"))
+    of_whole, _ = _stacked(map(_shape, whole), SIZES + 3 * Model.numbered)
+    of_real, length = _stacked(map(_shape, real))
+    of_data, size = _stacked(_data_shapes(sizes, frames, joints))
+    rooms, workspace = _stacked(_workspace_shapes(sizes, joints), length)
+    end, m, known = length + workspace, sizes["m"], {**sizes, "data_size": size}
+    places = [*of_whole, *of_real, *of_data, *_work_places(sizes, points), *rooms]
+    head = [*(known[name] for name in SharedConstants.sizes), *places, end, m, 1, end + m, 1, 1]
+    numbers = np.concatenate([np.array(head), *(part.ravel() for part in whole)])
+    constant = [*(part.ravel() for part in real), np.zeros(workspace)]
+    return numbers, np.concatenate([*constant, parts["units"], parts["rounding"]])
 
 
-def _places(names: Sequence[str], parts: Sequence[Array], start: int) -> list[int]:
-    """Return start, rows and columns of parts that follow each other."""
-    places = []
-    for name, part in zip(names, parts, strict=True):
-        columns = _COLUMNS.get(name, 1)
-        places += [start, part.size // columns, columns]
-        start += part.size
-    return places
+def _shape(part: Array) -> tuple[int, int]:
+    """Return rows and columns of a part; a vector has one column."""
+    return len(part), part.shape[1] if part.ndim == 2 else 1
 
 
-def _data_places(constants: Constants) -> tuple[list[int], int]:
-    """Return start, rows and columns of a packed array's parts, and its length."""
-    nv, m = constants.nv, constants.m
-    frames, joints = len(constants.carriers), len(constants.joints)
-    dense = constants.path == DENSE
+def _data_shapes(sizes: Mapping[str, int], frames: int, joints: int) -> list[tuple[int, int]]:
+    """Return rows and columns of a packed array's parts."""
+    nv, m, border, dense = sizes["nv"], sizes["m"], sizes["border"], sizes["path"] == DENSE
     # Of the two kinds one has its sizes, the other none.
     n, rows, k = (nv, m, min(m, nv)) if dense else (0, 0, 0)
     pivots, band = (0, 0) if dense else (nv, m)
     shapes = [(m, 1), (m, 12), (nv, 6), (frames, 12), (joints, 12), (joints, 12)]
     shapes += [(n, n), (rows, n), (k, n), (k, 1), (k, rows)]
-    shapes += [(pivots, _PIVOT), (band, constants.width), (band, _ROW)]
-    border = constants.border
-    shapes += [(m + border if border else 0, border), (TermsTail.layout.size, 1)]
-    return _stacked(shapes)
+    shapes += [(pivots, _PIVOT), (band, sizes["width"]), (band, _ROW)]
+    return [*shapes, (m + border if border else 0, border), (TermsTail.layout.size, 1)]
 
 
-def _work_places(constants: Constants) -> list[int]:
+def _work_places(sizes: Mapping[str, int], points: int) -> list[int]:
     """Return start, rows and columns of the parts of a step's work; see ``model.Work``."""
-    nq, nv = constants.nq, constants.nv
+    nq, nv = sizes["nq"], sizes["nv"]
     shapes = [(StepSettings.layout.size, 1), (MOST_STAGES, 2), (StepAccount.layout.size, 1)]
     shapes += [(nq, 1), (nv, 1), (nq, 1), (nv, 1)]
-    places, _ = _stacked([*shapes, *[(nv, 1)] * 5, (len(constants.points), 6)])
+    places, _ = _stacked([*shapes, *[(nv, 1)] * 5, (points, 6)])
     # q and v, one after the other, are the state as well.
     return [*places, places[15], nq + nv, 1]
 
 
-def _workspace_shapes(constants: Constants) -> list[tuple[int, int]]:
+def _workspace_shapes(sizes: Mapping[str, int], joints: int) -> list[tuple[int, int]]:
     """Return rows and columns of the parts to work in; see :class:`Model`."""
-    nv, m, joints = constants.nv, constants.m, len(constants.joints)
+    nv, m, of_dense = sizes["nv"], sizes["m"], sizes["m"] if sizes["path"] == DENSE else 0
     shapes = [(joints, 36), (joints, 12), (3, nv), (m, 1), (nv + m, 1), (nv, 1), (m, 1)]
-    shapes += [(m if constants.border else 0, 1)]
-    of_dense = m if constants.path == DENSE else 0
+    shapes += [(m if sizes["border"] else 0, 1)]
     many, most = (m, min(m, nv)) if of_dense >= SOME_ROWS else (0, 0)
     shapes += [(of_dense, nv), (of_dense, of_dense), (_SMALL, FRAME_COLUMNS)]
     shapes += [(nv if many else 0, many), (most, nv), (nv if many else 0, most), (most, many)]
-    return [*shapes, (3, most * many), (2, max(many, nv) if many else 0)]
+    shapes += [(3, most * many), (2, max(many, nv) if many else 0)]
+    n, stages = nv if sizes["implicit"] else 0, sizes["stages"]
+    return [*shapes, *[(n, n)] * 4, *[(stages, nv)] * 2, *[(n, 1)] * 3, (min(n, 1), 1)]
 
 
-def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[int], int]:
+def _stacked(shapes: Iterable[tuple[int, int]], start: int = 0) -> tuple[list[int], int]:
     """Return start, rows and columns of parts that follow each other, and their length."""
     places, length = [], 0
     for height, columns in shapes:
@@ -414,7 +349,7 @@ def _stacked(shapes: Sequence[tuple[int, int]], start: int = 0) -> tuple[list[in
 
 
 class Model(SharedConstants, after=Work):
-    """:class:`Constants`, packed: each part a view, found when it is asked for.
+    """A mechanism's constants, packed: each part a view, found when it is asked for.
 
     What follows the constants is a workspace. No function finds it as it left it; none writes to
     what its caller still needs.
@@ -437,6 +372,16 @@ class Model(SharedConstants, after=Work):
         inverse: (k, m) (Rᵀ)⁺.
         inverting: (3, k m) what that takes.
         sums: (2, max(m, nv)) numbers along columns.
+        stiffness_matrix, damping_matrix: (nv, nv) K and C at a step's start; of an implicit rule,
+            as what follows.
+        slope: (nv, nv) S = γh C + (γh)² K.
+        slope_factor: (nv, nv) lower Cholesky factor of 1 + P L⁻¹ S L⁻ᵀ P.
+        turns, gains: (stages, nv) k of θ and of v; also θ̇ and v̇ of a rule with a history.
+        met, moved, pushed: (nv,) to work on.
+        steepest: (1,) largest entry of S; 0 where there is no spring and no damper.
+        units: (m,) what each row of W is divided by before it is factored; see
+            :meth:`~hapticmech_ros.mechanism.mechanism.Mechanism.row_units`.
+        rounding: (1,) σ of rows over their units below which all is rounding.
     """
 
     __slots__ = ()
@@ -445,4 +390,7 @@ class Model(SharedConstants, after=Work):
     result, turned, along, across = Part(1), Part(1), Part(1), Part(1)
     scaled, turn, small, columns = Part(2), Part(2), Part(2), Part(2)
     reflectors, directions, inverse, inverting = Part(2), Part(2), Part(2), Part(2)
-    sums, units, rounding = Part(2), Part(1), Part(1)
+    sums, stiffness_matrix, damping_matrix = Part(2), Part(2), Part(2)
+    slope, slope_factor, turns, gains = Part(2), Part(2), Part(2), Part(2)
+    met, moved, pushed, steepest = Part(1), Part(1), Part(1), Part(1)
+    units, rounding = Part(1), Part(1)

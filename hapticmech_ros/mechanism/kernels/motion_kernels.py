@@ -11,9 +11,10 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, leaf, put, shaped
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING, add_pair, bias_of, gear_bias
 from hapticmech_ros.mechanism.kernels.element_kernels import element_forces
-from hapticmech_ros.mechanism.kernels.model import Data, Model, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.small_matrices import is_zero
 
 
 @inner
@@ -24,8 +25,7 @@ def move_joints(model: Model, data: Data, v: Array, motions: Array) -> None:
     body that the joint moves, so that their rate is twist × axis.
     """
     joints, axes = model.joints, data.joint_jacobian
-    for k in range(12):
-        motions[0, k] = 0.0
+    motions[0][:] = 0.0
     for joint in range(1, joints.shape[0]):
         parent, first = joints[joint, 0], joints[joint, 1]
         x, y, z, a, b, c = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -90,9 +90,7 @@ def move_point(
     frame = model.points[index]
     x, y, z = data.poses[frame, 9], data.poses[frame, 10], data.poses[frame, 11]
     axes, joint, joints = data.joint_jacobian, model.carriers[frame], model.joints
-    for row in range(6):
-        for col in range(axes.shape[0]):
-            jacobian[row, col] = 0.0
+    jacobian[:] = 0.0
     while joint > 0:
         first = joints[joint, 1]
         for col in range(first, first + joints[joint, 2]):
@@ -125,10 +123,8 @@ def add_wrench(
 def add_point_forces(model: Model, data: Data, wrenches: Array, force: Array) -> None:
     """Add Σ J_hᵀ F to ``force`` (nv,), wrenches (points, 6) given, without any J_h."""
     for index in range(model.points.size):
-        wrench, pushed = wrenches[index], False
-        for i in range(6):
-            pushed = pushed or wrench[i] != 0.0
-        if pushed:
+        wrench = wrenches[index]
+        if not is_zero(wrench):
             frame = model.points[index]
             origin, joint = data.poses[frame, 9:12], model.carriers[frame]
             add_wrench(model, data, joint, origin, wrench, force)
@@ -183,7 +179,7 @@ def move_frames(
     """
     model = Model(numbers, values)
     nv, m = model.nv, model.m
-    data = unpack(packed, model)
+    data = Data(model.numbers, packed)
     element_forces(model, data, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
     motions = model.motions
     move_joints(model, data, v, motions)

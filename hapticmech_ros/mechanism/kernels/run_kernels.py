@@ -8,19 +8,14 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
 from hapticmech_ros.mechanism.kernels.energy_kernels import (
-    BALANCE,
-    EXCHANGED,
-    JUDGED,
-    KINETIC,
-    LOST,
-    OFF,
-    ROUNDING,
+    BALANCE_SIZE,
+    Balance,
     allowed,
     pushed_energy,
     put_balance,
 )
 from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR, factor
-from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work, unpack
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED, settle
 from hapticmech_ros.mechanism.kernels.step_kernels import (
     aim,
@@ -32,11 +27,11 @@ from hapticmech_ros.mechanism.kernels.step_kernels import (
 )
 from hapticmech_ros.mechanism.tolerances import NEAR, PASSING, ROUNDED_STEPS
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.small_matrices import dot
+from hapticmech_ros.numerics.small_matrices import dot, largest
 
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
-NEEDS_CARE = 10
+SINGULAR_STEP = 10
 # Before a step whose energy account would be off by more than is allowed, or with whose surplus the
 # account since the start would.
 INACCURATE = 11
@@ -54,7 +49,6 @@ def _advance(
     stage_space: Data,
     end: Data,
     parts: Work,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -75,37 +69,34 @@ def _advance(
             if code < 0:
                 return code
         if stage > 0 and limit > 0.0 and _is_near(start, data, limit):
-            return NEEDS_CARE
+            return SINGULAR_STEP
         if implicit and stage == 0:
-            bad = linearise(model, start, parts, spring_work)
+            bad = linearise(model, start, parts)
             if bad >= 0:
                 return SINGULAR - bad
         weight = parts.scheme[stage, 0]
         find_rates(model, data, parts, weight, external, result)
         if implicit:
-            aim_implicitly(model, start, parts, spring_work, stage, result[: model.nv])
-        elif spring_work.size > 0:
-            aim_by_all(model, parts, spring_work, stage, result)
+            aim_implicitly(model, start, parts, stage, result[: model.nv])
+        elif model.turns.size > 0:
+            aim_by_all(model, parts, stage, result)
         else:
             aim(model, parts, weight, parts.scheme[stage, 1], result)
     return settle(model, data, end, parts)
 
 
 @inner
-def _care_limit(parts: Work) -> float:
-    """Return the relative σ below which the next step needs care: see ``PASSING``."""
-    fastest, v0 = 0.0, parts.v0
-    for c in range(v0.size):
-        fastest = max(fastest, abs(v0[c]))
-    return float(max(NEAR, min(PASSING, parts.settings.step * fastest)))
+def _singular_limit(parts: Work) -> float:
+    """Return the relative σ below which the next step is singular: see ``PASSING``."""
+    return float(max(NEAR, min(PASSING, parts.settings.step * largest(parts.v0))))
 
 
 @inner
 def starts_near(first: Data, parts: Work) -> bool:
-    """Return whether a step starts so near a singular position that it needs care."""
+    """Return whether a step starts too near a singular position."""
     return bool(
         parts.settings.singularity_checks != UNCHECKED
-        and first.tail.least_sigma < _care_limit(parts)
+        and first.tail.least_sigma < _singular_limit(parts)
     )
 
 
@@ -130,11 +121,8 @@ def _lands_near(first: Data, last: Data, limit: float) -> bool:
 @inner
 def begin_next(parts: Work) -> None:
     """Make a step's end the start of the next one."""
-    q, q0, v, v0 = parts.q, parts.q0, parts.v, parts.v0
-    for i in range(q.size):
-        q0[i] = q[i]
-    for i in range(v.size):
-        v0[i] = v[i]
+    put(parts.q0, parts.q)
+    put(parts.v0, parts.v)
 
 
 @inner
@@ -145,7 +133,6 @@ def step_once(
     stage_space: Data,
     last: Data,
     parts: Work,
-    spring_work: Array,
     external: Array,
     stages: int,
     implicit: bool,
@@ -159,7 +146,6 @@ def step_once(
         stage_space: terms of stages.
         last: terms at the end, to fill.
         parts: see :class:`Work`.
-        spring_work: of implicit rules.
         external: wrenches on links.
         stages: of the rule.
         implicit: whether it is an implicit one.
@@ -174,9 +160,9 @@ def step_once(
             if code < 0:
                 return code
             known = True
-        limit = _care_limit(parts)
+        limit = _singular_limit(parts)
         if first.tail.least_sigma < limit:
-            return NEEDS_CARE
+            return SINGULAR_STEP
     work_in, lost, by_contacts = account.work_in, account.energy_lost, account.contact_work
     code = _advance(
         model,
@@ -185,14 +171,13 @@ def step_once(
         stage_space,
         last,
         parts,
-        spring_work,
         external,
         stages,
         implicit,
         limit,
     )
     if heeded and code == SETTLED and _lands_near(first, last, limit):
-        code = NEEDS_CARE
+        code = SINGULAR_STEP
     if code == SETTLED and parts.settings.energy_tolerance > 0.0:
         gained, taken = account.work_in - work_in, account.energy_lost - lost
         code = _watched(model, first, last, parts, external, implicit, gained, taken)
@@ -219,16 +204,17 @@ def _watched(
     So it is as well where the steps so far and this one together made too much from nothing. What
     they lost without a cause cannot be given back: steps after which that is too much are counted.
     """
-    account, tolerance, found = parts.account, parts.settings.energy_tolerance, local(BALANCE)
+    account, tolerance = parts.account, parts.settings.energy_tolerance
+    found = Balance(local(BALANCE_SIZE))
     put_balance(model, first, last, parts, implicit, work_in, lost, found)
-    judged, exchanged, rounding = found[JUDGED], found[EXCHANGED], found[ROUNDING]
+    judged, exchanged, rounding = found.judged, found.exchanged, found.rounding
     if not judged <= allowed(tolerance, exchanged, rounding):
         exchanged += pushed_energy(model, first, parts, external)
         if not judged <= allowed(tolerance, exchanged, rounding):
             return INACCURATE
-    moved = max(account.largest_kinetic, found[KINETIC])
-    account.energy_lost += found[LOST] - lost
-    surplus = account.earlier_defect + account.energy_defect + found[OFF]
+    moved = max(account.largest_kinetic, found.kinetic)
+    account.energy_lost += found.lost - lost
+    surplus = account.earlier_defect + account.energy_defect + found.off
     work = account.earlier_work + account.work_in - account.contact_work
     losses = account.earlier_loss + account.energy_lost
     exchanged = abs(work) + losses + moved
@@ -237,14 +223,14 @@ def _watched(
         return INACCURATE
     if -surplus > most:
         account.lossy_steps += 1.0
-    account.energy_defect += found[OFF]
+    account.energy_defect += found.off
     account.largest_kinetic = moved
     return SETTLED
 
 
 @kernel(
     "int64(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[:,::1], float64[:,::1], int64[::1])",
+    " float64[:,::1], float64[:,::1], int64[::1])",
     linked=True,
 )
 def advance(
@@ -254,7 +240,6 @@ def advance(
     end: Array,
     scratch: Array,
     work: Array,
-    spring_work: Array,
     external: Array,
     samples: Array,
     plan: Array,
@@ -269,37 +254,37 @@ def advance(
         scratch: (size,) packed terms of stages.
         work: (work,) see :class:`Work`; ``q0`` and ``v0`` are the start, ``state`` the end, and the
             account adds up.
-        spring_work: (``springs_size(nv)``,) of an implicit rule, else (0,); see ``Springs``.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         samples: (samples, nq + nv) to fill.
         plan: (7,) a :class:`~hapticmech_ros.mechanism.kernels.model.RunPlan`.
 
     Returns:
-        0; NEEDS_CARE before a step that starts at, lands on, or would leave a singular position, or
-        has a stage next to one, and INACCURATE before one whose energy account would be off by too
-        much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step failed,
-        see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how many
-        steps were done.
+        0; SINGULAR_STEP before a step that starts at, lands on, or would leave a singular position,
+        or has a stage next to one, and INACCURATE before one whose energy account would be off by
+        too much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step
+        failed, see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how
+        many steps were done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     steps, every, stages = run.steps, run.sample_every, run.stages
     implicit, known = run.implicit != 0, run.terms_known != 0
-    first, last, stage_space = unpack(start, model), unpack(end, model), unpack(scratch, model)
+    first, last, stage_space = (
+        Data(model.numbers, start),
+        Data(model.numbers, end),
+        Data(model.numbers, scratch),
+    )
     state, sampled = parts.state, 0
     for step in range(steps):
         if step > 0:
             begin_next(parts)
             first, last, known = last, first, True
-        code = step_once(
-            model, first, known, stage_space, last, parts, spring_work, external, stages, implicit
-        )
+        code = step_once(model, first, known, stage_space, last, parts, external, stages, implicit)
         if code != SETTLED:
             if step % 2 == 1:
                 put(end, start)
             return code
         if every > 0 and (step + 1) % every == 0:
-            for i in range(state.size):
-                samples[sampled, i] = state[i]
+            put(samples[sampled], state)
             sampled += 1
     if steps % 2 == 0:
         put(end, start)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, put
 from hapticmech_ros.mechanism.kernels.closure_kernels import REVOLUTE, WELD
 from hapticmech_ros.mechanism.kernels.factor_kernels import NOT_FINITE, factorise, locate
 from hapticmech_ros.mechanism.kernels.manifold_kernels import move
@@ -38,17 +38,9 @@ SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
 def _size(model: Model, data: Data, change: Array) -> float:
     """Return |Lᵀ change|, the length of a change in the mass metric."""
     lifted = model.turned
-    for c in range(lifted.size):
-        lifted[c] = change[c]
+    put(lifted, change)
     lift(model, data, lifted)
     return float(np.sqrt(dot(lifted, lifted)))
-
-
-@inner
-def _share_of_tolerance(least: float) -> float:
-    """Return what is left of the tolerance near a singular position; see ``tolerance_of``."""
-    needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
-    return float(min(1.0, needed / PROJECTION_TOLERANCE))
 
 
 @inner
@@ -107,10 +99,11 @@ def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
                 return SETTLED
             if pulled:
                 break
-            if (
-                worst <= settings.projection_tolerance * _share_of_tolerance(data.tail.least_sigma)
-                or rounding
-            ):
+            # Near a singular position less is left of the tolerance; see ``tolerance_of``.
+            least = data.tail.least_sigma
+            needed = max(NEAR_SINGULAR * least * least, LEAST_TOLERANCE)
+            share = min(1.0, needed / PROJECTION_TOLERANCE)
+            if worst <= settings.projection_tolerance * share or rounding:
                 worst = 0.0
                 break
             terms = data

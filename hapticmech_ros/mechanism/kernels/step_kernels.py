@@ -9,11 +9,9 @@ Stages of the linearly implicit rule, see :mod:`~hapticmech_ros.mechanism.scheme
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from hapticmech_ros.compilation import inner, local, shaped
+from hapticmech_ros.compilation import inner, local, put
 from hapticmech_ros.mechanism.kernels.closure_kernels import (
     COUPLING,
     end_of_rows,
@@ -41,6 +39,7 @@ from hapticmech_ros.mechanism.kernels.tree_kernels import bias_force_of
 from hapticmech_ros.mechanism.schemes import COUPLED, DIAGONAL, REACHED, TSITOURAS_REACHED
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import (
+    add_scaled,
     cholesky,
     dot,
     dot_with_row,
@@ -49,75 +48,26 @@ from hapticmech_ros.numerics.small_matrices import (
     solve_lower_transposed,
 )
 
-IMPLICIT_STAGES: int = len(REACHED)
-
-
-class Springs(NamedTuple):
-    """Springs and dampers linearised at a step's start, and the stages so far.
-
-    Attributes:
-        stiffness, damping: (nv, nv) K and C.
-        slope: (nv, nv) S = γh C + (γh)² K.
-        factor: (nv, nv) lower Cholesky factor of 1 + P L⁻¹ S L⁻ᵀ P.
-        turns, gains: (4, nv) k of θ and of v.
-        met, moved, force: (nv,) to work on.
-        largest: (1,) largest entry of S; 0 where there is no spring and no damper.
-    """
-
-    stiffness: Array
-    damping: Array
-    slope: Array
-    factor: Array
-    turns: Array
-    gains: Array
-    met: Array
-    moved: Array
-    force: Array
-    largest: Array
-
-
-def springs_size(nv: int) -> int:
-    """Return the length of an array of springs."""
-    return 4 * nv * nv + (2 * IMPLICIT_STAGES + 3) * nv + 1
-
 
 @inner
-def springs_of(work: Array, nv: int) -> Springs:
-    """Return the parts of an array of springs, as views."""
-    at = 4 * nv * nv
-    squares = shaped(work[:at], (4, nv, nv))
-    rows = shaped(work[at : at + 2 * IMPLICIT_STAGES * nv], (2, IMPLICIT_STAGES, nv))
-    at += 2 * IMPLICIT_STAGES * nv
-    return Springs(
-        squares[0],
-        squares[1],
-        squares[2],
-        squares[3],
-        rows[0],
-        rows[1],
-        work[at : at + nv],
-        work[at + nv : at + 2 * nv],
-        work[at + 2 * nv : at + 3 * nv],
-        work[at + 3 * nv :],
-    )
+def linearise(model: Model, data: Data, parts: Work) -> int:
+    """Fill what implicit stages need of the step's start; return the first bad row, or -1.
 
-
-@inner
-def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
-    """Fill S and its factor from K and C, seen over γh; return the first bad row, or -1.
-
-    The factor is computed in place: its lower triangle is read before it is written.
+    K, C, S = γh C + (γh)² K, and the factor of 1 + P L⁻¹ S L⁻ᵀ P. The factor is computed in place:
+    its lower triangle is read before it is written.
     """
-    nv, seen, largest = springs.force.size, springs.factor, 0.0
+    stiffness, damping = model.stiffness_matrix, model.damping_matrix
+    nv, seen, step = model.nv, model.slope_factor, parts.settings.step
+    element_slopes(model, data, parts.q, parts.v, step, stiffness, damping)
+    reach, steepest, rank = DIAGONAL * step, 0.0, int(data.tail.rank)
     for i in range(nv):
         for j in range(nv):
-            found = reach * springs.damping[i, j] + reach * reach * springs.stiffness[i, j]
-            springs.slope[i, j], seen[i, j] = found, found
-            largest = max(largest, abs(found))
-    springs.largest[0] = largest
-    if largest == 0.0:
+            found = reach * damping[i, j] + reach * reach * stiffness[i, j]
+            model.slope[i, j], seen[i, j] = found, found
+            steepest = max(steepest, abs(found))
+    model.steepest[0] = steepest
+    if steepest == 0.0:
         return -1
-    rank = int(data.tail.rank)
     for _ in range(2):
         for i in range(nv):
             solve_lower(data.factor, seen[i])
@@ -131,77 +81,45 @@ def _linearise(model: Model, data: Data, springs: Springs, reach: float) -> int:
 
 
 @inner
-def _answer(model: Model, data: Data, springs: Springs) -> None:
-    """Replace ``springs.force`` by x with (D + S) x + Wᵀμ = force and W x = 0."""
-    solve_lower(data.factor, springs.force)
-    remove(data.basis, int(data.tail.rank), springs.force, model.along)
-    solve_lower(springs.factor, springs.force)
-    solve_lower_transposed(springs.factor, springs.force)
-    solve_lower_transposed(data.factor, springs.force)
+def _answer(model: Model, data: Data, force: Array) -> None:
+    """Replace ``force`` (nv,) by x with (D + S) x + Wᵀμ = force and W x = 0."""
+    solve_lower(data.factor, force)
+    remove(data.basis, int(data.tail.rank), force, model.along)
+    solve_lower(model.slope_factor, force)
+    solve_lower_transposed(model.slope_factor, force)
+    solve_lower_transposed(data.factor, force)
 
 
 @inner
-def _respond(
-    model: Model, data: Data, parts: Work, springs: Springs, stage: int, rates: Array
-) -> None:
-    """Fill k of θ and v at a stage, from θ̇ and v̇."""
-    period, nv = parts.settings.step, rates.size
-    turn, gain = springs.turns[stage], springs.gains[stage]
-    met, moved, force = springs.met, springs.moved, springs.force
-    for c in range(nv):
-        met[c], moved[c] = 0.0, 0.0
-        for j in range(stage):
-            met[c] += COUPLED[stage, j] * springs.turns[j, c]
-            moved[c] += COUPLED[stage, j] * springs.gains[j, c]
-        turn[c], gain[c] = parts.turn[c] + period * moved[c], rates[c]
-        met[c] += DIAGONAL * turn[c]
-    if springs.largest[0] > 0.0:
-        for c in range(nv):
-            force[c] = dot_with_row(springs.stiffness, c, met)
-            force[c] += dot_with_row(springs.damping, c, moved)
-            force[c] = dot_with_row(springs.slope, c, gain) + period * force[c]
-        _answer(model, data, springs)
-        for c in range(nv):
-            gain[c] -= force[c]
-    for c in range(nv):
-        turn[c] += period * DIAGONAL * gain[c]
-
-
-@inner
-def linearise(model: Model, data: Data, parts: Work, spring_work: Array) -> int:
-    """Fill what implicit stages need of the step's start; return the first bad row, or -1."""
-    springs = springs_of(spring_work, model.nv)
-    step = parts.settings.step
-    element_slopes(model, data, parts.q, parts.v, step, springs.stiffness, springs.damping)
-    return _linearise(model, data, springs, DIAGONAL * step)
-
-
-@inner
-def aim_implicitly(
-    model: Model, start: Data, parts: Work, spring_work: Array, stage: int, rates: Array
-) -> None:
+def aim_implicitly(model: Model, start: Data, parts: Work, stage: int, rates: Array) -> None:
     """Add an implicit stage, and set q, v and θ̇ of the next one, or of the end.
 
     Args:
         model: the mechanism's.
         start: terms at the step's start.
         parts: see :class:`Work`.
-        spring_work: see :class:`Springs`.
         stage: its number.
         rates: (nv,) v̇.
     """
-    springs = springs_of(spring_work, model.nv)
-    _respond(model, start, parts, springs, stage, rates)
-    reach(model, parts, springs.turns, springs.gains, REACHED, stage)
-
-
-# Of the rule that is reached from all its stages.
-STAGES: int = len(TSITOURAS_REACHED)
-
-
-def history_size(nv: int) -> int:
-    """Return the length of an array for all stages of a rule that is reached from them."""
-    return 2 * STAGES * nv
+    period, nv = parts.settings.step, rates.size
+    turns, gains, force = model.turns, model.gains, model.pushed
+    turn, gain, met, moved = turns[stage], gains[stage], model.met, model.moved
+    for c in range(nv):
+        met[c], moved[c] = 0.0, 0.0
+        for j in range(stage):
+            met[c] += COUPLED[stage, j] * turns[j, c]
+            moved[c] += COUPLED[stage, j] * gains[j, c]
+        turn[c], gain[c] = parts.turn[c] + period * moved[c], rates[c]
+        met[c] += DIAGONAL * turn[c]
+    if model.steepest[0] > 0.0:
+        for c in range(nv):
+            force[c] = dot_with_row(model.stiffness_matrix, c, met)
+            force[c] += dot_with_row(model.damping_matrix, c, moved)
+            force[c] = dot_with_row(model.slope, c, gain) + period * force[c]
+        _answer(model, start, force)
+        add_scaled(gain, -1.0, force)
+    add_scaled(turn, period * DIAGONAL, gain)
+    reach(model, parts, turns, gains, REACHED, stage)
 
 
 def work_size(nq: int, nv: int, points: int) -> int:
@@ -213,13 +131,12 @@ def work_size(nq: int, nv: int, points: int) -> int:
 @inner
 def start_step(work: Work) -> None:
     """Go to the step's start, with nothing summed."""
-    q, q0, v, v0, account = work.q, work.q0, work.v, work.v0, work.account
-    turn, turned, gained = work.turn, work.turned, work.gained
-    for i in range(q.size):
-        q[i] = q0[i]
-    for c in range(v.size):
-        v[c], turn[c] = v0[c], v0[c]
-        turned[c], gained[c] = 0.0, 0.0
+    account = work.account
+    put(work.q, work.q0)
+    put(work.v, work.v0)
+    put(work.turn, work.v0)
+    work.turned[:] = 0.0
+    work.gained[:] = 0.0
     account.last_residual, account.step_length, account.projection_length = np.inf, np.inf, 0.0
 
 
@@ -325,14 +242,11 @@ def reach(model: Model, work: Work, turns: Array, gains: Array, reached: Array, 
 
 
 @inner
-def aim_by_all(model: Model, work: Work, history: Array, stage: int, acceleration: Array) -> None:
-    """Keep an explicit stage in ``history``, and set the next one, or the end, from all of them."""
-    nv = model.nv
-    rows = shaped(history, (2, STAGES, nv))
-    turns, gains = rows[0], rows[1]
-    for c in range(nv):
-        turns[stage, c], gains[stage, c] = work.turn[c], acceleration[c]
-    reach(model, work, turns, gains, TSITOURAS_REACHED, stage)
+def aim_by_all(model: Model, work: Work, stage: int, acceleration: Array) -> None:
+    """Keep an explicit stage, and set the next one, or the end, from all of them."""
+    put(model.turns[stage], work.turn)
+    put(model.gains[stage], acceleration[: model.nv])
+    reach(model, work, model.turns, model.gains, TSITOURAS_REACHED, stage)
 
 
 @inner

@@ -3,7 +3,7 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.careful`). So
+stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.branches`). So
 none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
 what a stage needs there is that of an interpolation. The step is divided until its energy account
 closes.
@@ -43,10 +43,11 @@ import numpy as np
 from hapticmech_ros.errors import ClosureError
 from hapticmech_ros.mechanism.closures import Active
 from hapticmech_ros.mechanism.constraint_space import Closing, ConstraintSpace, solve_lower
+from hapticmech_ros.mechanism.kernels.energy_kernels import Balance
 from hapticmech_ros.mechanism.mechanism import Mechanism
-from hapticmech_ros.mechanism.motion import ExternalWrenches, HeldMotion, Rates, Start, Stepped
+from hapticmech_ros.mechanism.motion import ExternalWrenches, Rates, Start, Stepped, rates_at
 from hapticmech_ros.mechanism.projection import Projected, project, refuse_flipped, refuse_open
-from hapticmech_ros.mechanism.refinement import Balance
+from hapticmech_ros.mechanism.refinement import least_off
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.mechanism.tolerances import DETERMINED, SINGULAR, SOLVER_RANK_TOLERANCE
 from hapticmech_ros.numerics import Array
@@ -353,7 +354,7 @@ def nearest_branch(
     return found
 
 
-def without_rows_of(space: ConstraintSpace, columns: Array) -> Array:
+def _without_determined(space: ConstraintSpace, columns: Array) -> Array:
     """Return ``columns`` (nv,) without what the closures take that are well determined.
 
     Args:
@@ -367,16 +368,6 @@ def without_rows_of(space: ConstraintSpace, columns: Array) -> Array:
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 
-def free_change(space: ConstraintSpace, change: Array) -> Array:
-    """Return the part (nv,) of a change that well determined closures leave.
-
-    Args:
-        space: the closures' terms.
-        change: (nv,) rad or m.
-    """
-    return space.from_mass_metric(without_rows_of(space, space.factor.T @ change))
-
-
 def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
     """Yield directions (nv,) that are free to first order, the change itself first."""
     yield change
@@ -384,7 +375,7 @@ def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
     # No two of them are alike, and none is singled out by the mechanism.
     for k in range(1, 1 + min(TRIES * (size - space.rank + 1), MOST_TRIES)):
         anywhere = np.cos(np.sqrt(2.0) * k * np.arange(1.0, size + 1.0) ** 2)
-        yield space.from_mass_metric(without_rows_of(space, anywhere))
+        yield space.from_mass_metric(_without_determined(space, anywhere))
 
 
 def _branch_towards(
@@ -457,12 +448,18 @@ class BranchMotion:
         self._external = external
         q, v = start.q, start.v
         closing = start.closing or mechanism.closing_terms(q, start.active)
-        free = self._free_rates(q, v).acceleration
-        change = free_change(closing.space, step * v + 0.5 * step**2 * free)
+        free, space = self._free_rates(q, v).acceleration, closing.space
+        moved = space.factor.T @ (step * v + 0.5 * step**2 * free)
+        change = space.from_mass_metric(_without_determined(space, moved))
         self._rank = closing.rank
         self._direction, self.has_branch = change, True
         beside, loops = None, loops_of(mechanism, start.active)
-        away = _away(loops, change)
+        # By which each of the loops moves alike, as the change turns it.
+        away = np.zeros(v.size)
+        for one in loops:
+            span = one.span(change)
+            if span > 0.0:
+                away += one.part(change) * (2.0 * REACH / span)
         if away.any():
             with suppress(ClosureError):
                 there = mechanism.integrate(q, away)
@@ -471,7 +468,7 @@ class BranchMotion:
         self._loops = near_singular(mechanism, loops, closing, beside)
         self.span = self._loops.span(change)
         if self._is_near(closing):
-            found = nearest_branch(mechanism, q, start.active, closing.space, change, self._loops)
+            found = nearest_branch(mechanism, q, start.active, space, change, self._loops)
             self.has_branch = found is not None
             if found is not None:
                 self._direction = found
@@ -487,15 +484,13 @@ class BranchMotion:
             ClosureError: a closed loop came apart.
         """
         mechanism, active = self._mechanism, self._active
-        closing = mechanism.closing_terms(q, active)
-        branch = self._branch(q, closing) if self._is_near(closing) else None
+        branch = self._branch(q, mechanism.closing_terms(q, active))
         if branch is None:
-            put = project(mechanism, q, v, active)
-            if not self._is_near(put.closing):
-                return self._regular(put.q, put.v, put.closing)
-            branch = self._branch(put.q, put.closing)
-            if branch is None:
-                return self._regular(put.q, put.v, put.closing)
+            q, v, _, closing = project(mechanism, q, v, active)
+            branch = self._branch(q, closing)
+        if branch is None:
+            regular = Start(q, v, active, closing=closing)
+            return _Stage(q, v, rates_at(mechanism, regular, self._external), closing)
         along = branch.closed_rates(v)
         free = self._free_rates(branch.q, along)
         acceleration = branch.closed_rates(free.acceleration) + branch.bend(along)
@@ -512,9 +507,7 @@ class BranchMotion:
             (nv, nv) Lᵀ P L⁻ᵀ, in the mass metric.
         """
         closing = self._mechanism.closing_terms(q, self._active)
-        if not (self.has_branch and self._is_near(closing)):
-            return None
-        branch, space = self._branch(q, closing), closing.space
+        branch, space = self._branch(q, closing) if self.has_branch else None, closing.space
         if branch is None:
             return None
         along = [
@@ -522,11 +515,10 @@ class BranchMotion:
         ]
         return np.asarray(space.factor.T @ np.array(along).T)
 
-    def _regular(self, q: Array, v: Array, closing: Closing) -> _Stage:
-        start = Start(q, v, self._active, closing=closing)
-        return _Stage(q, v, HeldMotion(self._mechanism, start, self._external)(q, v), closing)
-
     def _branch(self, q: Array, closing: Closing) -> Branch | None:
+        """Return the branch next to q; None where rows determine it, or there is none."""
+        if not self._is_near(closing):
+            return None
         return branch_along(
             self._mechanism, q, self._active, closing.space, self._direction, self._loops
         )
@@ -537,37 +529,10 @@ class BranchMotion:
 
     def _free_rates(self, q: Array, v: Array) -> Rates:
         """Return what there would be without closures."""
-        return HeldMotion(self._mechanism, Start(q, v, self._open), self._external)(q, v)
+        return rates_at(self._mechanism, Start(q, v, self._open), self._external)
 
 
-def _away(loops: Sequence[Loops], change: Array) -> Array:
-    """Return a change (nv,) by which each of the loops moves alike, as ``change`` turns it."""
-    away = np.zeros(change.size)
-    for one in loops:
-        span = one.span(change)
-        if span > 0.0:
-            away += one.part(change) * (2.0 * REACH / span)
-    return away
-
-
-def branch_projection(
-    mechanism: Mechanism, start: Start, external: ExternalWrenches, step: float
-) -> Array | None:
-    """Return what the branch that a step starts on leaves free of a force, in the mass metric.
-
-    Args:
-        mechanism: that moves.
-        start: of the step.
-        external: constant during the step.
-        step: s.
-
-    Returns:
-        (nv, nv) Lᵀ P L⁻ᵀ; None where the closures' rows say it.
-    """
-    return BranchMotion(mechanism, start, external, step).projection(start.q)
-
-
-def careful_step(
+def branch_step(
     mechanism: Mechanism,
     start: Start,
     external: ExternalWrenches,
@@ -591,18 +556,16 @@ def careful_step(
         return None
     first = motion.at(start.q, start.v)
     parts = max(1, math.ceil(motion.span / LARGEST_PART))
-    best, least = None, math.inf
-    for _ in range(HALVINGS + 1):
-        stepped = _in_parts(mechanism, motion, first, step, parts)
+    outcomes: list[tuple[Stepped, Balance]] = []
+    for halving in range(HALVINGS + 1):
+        stepped = _in_parts(mechanism, motion, first, step, 2**halving * parts)
         balance = balance_of(stepped)
-        if best is None or balance.judged < least:
-            best, least = stepped, balance.judged
+        outcomes.append((stepped, balance))
         if balance.is_within(ACCOUNT_TOLERANCE):
             break
-        parts *= 2
-    if best is not None:
-        refuse_open(mechanism, best.error, start.active)
-        refuse_flipped(mechanism, best.q, best.error, start.active)
+    best, _ = least_off(outcomes)
+    refuse_open(mechanism, best.error, start.active)
+    refuse_flipped(mechanism, best.q, best.error, start.active)
     return best
 
 
