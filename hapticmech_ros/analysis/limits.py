@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby
 from typing import ClassVar
 
 import numpy as np
@@ -60,7 +60,15 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
-from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
+from hapticmech_ros.analysis.study import (
+    NOTHING,
+    SharedResults,
+    Sheet,
+    Show,
+    number,
+    shared,
+    silent,
+)
 from hapticmech_ros.analysis.touch import MassHeldDevice, Observe, Setup, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
@@ -82,7 +90,7 @@ from hapticmech_ros.experiment.figure_style import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Sample, Session
-from hapticmech_ros.system.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Workers
 
 # N, of the push of one period, or of G times the push if that is larger, so that no limit is
 # reached; a decaying command stays near it.
@@ -689,19 +697,13 @@ def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> 
     Raises:
         InvalidInputError: no process.
     """
-    found: list[Found] = []
-    lost: list[str] = []
-    for case, some in zip(cases, in_order(_measured, cases, workers), strict=True):
-        if isinstance(some, Lost):
-            lost.append(str(some))
-        else:
-            found += some
-        show(str(case))
+    measured, lost = shared(_measured, cases, workers, show)
+    found = list(chain.from_iterable(measured))
     return Limits(
         tuple(one for one in found if isinstance(one, ZPoint)),
         tuple(one for one in found if isinstance(one, MPoint)),
         tuple(one for one in found if isinstance(one, Load)),
-        lost=tuple(lost),
+        lost=lost,
     )
 
 

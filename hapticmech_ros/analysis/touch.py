@@ -67,6 +67,9 @@ class Setup:
     control: Callable[[Scene], ControlArchitecture] | None = None
     device: Callable[[Scene], ImpedanceDevice] | None = None
 
+    def __str__(self) -> str:
+        return f"{self.scene.name}, {self.delay} periods of delay"
+
     def session(self) -> Session:
         """Return a new session."""
         control = None if self.control is None else self.control(self.scene)
