@@ -89,6 +89,7 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.hand import TargetHand
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.system.workers import Workers
 
@@ -149,7 +150,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
         InvalidInputError: a negative share, a delay below 0, or a scene's hand that does not hold
             at a place: the device then never comes to rest.
     """
-    if share is None and "waypoints" not in type(scene.hand).model_fields:
+    if share is None and not isinstance(scene.hand, TargetHand):
         raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
     case = _Case(scene, point, delay, share)
     # The search is over 1 / inertia, of which large values are unstable.
@@ -608,7 +609,7 @@ def cases_of(
             raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
     cases = []
     for scene in map(of_first_user, scenes):
-        hands = ["nobody", "still"] if "waypoints" in type(scene.hand).model_fields else ["nobody"]
+        hands = ["nobody", "still"] if isinstance(scene.hand, TargetHand) else ["nobody"]
         if "z" in what and directions(scene).held.size:
             late = with_loop(scene, False)
             own = [(late, delay) for delay in delays]

@@ -16,7 +16,7 @@ from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_session, run_shared_session
 from hapticmech_ros.experiment.record import health_from_bag
-from hapticmech_ros.experiment.run import compare, write_results, write_shared_results
+from hapticmech_ros.experiment.run import write_results, write_shared_results
 from hapticmech_ros.graph import (
     MOST_MISSED,
     RATES,
@@ -142,14 +142,7 @@ def _results(
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
     show("drawing", None)
-    return write_results(
-        record,
-        scene,
-        out,
-        graph=health,
-        agreement=compare(record, reference),
-        reference=reference,
-    )
+    return write_results(record, scene, out, health, reference)
 
 
 @dataclass(frozen=True, slots=True)
