@@ -94,12 +94,9 @@ def run_demo(
     lower = [] if control_rate else [one for one in RATES if one < 0.99 * rate]
     while True:
         _clear(bag)
-        try:
-            run = record_graph(
-                scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
-            )
-        except _DoesNotFitError as misfit:
-            run = misfit.run
+        run = record_graph(
+            scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
+        )
         if run.load is not None:
             notify(run.load.sentence())
         if run.kept or not lower:
@@ -185,14 +182,6 @@ class GraphRun:
         return f"rendering was interrupted {times}"
 
 
-class _DoesNotFitError(DemoError):
-    """The machine does not carry the graph at its rate."""
-
-    def __init__(self, run: GraphRun) -> None:
-        super().__init__(run.reason())
-        self.run = run
-
-
 def _engagements(reports: Mapping[str, Report]) -> int:
     """Return how often controllers have engaged, and devices were held."""
     counted = ("engagements", "times_held")
@@ -241,11 +230,10 @@ def record_graph(
         must_fit: whether to give up once it is seen that the machine does not carry the graph.
 
     Returns:
-        How the run went.
+        How the run went, or had gone until it was given up, with an incomplete bag.
 
     Raises:
-        DemoError: a node ended, nothing came of a topic, the hand never started, or the graph does
-            not fit.
+        DemoError: a node ended, nothing came of a topic, or the hand never started.
     """
     # Before the recorder waits for the graph: the first compilation takes longer than its timeout.
     compile_ahead()
@@ -295,9 +283,11 @@ def record_graph(
                     engaged = engaged if pushing else _engagements(reports)
                     broken = _engagements(reports) - engaged
                     reduced = reduced or (pushing and _reduced_gains(reports, since))
-                    _look_whether_it_fits(GraphRun(load, broken, reduced), must_fit)
+                    run = GraphRun(load, broken, reduced)
                 else:
-                    _look_whether_it_fits(GraphRun(starting.look(reports), 0), must_fit)
+                    run = GraphRun(starting.look(reports), 0)
+                if must_fit and not run.kept:
+                    return run
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
@@ -340,16 +330,6 @@ def record_in_lockstep(
     show("starting the graph in lockstep", None)
     run_lockstep(run, private_environment(), lambda: False, progress)
     return GraphRun(None, 0, lockstep=True)
-
-
-def _look_whether_it_fits(run: GraphRun, must: bool) -> None:
-    """Give up a run that is not kept, where it must be.
-
-    Raises:
-        _DoesNotFitError: it is not.
-    """
-    if must and not run.kept:
-        raise _DoesNotFitError(run)
 
 
 def _waiting(missing: Sequence[str]) -> str:
