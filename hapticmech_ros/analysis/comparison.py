@@ -54,7 +54,7 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import Setup, touched
+from hapticmech_ros.analysis.touch import Setup, relative_speeds, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
@@ -75,7 +75,6 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Sample
 from hapticmech_ros.system.workers import Workers
 
 # Gain margin of the chosen gains.
@@ -258,11 +257,9 @@ def largest_delay(variant: Variant) -> int | None:
     ticks = round(WATCHED_S / scene.simulation.period)
     floor = FLOOR_SHARE * TOUCH_SPEED
 
-    def watch(sample: Sample) -> Array:
-        return np.asarray(normals.T @ (sample.device.twist - sample.point.twist))
-
     def stable(delay: int) -> bool:
         case, push = replace(setup, scene=scene, delay=delay), impulse / scene.simulation.period
+        watch = relative_speeds(normals)
         return touched(case, push, watch, ticks, LOST_SPEED, floor).stable
 
     return _largest(stable)

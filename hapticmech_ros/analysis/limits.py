@@ -69,7 +69,7 @@ from hapticmech_ros.analysis.study import (
     shared,
     silent,
 )
-from hapticmech_ros.analysis.touch import MassHeldDevice, Observe, Setup, touched
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, relative_speeds, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
@@ -158,7 +158,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     watched = WATCHED_S if share is not None else SWINGING_S
     measured = frontier(lambda lightness: case.stable(lightness, watched), guess, *bounds)
-    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.linear else None
+    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.held is not None else None
     seconds = SLOW_S if share is None else WATCHED_S
     heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
     return MPoint(
@@ -185,17 +185,12 @@ class _Case:
         self.own = 1.0 / float(np.linalg.eigvals(inertia @ x).real.max())
         zero = np.zeros((6, 6))
         fixed = None if share is None else Held(zero, zero, share * inertia)
-        self._held = held_by(self._scene) if fixed is None else fixed
+        self.held = held_by(self._scene) if fixed is None else fixed
         found = self._analysis
         free = found.spectrum.wrenches[:, found.weights < 1.0].sum(axis=1)
         self._push = np.zeros(6)
         self._push[found.rows] = free
         self._push *= TOUCH_N / _size(self._push)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the hand has a linear impedance."""
-        return self._held is not None
 
     def stable(self, lightness: float, seconds: float) -> bool:
         """Return whether a session with a mechanism this light comes to rest after a touch."""
@@ -208,12 +203,12 @@ class _Case:
 
     def predicted(self, lightness: float) -> bool:
         """Return whether the linear model of the loop is stable."""
-        if self._held is None:
+        if self.held is None:
             return False
         sample = Session(self._scaled(lightness), self._point, self._delay).tick()
         found, law = sample.analysis, law_of(ControlArchitecture(self._scene), sample.model)
         x, rows = found.inverse_inertia, found.rows
-        return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self._held))
+        return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self.held))
 
     def felt(self, lightness: float) -> float:
         """Return the least felt inertia of a mechanism this light, by X_τ, over the device's."""
@@ -317,15 +312,6 @@ class Wall:
         wrench = self._normals @ np.linalg.solve(gain, np.ones(len(sizes)))
         self._push = wrench * TOUCH_SPEED / np.sqrt(len(sizes))
 
-    def observe(self) -> Observe:
-        """Return the signal of a sample: n_iᵀ ė / √m_ℓ, m/s."""
-        normals = self._normals.T
-
-        def watch(sample: Sample) -> Array:
-            return np.asarray(normals @ (sample.device.twist - sample.point.twist))
-
-        return watch
-
     def stable(self, stiffness: float, damping: float, delay: int, hand: str) -> bool:
         """Return whether a session with these gains comes to rest after a touch.
 
@@ -341,7 +327,8 @@ class Wall:
         ticks = int(np.clip(CYCLES * cycle, max(SHORTEST, DELAYS * (delay + 1)), LONGEST))
         push = self._push / period
         setup = Setup(scene, self._point, delay)
-        return touched(setup, push, self.observe(), ticks, LOST_SPEED).stable
+        watch = relative_speeds(self._normals)
+        return touched(setup, push, watch, ticks, LOST_SPEED).stable
 
     def predicted(self, damping: float, delay: int, hand: str) -> float | None:
         """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""

@@ -149,6 +149,15 @@ def _watched(
     return np.array(rows)
 
 
+def relative_speeds(normals: Array) -> Observe:
+    """Return the signal of speeds n_iᵀ ė of the device relative to the operational point.
+
+    Args:
+        normals: (6, k) n_i, for m/s scaled to 1 N at a link's centre of mass, world axes.
+    """
+    return lambda sample: np.asarray(normals.T @ (sample.device.twist - sample.point.twist))
+
+
 def _rms(rows: Array) -> float:
     window = np.hanning(len(rows) + 2)[1:-1]
     return float(np.sqrt(window @ np.sum(rows**2, axis=1) / window.sum()))

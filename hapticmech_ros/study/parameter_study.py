@@ -38,8 +38,8 @@ from hapticmech_ros.files import open_file
 from hapticmech_ros.loading.loader import find_scene, scene_as_written, with_links
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of
-from hapticmech_ros.scene.validation import UNKNOWN_KEY, angle_of, with_changes, written_document
-from hapticmech_ros.study.design import Design
+from hapticmech_ros.scene.validation import UNKNOWN_KEY, with_changes, written_document
+from hapticmech_ros.study.design import Design, number_of
 from hapticmech_ros.study.figure import study_figure
 from hapticmech_ros.study.task import Task, carry_out, with_unit
 from hapticmech_ros.system.installation import PACKAGE
@@ -230,7 +230,7 @@ class ParameterStudy(Results):
         found = {}
         for at, one in enumerate(self.design.variations):
             texts = [row[at] for row in rows]
-            numbers = [_number(text) for text in texts]
+            numbers = [number_of(text) for text in texts]
             known = [number for number in numbers if number is not None]
             found[one.name] = np.array(known if len(known) == len(texts) else texts)
         return found
@@ -479,16 +479,6 @@ def _files(value: object) -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for inner in value:
             yield from _files(inner)
-
-
-def _number(text: str) -> float | None:
-    angle = angle_of(text)
-    if angle is not None:
-        return angle
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _spread(column: Array) -> dict[str, float | None]:

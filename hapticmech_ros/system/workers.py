@@ -132,9 +132,10 @@ class WorkerPool:
             yield from ((index, work(case)) for index, case in enumerate(cases))
             return
         left, again = enumerate(cases), deque[tuple[int, Given]]()
+        ahead = AHEAD_ELSEWHERE if self.processes is None else AHEAD * self.processes
         flying: dict[Future[Found], tuple[int, Given]] = {}
         while True:
-            for index, case in islice(left, self._ahead - len(flying)):
+            for index, case in islice(left, ahead - len(flying)):
                 try:
                     flying[self._executor().submit(work, case)] = index, case
                 except BrokenExecutor:
@@ -178,11 +179,6 @@ class WorkerPool:
             if isinstance(found, Lost):
                 raise LostError(str(found))
             yield found
-
-    @property
-    def _ahead(self) -> int:
-        processes = self.processes
-        return AHEAD_ELSEWHERE if processes is None else AHEAD * processes
 
     def _executor(self) -> Executor:
         if isinstance(self._workers, Executor):

@@ -168,12 +168,6 @@ def test_the_command_writes_tables_file_and_pictures(tmp_path, monkeypatch):
         assert (tmp_path / name).stat().st_size > 5000
 
 
-def test_numbers_that_are_none_are_refused():
-    found = CliRunner().invoke(app, ["feel", "limits", "two_link", "--delays", "1,x"])
-    assert found.exit_code != 0
-    assert "--delays" in str(found.exception) + found.output
-
-
 def test_marks_that_agree_do_not_hide_each_other():
     points = [
         MPoint(f"scene{n}", 1, local, "mass", 1.0, 2.0, 0.34, 0.33, 0.333, 300.0)

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import typer
 from rich.console import Console
+from typer.testing import CliRunner
 
 from hapticmech_ros.analysis.study import Marked, Results, Sheet, judged, number, plain
+from hapticmech_ros.cli import app
 from hapticmech_ros.cli.study import carry_out, numbers
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.experiment.figure_style import new_figure
@@ -158,6 +160,13 @@ def test_numbers_of_an_option():
     assert numbers("--rates", "1, 2.5,", float) == [1.0, 2.5]
     with pytest.raises(InvalidInputError, match=r"--delays.*whole numbers with commas.*'1,x'"):
         numbers("--delays", "1,x", int)
+
+
+@pytest.mark.parametrize("command", ["impedance", "limits", "compare", "passivity"])
+def test_each_command_refuses_delays_that_are_no_numbers(command):
+    found = CliRunner().invoke(app, ["feel", command, "two_link", "--delays", "1,x"])
+    assert isinstance(found.exception, InvalidInputError)
+    assert "--delays" in str(found.exception)
 
 
 def test_work_is_shared_in_order():

@@ -99,9 +99,3 @@ def test_the_command_writes_table_file_and_picture(tmp_path):
     assert {row["loop"] for row in rows} == {"device", "controller"}
     assert len(rows) == 4
     assert (tmp_path / "impedance.png").stat().st_size > 5000
-
-
-def test_delays_that_are_no_numbers_are_refused():
-    found = CliRunner().invoke(app, ["feel", "impedance", "two_link", "--delays", "1,x"])
-    assert found.exit_code != 0
-    assert "--delays" in str(found.exception) + found.output
