@@ -13,11 +13,12 @@ named ``module:function``, of a module that the workers can import.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from math import inf, nan
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -34,9 +35,21 @@ from hapticmech_ros.scene.validation import with_changes
 from hapticmech_ros.simulation import Simulator
 from hapticmech_ros.study.design import Design
 
-# Returns numbers of a scene, and of an operational point of it, by name. If it raises a
-# HapticMechError the scene cannot be measured, and the study goes on.
-Measure = Callable[[Scene, str], Mapping[str, float]]
+
+class Measure(Protocol):
+    """Returns numbers of a scene, by name."""
+
+    def __call__(self, scene: Scene, point: str) -> Mapping[str, float]:
+        """Return the numbers.
+
+        Args:
+            scene: to measure.
+            point: operational point; the scene's first one if empty.
+
+        Raises:
+            HapticMechError: it cannot be measured; the study goes on.
+        """
+        ...
 
 
 def _at_the_start(scene: Scene, point: str) -> tuple[OperationalAnalysis, float]:

@@ -151,11 +151,13 @@ def test_rules_by_hand():
     assert rules.passive_stiffness(3.0, 1.0, 1e-3) == pytest.approx(4000.0)
     assert rules.passive_stiffness(1.0, 3.0, 1e-3) == 0.0
     assert rules.delayed_stiffness(1.0, 3.0, 1e-3, 1.5e-3) == pytest.approx(2000.0)
+    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 4e-5) == pytest.approx(1000.0)
+    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 0.0) == pytest.approx(2000.0)
     assert rules.lightest_mass(0.3, 0.3) == pytest.approx(0.1)
     for call in (
         lambda: rules.passive_stiffness(-1.0, 1.0, 1e-3),
         lambda: rules.delayed_stiffness(1.0, 1.0, 0.0, 1e-3),
-        lambda: rules.delayed_stiffness(1.0, 1.0, 1e-3, -1e-3),
+        lambda: rules.quantised_stiffness(1.0, -0.5, 1e-3, 1e-5),
         lambda: rules.lightest_mass(0.0, 1.0),
     ):
         with pytest.raises(InvalidInputError, match=r"0 or more|above 0"):
@@ -183,11 +185,8 @@ def hum(stiffness, physical, friction, speed):
 
 @pytest.mark.parametrize("speed", [2e-3, 2e-2])
 def test_below_the_rule_of_encoder_steps_nothing_hums(speed):
-    """min(2 b / T, 2 f_c / Δ) is 2000 N/m; a touch ends at rest, sticking.
-
-    Diolaiti, Niemeyer, Barbagli and Salisbury, "Stability of haptic rendering: discretization,
-    quantization, time delay, and Coulomb effects", IEEE Trans. Robotics 2006.
-    """
+    """min(2 b / T, 2 f_c / Δ) is 2000 N/m; a touch ends at rest, sticking."""
+    assert rules.quantised_stiffness(1.0, 0.02, 1e-3, 2e-5) == pytest.approx(2000.0)
     assert hum(1900.0, 1.0, 0.02, speed) == 0.0
 
 
