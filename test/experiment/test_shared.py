@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import SharedSession, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
@@ -189,9 +190,8 @@ def test_results_are_written_for_each_user(tmp_path, scene, record):
 def test_the_command_does_it(tmp_path):
     out = tmp_path / "out"
     arguments = ["experiment", "two_users", "--duration", "0.2", "--out", str(out)]
-    found = CliRunner().invoke(app, arguments, catch_exceptions=False)
-    assert found.exit_code == 0
-    assert "two_users, right (session)" in found.output
+    found = ran(*arguments)
+    assert "two_users, right (session)" in found
     assert {path.name for path in out.iterdir()} == {
         *("left", "right", "users.png", "coupling.png", "summary.json")
     }

@@ -5,12 +5,11 @@
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
 from benchmarks.accuracy import cases
+from commands import ran
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
@@ -193,11 +192,8 @@ def test_a_state_that_cannot_be_analysed_is_numbered():
 
 def test_the_command_writes_a_table_and_a_picture(scene, bag, tmp_path):
     out = tmp_path / "out"
-    done = CliRunner().invoke(
-        app, ["analyse", str(bag), "--scene", scene.name, "--namespace", "left", "--out", str(out)]
-    )
-    assert done.exit_code == 0, done.output
-    assert "400 states of /left/mechanism/state" in done.output.replace("\n", " ")
+    done = ran("analyse", str(bag), "--scene", scene.name, "--namespace", "left", "--out", str(out))
+    assert "400 states of /left/mechanism/state" in done.replace("\n", " ")
     with np.load(out / "analysis.npz") as table:
         assert table["inverse_inertia"].shape == (TICKS, 6, 6)
         assert table["count"].shape == (TICKS,)

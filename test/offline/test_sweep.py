@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
@@ -147,9 +148,8 @@ def test_a_joint_of_several_degrees_of_freedom_is_refused():
 def test_the_command_writes_a_table_and_a_picture(joints, tmp_path):
     options = [part for joint in joints for part in ("--joint", joint)]
     command = ["sweep", "five_bar", *options, "--processes", "1", "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, command)
-    assert done.exit_code == 0, done.output
-    assert "places reached" in done.output
+    done = ran(*command)
+    assert "places reached" in done
     with np.load(tmp_path / "sweep.npz") as table:
         assert table["inverse_inertia"].shape[1:] == (6, 6)
         assert table["places"].shape[1] == len(joints)
