@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -23,13 +23,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from hapticmech_ros.system.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Found, Given, Lost, Workers, in_order
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Given = TypeVar("Given")
-Found = TypeVar("Found")
 # Called with one line of progress.
 Show = Callable[[str], None]
 
