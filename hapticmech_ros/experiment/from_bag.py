@@ -95,8 +95,6 @@ def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
 NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
 # Needed where several users hold one mechanism, of each.
 SHARED = (POINT_COMMAND, POINT_FORCE)
-# Needed only for the drawing of the mechanism.
-WELCOME = (JOINT_STATES,)
 # What makes stamp and row of a message.
 READERS: dict[Topic, Callable[[Any], tuple[int, Any]]] = {
     DEVICE_STATE: _device,
@@ -158,10 +156,10 @@ def chosen_topics(bag: BagReader, point: str, namespace: str, user: str = "") ->
     if complaints:
         hint = _namespace_hint(bag, missing, f"{namespace}/{user}")
         raise BagError(f"bag {bag.path}: {'; '.join(complaints)}{hint}")
-    for topic in WELCOME:
-        name = full_name(topic, point, namespace, user)
-        if name in bag.topics and bag.topics[name].type == topic.type:
-            names[topic] = name
+    # Welcome, but needed only for the drawing of the mechanism.
+    joints = full_name(JOINT_STATES, point, namespace, user)
+    if joints in bag.topics and bag.topics[joints].type == JOINT_STATES.type:
+        names[JOINT_STATES] = joints
     return names
 
 
