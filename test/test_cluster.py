@@ -16,8 +16,9 @@ from socket import socket
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from commands import ran
+from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.study import Design, Variation, run_study
 from hapticmech_ros.system.workers import ClusterError, cluster, versions
@@ -134,18 +135,21 @@ def test_commands_take_a_cluster(workers, tmp_path):
     out = str(tmp_path / "out")
     vary = ["--vary", "device.mass=0.1:0.4:3"]
     command = ["study", "two_link", *vary, "--cluster", workers, "--json", "-o", out]
-    said = ran(*command)
-    assert json.loads(said)["measured"] == 3
+    said = CliRunner().invoke(app, command)
+    assert said.exit_code == 0, said.output
+    assert json.loads(said.stdout)["measured"] == 3
     joints = ["--joint", "joint1=-0.5:0.5:9", "--joint", "joint2=1:1.8:9"]
     for where, more in (("here", ["--processes", "1"]), ("there", ["--cluster", workers])):
         command = ["sweep", "five_bar", *joints, *more, "-o", str(tmp_path / where)]
-        ran(*command)
+        said = CliRunner().invoke(app, command)
+        assert said.exit_code == 0, said.output
     here, there = (np.load(tmp_path / where / "sweep.npz") for where in ("here", "there"))
     assert here["q"].tobytes() == there["q"].tobytes()
     assert len(here["q"]) > 16
     feel = ["feel", "passivity", "two_link", "--seconds", "0.2", "--delays", "0", "--json"]
-    said = ran(*feel, "--cluster", workers, "-o", out)
-    assert len(json.loads(said)) == 4
+    said = CliRunner().invoke(app, [*feel, "--cluster", workers, "-o", out])
+    assert said.exit_code == 0, said.output
+    assert len(json.loads(said.stdout)) == 4
 
 
 def test_a_cluster_that_cannot_be_used_is_refused_in_a_sentence(scheduler):
