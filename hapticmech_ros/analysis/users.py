@@ -115,11 +115,11 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     if abs(samples * period - WINDOW_S) > 1e-9 or samples < 4 * frequencies[-1]:
         rule = f"must divide {WINDOW_S:g} s and be below {0.25 / frequencies[-1]:.4f} s"
         raise InvalidInputError("simulation.period", period, rule)
-    still = _holding_still(scene, point)
-    simulator = Simulator(still)
+    resting = _holding_still(scene, point)
+    simulator = Simulator(resting)
     terms = simulator.evaluate(simulator.initial_state())
     directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
-    desired, alone = admittances(still, simulator, point, frequencies)
+    desired, alone = admittances(resting, simulator, point, frequencies)
     rows = max(2, round(ROWS_PER_S * period))
     fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period), rows)
     push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
@@ -127,10 +127,10 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     times = samples_of(fine, rows)
     last = slice(times.size - samples, None)
     given = amplitudes(times[last], samples_of(push, rows)[last], frequencies)
-    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6)), times.size), []
+    calm, found = _twists(resting, point, fine, np.zeros((fine.size, 6)), times.size), []
     for direction in directions:
         moved = (
-            _twists(still, point, fine, push[:, None] * direction, times.size) - calm
+            _twists(resting, point, fine, push[:, None] * direction, times.size) - calm
         ) @ direction
         felt = given / amplitudes(times[last], moved[last], frequencies)
         wanted, free = (
@@ -155,7 +155,8 @@ def _holding_still(scene: Scene, point: str) -> Scene:
         if name != point and not isinstance(own.hand, TargetHand | ConstantWrenchHand):
             rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be"
             raise InvalidInputError("hand", own.hand.kind, f"{rule} known")
-        hand = still(own.hand) if name != point and own.hand.kind != NO_HAND.kind else NO_HAND
+        holds = name != point and isinstance(own.hand, TargetHand)
+        hand = still(own.hand) if holds else NO_HAND
         entry = {"point": name, "hand": hand, "device": own.device}
         hands.append(entry | {"controller": own.controller, "connection": own.connection})
     return scene.with_(hands=hands)

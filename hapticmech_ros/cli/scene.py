@@ -72,7 +72,6 @@ def check(
 
     ends = time.monotonic() + seconds
     loaded = load_scene(scene, changes=changes or ())
-
     with errors.status("scene") as status:
         found = check_scene(loaded, lambda: time.monotonic() > ends, status.update)
     left = left_out(find_scene(scene))

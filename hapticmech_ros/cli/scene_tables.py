@@ -188,7 +188,9 @@ def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
         ("name", "kind", "rows", "at the start", "redundant rows"),
         [
             (
-                *(one.name, one.kind, str(one.rows)),
+                one.name,
+                one.kind,
+                str(one.rows),
                 "active" if one.active else "open, can latch" if one.can_latch else "open",
                 escape(", ".join(one.redundant) or "-"),
             )
