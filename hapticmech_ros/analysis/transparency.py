@@ -155,7 +155,7 @@ def _recorded(
 def from_the_push_on(
     stamps: Array, forces: Array, twists: Array, period: float
 ) -> tuple[Array, Array, Array]:
-    """Return times, s, F_h and twists of a device from its hand's first push on.
+    """Return times (m,), s, F_h (m, 6) and twists (m, 6) of a device from its hand's push on.
 
     Args:
         stamps: (n,) s, of its samples.

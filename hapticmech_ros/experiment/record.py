@@ -72,7 +72,7 @@ class SharedRecord:
             found = np.shape(getattr(self, name))
             if found != shape:
                 raise InvalidInputError(f"shape of {name}", found, f"must be {shape}")
-            freeze(self, name)
+            _freeze(self, name)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -384,10 +384,10 @@ class ExperimentRecord:
         found = np.ndim(getattr(self, name))
         if found != ndim:
             raise InvalidInputError(f"dimensions of {name}", found, f"must be {ndim}")
-        return freeze(self, name, int if name == "count" else float)
+        return _freeze(self, name, int if name == "count" else float)
 
 
-def freeze(record: object, name: str, kind: type = float) -> Array:
+def _freeze(record: object, name: str, kind: type = float) -> Array:
     """Copy an array of a record, and make the copy read-only.
 
     Args:
@@ -401,7 +401,7 @@ def freeze(record: object, name: str, kind: type = float) -> Array:
     Raises:
         InvalidInputError: a number that is not finite.
     """
-    array = np.array(getattr(record, name), dtype=kind)
+    array: Array = np.array(getattr(record, name), dtype=kind)
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise InvalidInputError(f"{name}{list(where)}", array[where], "must be finite")
