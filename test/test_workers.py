@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Workers share work, are prepared, and do not outlive a parent that is killed."""
+"""Workers do not outlive a parent that is killed."""
 
 import os
 import signal
@@ -8,8 +8,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-
-from hapticmech_ros.system.workers import worker_pool
 
 PARENT = """
 import os, time
@@ -19,12 +17,6 @@ if __name__ == "__main__":
     print(pool.submit(os.getpid).result(), flush=True)
     pool.submit(time.sleep, 60.0).result()
 """
-
-
-def test_workers_are_prepared_and_work(tmp_path):
-    with worker_pool(2, os.chdir, tmp_path) as pool:
-        assert list(pool.map(abs, [-1, 2, -3])) == [1, 2, 3]
-        assert pool.submit(os.getcwd).result(30.0) == str(tmp_path)
 
 
 def test_a_worker_at_work_ends_with_a_parent_that_is_killed(tmp_path):

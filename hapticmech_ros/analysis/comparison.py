@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,8 +45,16 @@ from hapticmech_ros.analysis.scene_variants import (
     of_first_user,
     with_constraint,
 )
-from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, plain, silent
-from hapticmech_ros.analysis.touch import Setup, touched
+from hapticmech_ros.analysis.study import (
+    NOTHING,
+    SharedResults,
+    Sheet,
+    Show,
+    plain,
+    shared,
+    silent,
+)
+from hapticmech_ros.analysis.touch import Setup, relative_speeds, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import LawControl, LawInput, device_inertia
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
@@ -67,8 +75,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.session import Sample
-from hapticmech_ros.system.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Workers
 
 # Gain margin of the chosen gains.
 GAIN_MARGIN = 2.0
@@ -250,11 +257,9 @@ def largest_delay(variant: Variant) -> int | None:
     ticks = round(WATCHED_S / scene.simulation.period)
     floor = FLOOR_SHARE * TOUCH_SPEED
 
-    def watch(sample: Sample) -> Array:
-        return np.asarray(normals.T @ (sample.device.twist - sample.point.twist))
-
     def stable(delay: int) -> bool:
         case, push = replace(setup, scene=scene, delay=delay), impulse / scene.simulation.period
+        watch = relative_speeds(normals)
         return touched(case, push, watch, ticks, LOST_SPEED, floor).stable
 
     return _largest(stable)
@@ -476,29 +481,15 @@ def compare(
     for delay in delays:
         if delay < 0:
             raise InvalidInputError("delay", delay, "must be 0 or more periods")
-    cases = [_Case(of_first_user(load_scene(name)), delay) for name in scenes for delay in delays]
-    columns: list[Column] = []
-    lost: list[str] = []
-    for case, found in zip(cases, in_order(_compared, cases, workers), strict=True):
-        if isinstance(found, Lost):
-            lost.append(str(found))
-        else:
-            columns += found
-        show(str(case))
-    return RenderingComparison(tuple(columns), lost=tuple(lost))
+    cases = [
+        Setup(of_first_user(load_scene(name)), delay=delay) for name in scenes for delay in delays
+    ]
+    columns, lost = shared(_compared, cases, workers, show)
+    return RenderingComparison(tuple(chain.from_iterable(columns)), lost=lost)
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
-    scene: Scene
-    delay: int
-
-    def __str__(self) -> str:
-        return f"{self.scene.name}, {self.delay} periods of delay"
-
-
-def _compared(case: _Case) -> list[Column]:
-    return side_by_side(case.scene, delay=case.delay)
+def _compared(case: Setup) -> list[Column]:
+    return side_by_side(case.scene, case.point, case.delay)
 
 
 def _row(row: Column) -> tuple[str, ...]:

@@ -191,82 +191,59 @@ def experience(setup: Setup) -> Experience:
     Raises:
         InvalidInputError: no such point, or a delay below 0.
     """
-    session = replace(setup, scene=at_once(setup.scene)).session()
-    watch = _Watch(session, setup.point)
-    scene = setup.scene
+    session, scene = replace(setup, scene=at_once(setup.scene)).session(), setup.scene
+    mass = Analyser(session.simulator.mechanism, setup.point).metric.mass
     ticks = round((scene.hand.start_delay + scene.experiment.duration) / session.period)
-    kept = True
+    kept, found = True, list[tuple[float, ...]]()
     try:
         for _ in range(ticks):
-            if not watch.record(session.tick()):
-                kept = False
+            sample = session.tick()
+            analysis = sample.analysis
+            error = pose_error(sample.point.pose, sample.device.pose)[analysis.rows]
+            along = (analysis.spectrum.wrenches.T @ error) ** 2 / mass
+            free, held = (1.0 - analysis.weights) @ along, analysis.weights @ along
+            kept = bool(free + held < LOST_M**2)
+            if not kept:
                 break
+            state = sample.mechanism
+            effort = session.simulator.evaluate(state).effort
+            power = sample.hand_wrench @ sample.device.twist
+            kinetic, potential = session.simulator.mechanism.energy(state.q, state.v)
+            stored = kinetic + potential + state.account.contact_energy
+            contact = _contact_error(sample)
+            found.append((sample.time, free, held, power, effort @ state.v, stored, contact))
     except HapticMechError:
         kept = False
-    return watch.result(kept)
+    rows = np.array(found).reshape(-1, 7)
+    start, powers = session.scene.hand.start_delay, rows[:, 3:5]
+    squares = np.array([row[1:3] for row in found if row[0] >= start]).reshape(-1, 2)
+    # Trapezoidal rule, from the first sample on.
+    works = np.zeros((len(powers), 2))
+    works[1:] = np.cumsum(0.5 * session.period * (powers[1:] + powers[:-1]), axis=0)
+    left = works.sum(axis=1) + (rows[:1, 5] - rows[:, 5])
+    rms = np.sqrt(squares.mean(axis=0)) if len(squares) else np.full(2, np.nan)
+    steady = rows[np.isfinite(rows[:, 6]), 6]
+    return Experience(
+        drift_rms=float(rms[0]),
+        penetration_rms=float(rms[1]),
+        penetration_peak=float(np.sqrt(squares[:, 1].max(initial=0.0))),
+        hand_energy=float(works[:, 0].min(initial=0.0)),
+        left_energy=float(left.min(initial=0.0)),
+        contact_error=float(np.median(steady)) if steady.size else None,
+        steady=steady.size,
+        kept=kept,
+    )
 
 
-class _Watch:
-    def __init__(self, session: Session, point: str) -> None:
-        self._session, self._start = session, session.scene.hand.start_delay
-        self._mass = Analyser(session.simulator.mechanism, point).metric.mass
-        self._squares: list[tuple[float, float]] = []
-        self._powers: list[tuple[float, float]] = []
-        self._stored: list[float] = []
-        self._contact: list[float] = []
-
-    def record(self, sample: Sample) -> bool:
-        """Process a sample.
-
-        Returns:
-            Whether device and point are together.
-        """
-        analysis = sample.analysis
-        error = pose_error(sample.point.pose, sample.device.pose)[analysis.rows]
-        along = (analysis.spectrum.wrenches.T @ error) ** 2 / self._mass
-        free, held = (1.0 - analysis.weights) @ along, analysis.weights @ along
-        if not free + held < LOST_M**2:
-            return False
-        if sample.time >= self._start:
-            self._squares.append((float(free), float(held)))
-        state, mechanism = sample.mechanism, self._session.simulator.mechanism
-        effort = self._session.simulator.evaluate(state).effort
-        power = sample.hand_wrench @ sample.device.twist
-        self._powers.append((float(power), float(effort @ state.v)))
-        kinetic, potential = mechanism.energy(state.q, state.v)
-        self._stored.append(kinetic + potential + state.account.contact_energy)
-        self._touch(sample)
-        return True
-
-    def _touch(self, sample: Sample) -> None:
-        contact = sample.contact_wrench[:3]
-        size = float(np.linalg.norm(contact))
-        speeds = sample.device.twist[:3], sample.point.twist[:3]
-        still = max(np.linalg.norm(speed) for speed in speeds) < STANDING_M_S
-        if size > PUSHING_N and still:
-            itself = own_wrench(sample.analysis)[:3]
-            left = sample.hand_wrench[:3] + contact + itself
-            self._contact.append(float(np.linalg.norm(left)) / size)
-
-    def result(self, kept: bool) -> Experience:
-        squares = np.array(self._squares).reshape(-1, 2)
-        powers = np.array(self._powers).reshape(-1, 2)
-        period, stored = self._session.period, np.array(self._stored)
-        # Trapezoidal rule, from the first sample on.
-        works = np.zeros((len(powers), 2))
-        works[1:] = np.cumsum(0.5 * period * (powers[1:] + powers[:-1]), axis=0)
-        left = works.sum(axis=1) + (stored[:1] - stored)
-        rms = np.sqrt(squares.mean(axis=0)) if len(squares) else np.full(2, np.nan)
-        return Experience(
-            drift_rms=float(rms[0]),
-            penetration_rms=float(rms[1]),
-            penetration_peak=float(np.sqrt(squares[:, 1].max(initial=0.0))),
-            hand_energy=float(works[:, 0].min(initial=0.0)),
-            left_energy=float(left.min(initial=0.0)),
-            contact_error=float(np.median(self._contact)) if self._contact else None,
-            steady=len(self._contact),
-            kept=kept,
-        )
+def _contact_error(sample: Sample) -> float:
+    """Return |F_h + F_c + F_0| / |F_c| of a sample in steady contact; NaN of others."""
+    contact = sample.contact_wrench[:3]
+    size = float(np.linalg.norm(contact))
+    speed = max(np.linalg.norm(body.twist[:3]) for body in (sample.device, sample.point))
+    if not (size > PUSHING_N and speed < STANDING_M_S):
+        return np.nan
+    left = sample.hand_wrench[:3] + contact + own_wrench(sample.analysis)[:3]
+    return float(np.linalg.norm(left)) / size
 
 
 def own_wrench(analysis: OperationalAnalysis) -> Array:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hapticmech_ros.analysis.felt_model import felt_model
+from hapticmech_ros.analysis.scene_variants import held_by_nobody
 from hapticmech_ros.analysis.touch import (
     ROWS,
     Setup,
@@ -28,7 +29,6 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational import OperationalAnalysis
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.hand import ConstantWrenchHand
 from hapticmech_ros.session import Session
 from hapticmech_ros.simulation import Simulator
 
@@ -226,9 +226,8 @@ def free_directions(analysis: OperationalAnalysis) -> list[Array]:
 
 def alone(scene: Scene) -> Scene:
     """Return the scene without a hand and without an engagement ramp."""
-    nobody = ConstantWrenchHand(kind="constant_wrench")
     at_once = scene.controller.model_copy(update={"engagement_ramp": 0.0})
-    return scene.model_copy(update={"hand": nobody, "controller": at_once})
+    return held_by_nobody(scene).model_copy(update={"controller": at_once})
 
 
 def _push(period: float, frequencies: Array) -> Array:

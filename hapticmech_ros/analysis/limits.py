@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby
 from typing import ClassVar
 
 import numpy as np
@@ -60,8 +60,16 @@ from hapticmech_ros.analysis.scene_variants import (
     with_loop,
     without_channel,
 )
-from hapticmech_ros.analysis.study import NOTHING, SharedResults, Sheet, Show, number, silent
-from hapticmech_ros.analysis.touch import MassHeldDevice, Observe, Setup, touched
+from hapticmech_ros.analysis.study import (
+    NOTHING,
+    SharedResults,
+    Sheet,
+    Show,
+    number,
+    shared,
+    silent,
+)
+from hapticmech_ros.analysis.touch import MassHeldDevice, Setup, relative_speeds, touched
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.architecture import device_inertia
 from hapticmech_ros.control.measurements import operational_model_of
@@ -81,8 +89,9 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
+from hapticmech_ros.scene.hand import TargetHand
 from hapticmech_ros.session import Sample, Session
-from hapticmech_ros.system.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Workers
 
 # N, of the push of one period, or of G times the push if that is larger, so that no limit is
 # reached; a decaying command stays near it.
@@ -141,7 +150,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
         InvalidInputError: a negative share, a delay below 0, or a scene's hand that does not hold
             at a place: the device then never comes to rest.
     """
-    if share is None and "waypoints" not in type(scene.hand).model_fields:
+    if share is None and not isinstance(scene.hand, TargetHand):
         raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
     case = _Case(scene, point, delay, share)
     # The search is over 1 / inertia, of which large values are unstable.
@@ -149,7 +158,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     watched = WATCHED_S if share is not None else SWINGING_S
     measured = frontier(lambda lightness: case.stable(lightness, watched), guess, *bounds)
-    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.linear else None
+    predicted = frontier(case.predicted, guess, *bounds, FINE) if case.held is not None else None
     seconds = SLOW_S if share is None else WATCHED_S
     heavy = [one for one in HEAVY if case.stable(1.0 / one, seconds)]
     return MPoint(
@@ -176,17 +185,12 @@ class _Case:
         self.own = 1.0 / float(np.linalg.eigvals(inertia @ x).real.max())
         zero = np.zeros((6, 6))
         fixed = None if share is None else Held(zero, zero, share * inertia)
-        self._held = held_by(self._scene) if fixed is None else fixed
+        self.held = held_by(self._scene) if fixed is None else fixed
         found = self._analysis
         free = found.spectrum.wrenches[:, found.weights < 1.0].sum(axis=1)
         self._push = np.zeros(6)
         self._push[found.rows] = free
         self._push *= TOUCH_N / _size(self._push)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the hand has a linear impedance."""
-        return self._held is not None
 
     def stable(self, lightness: float, seconds: float) -> bool:
         """Return whether a session with a mechanism this light comes to rest after a touch."""
@@ -199,12 +203,12 @@ class _Case:
 
     def predicted(self, lightness: float) -> bool:
         """Return whether the linear model of the loop is stable."""
-        if self._held is None:
+        if self.held is None:
             return False
         sample = Session(self._scaled(lightness), self._point, self._delay).tick()
         found, law = sample.analysis, law_of(ControlArchitecture(self._scene), sample.model)
         x, rows = found.inverse_inertia, found.rows
-        return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self._held))
+        return not diverges(tick_matrix(self._scene, law, x, rows, self._delay, self.held))
 
     def felt(self, lightness: float) -> float:
         """Return the least felt inertia of a mechanism this light, by X_τ, over the device's."""
@@ -308,15 +312,6 @@ class Wall:
         wrench = self._normals @ np.linalg.solve(gain, np.ones(len(sizes)))
         self._push = wrench * TOUCH_SPEED / np.sqrt(len(sizes))
 
-    def observe(self) -> Observe:
-        """Return the signal of a sample: n_iᵀ ė / √m_ℓ, m/s."""
-        normals = self._normals.T
-
-        def watch(sample: Sample) -> Array:
-            return np.asarray(normals @ (sample.device.twist - sample.point.twist))
-
-        return watch
-
     def stable(self, stiffness: float, damping: float, delay: int, hand: str) -> bool:
         """Return whether a session with these gains comes to rest after a touch.
 
@@ -332,7 +327,8 @@ class Wall:
         ticks = int(np.clip(CYCLES * cycle, max(SHORTEST, DELAYS * (delay + 1)), LONGEST))
         push = self._push / period
         setup = Setup(scene, self._point, delay)
-        return touched(setup, push, self.observe(), ticks, LOST_SPEED).stable
+        watch = relative_speeds(self._normals)
+        return touched(setup, push, watch, ticks, LOST_SPEED).stable
 
     def predicted(self, damping: float, delay: int, hand: str) -> float | None:
         """Return the stiffness, N/m, at which the linear model of the loop becomes unstable."""
@@ -600,7 +596,7 @@ def cases_of(
             raise InvalidInputError("what", name, f"must be one of {', '.join(WHAT)}")
     cases = []
     for scene in map(of_first_user, scenes):
-        hands = ["nobody", "still"] if "waypoints" in type(scene.hand).model_fields else ["nobody"]
+        hands = ["nobody", "still"] if isinstance(scene.hand, TargetHand) else ["nobody"]
         if "z" in what and directions(scene).held.size:
             late = with_loop(scene, False)
             own = [(late, delay) for delay in delays]
@@ -689,19 +685,13 @@ def limits(cases: Sequence[Case], workers: Workers = 1, show: Show = silent) -> 
     Raises:
         InvalidInputError: no process.
     """
-    found: list[Found] = []
-    lost: list[str] = []
-    for case, some in zip(cases, in_order(_measured, cases, workers), strict=True):
-        if isinstance(some, Lost):
-            lost.append(str(some))
-        else:
-            found += some
-        show(str(case))
+    measured, lost = shared(_measured, cases, workers, show)
+    found = list(chain.from_iterable(measured))
     return Limits(
         tuple(one for one in found if isinstance(one, ZPoint)),
         tuple(one for one in found if isinstance(one, MPoint)),
         tuple(one for one in found if isinstance(one, Load)),
-        lost=tuple(lost),
+        lost=lost,
     )
 
 

@@ -23,7 +23,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.analysis.scene_variants import LOOPS
-from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, silent
+from hapticmech_ros.analysis.study import SharedResults, Sheet, Show, plain, shared, silent
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
@@ -32,7 +32,7 @@ from hapticmech_ros.scene.controller import Connection, damping_for
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.scene.hand import ArmHand, ConstantWrenchHand, Hand, Tremor, Waypoint
 from hapticmech_ros.session import Run, Session, SharedSession
-from hapticmech_ros.system.workers import Lost, Workers, in_order
+from hapticmech_ros.system.workers import Workers
 
 # Speed beyond which a device counts as having escaped from the hand, m/s or rad/s.
 ESCAPED = 1e3
@@ -516,23 +516,16 @@ def passivity(
     """
     for trial in {(trial.scene, trial.device, trial.hand): trial for trial in asked}.values():
         scene_of(trial)
-    found, lost = list[Found](), list[str]()
-    for one in in_order(tried, asked, workers):
-        if isinstance(one, Lost):
-            lost.append(str(one))
-            show(lost[-1])
-        else:
-            found.append(one)
-            show(_line(one))
-    return PassivityTrials(tuple(found), lost=tuple(lost))
+    found, lost = shared(tried, asked, workers, show, _line)
+    return PassivityTrials(tuple(found), lost=lost)
 
 
 def _key(found: Found) -> tuple[str, bool, float]:
     return found.trial.scene, found.trial.local, found.trial.delay
 
 
-def _line(found: Found) -> str:
+def _line(trial: Trial, found: Found) -> str:
     verdict = "passive" if found.passive else f"NOT passive {found.ended}".rstrip()
     total = f", in sum {1e3 * found.in_sum:.2f} mJ" if len(found.ports) > 1 else ""
     lowest, force = f"{1e3 * found.lowest:.2f} mJ", f"{found.most_force:.1f} N"
-    return f"{found.trial}: {verdict}, {lowest}{total}, {force}"
+    return f"{trial}: {verdict}, {lowest}{total}, {force}"

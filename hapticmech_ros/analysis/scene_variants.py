@@ -10,11 +10,12 @@ from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import PositionChannelGains
 from hapticmech_ros.scene.device import Device, device_presets
-from hapticmech_ros.scene.hand import ConstantWrenchHand
+from hapticmech_ros.scene.hand import ConstantWrenchHand, Hand, TargetHand, Waypoint
 from hapticmech_ros.scene.mechanism import Inertial
 
 # Whether the device closes force channel and joint constraint, by name of the loop.
 LOOPS = {"device": True, "controller": False}
+NO_HAND = ConstantWrenchHand(kind="constant_wrench")
 NO_CHANNEL = PositionChannelGains(
     stiffness=0.0, damping=0.0, angular_stiffness=0.0, angular_damping=0.0
 )
@@ -34,30 +35,20 @@ def at_once(scene: Scene) -> Scene:
 
 def held_by_nobody(scene: Scene) -> Scene:
     """Return a scene whose hand exerts no wrench."""
-    return scene.model_copy(update={"hand": ConstantWrenchHand(kind="constant_wrench")})
+    return scene.model_copy(update={"hand": NO_HAND})
 
 
 def held_still(scene: Scene) -> Scene:
-    """Return a scene whose hand grasps at once and stays at the pose of grasp.
-
-    Waypoints and delays of a hand are removed; a hand without them is unchanged.
-    """
-    hand = scene.hand
-    if "waypoints" not in type(hand).model_fields:
-        return scene
-    still = {
-        "waypoints": _still(hand),
-        "start_delay": 0.0,
-        "release_at": (),
-        "grab_at": (),
-        "tremor": None,
-    }
-    return scene.model_copy(update={"hand": hand.model_copy(update=still)})
+    """Return a scene whose hand grasps at once and stays there; see :func:`still`."""
+    return scene.model_copy(update={"hand": still(scene.hand)})
 
 
-def _still(hand: object) -> tuple[object, ...]:
-    first = getattr(hand, "waypoints")[0]  # noqa: B009 - a kind of hand that has them
-    return (type(first)(time=0.0),)
+def still(hand: Hand) -> Hand:
+    """Return a hand without waypoints and delays; one that has no waypoints is unchanged."""
+    if not isinstance(hand, TargetHand):
+        return hand
+    calm = {"start_delay": 0.0, "release_at": (), "grab_at": (), "tremor": None}
+    return hand.model_copy(update={**calm, "waypoints": (Waypoint(time=0.0),)})
 
 
 def with_constraint(scene: Scene, stiffness: float, damping: float) -> Scene:

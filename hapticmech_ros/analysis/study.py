@@ -23,6 +23,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from hapticmech_ros.system.workers import Found, Given, Lost, Workers, in_order
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -226,6 +228,36 @@ class SharedResults(Results):
     def notes(self) -> Iterable[str]:
         """Return which cases were lost."""
         return self.lost
+
+
+def shared(
+    work: Callable[[Given], Found],
+    cases: Sequence[Given],
+    workers: Workers,
+    show: Show,
+    line: Callable[[Given, Found], str] = lambda case, found: str(case),
+) -> tuple[list[Found], tuple[str, ...]]:
+    """Return what a function returns for each case, in their order, and which cases were lost.
+
+    Args:
+        work: a function of a module, and of nothing but its argument.
+        cases: that processes can be given.
+        workers: that share the cases; they do not affect the results.
+        show: called after each case.
+        line: returns what is shown of a case that was not lost.
+
+    Raises:
+        InvalidInputError: no process.
+    """
+    results, lost = list[Found](), list[str]()
+    for case, found in zip(cases, in_order(work, cases, workers), strict=True):
+        if isinstance(found, Lost):
+            lost.append(str(found))
+            show(lost[-1])
+        else:
+            results.append(found)
+            show(line(case, found))
+    return results, tuple(lost)
 
 
 def plain(value: object) -> Any:

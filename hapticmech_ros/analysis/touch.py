@@ -67,6 +67,9 @@ class Setup:
     control: Callable[[Scene], ControlArchitecture] | None = None
     device: Callable[[Scene], ImpedanceDevice] | None = None
 
+    def __str__(self) -> str:
+        return f"{self.scene.name}, {self.delay} periods of delay"
+
     def session(self) -> Session:
         """Return a new session."""
         control = None if self.control is None else self.control(self.scene)
@@ -144,6 +147,15 @@ def _watched(
     except HapticMechError:
         return None
     return np.array(rows)
+
+
+def relative_speeds(normals: Array) -> Observe:
+    """Return the signal of speeds n_iᵀ ė of the device relative to the operational point.
+
+    Args:
+        normals: (6, k) n_i, for m/s scaled to 1 N at a link's centre of mass, world axes.
+    """
+    return lambda sample: np.asarray(normals.T @ (sample.device.twist - sample.point.twist))
 
 
 def _rms(rows: Array) -> float:

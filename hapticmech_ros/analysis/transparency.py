@@ -141,16 +141,31 @@ def _recorded(
     if run.interruptions:
         reasons = [run.reason(), *([] if run.load is None else run.load.sentences())]
         raise FeelGraphError("; ".join(reasons))
-    return _samples(bag, period)
-
-
-def _samples(bag: Path, period: float) -> tuple[Array, Array, Array]:
     with BagReader(bag) as reader:
         (name,) = [one for one in reader.topics if one.endswith(f"/{DEVICE_STATE.name}")]
         samples = [read(DeviceStateMessage, decode(data)) for _, _, data in reader.serialized(name)]
-    stamps = np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9
-    forces = np.array([one.sample.hand_wrench for one in samples])
-    twists = np.array([one.sample.twist for one in samples])
+    return from_the_push_on(
+        np.array([one.stamp_ns for one in samples], dtype=float) * 1e-9,
+        np.array([one.sample.hand_wrench for one in samples]),
+        np.array([one.sample.twist for one in samples]),
+        period,
+    )
+
+
+def from_the_push_on(
+    stamps: Array, forces: Array, twists: Array, period: float
+) -> tuple[Array, Array, Array]:
+    """Return times (m,), s, F_h (m, 6) and twists (m, 6) of a device from its hand's push on.
+
+    Args:
+        stamps: (n,) s, of its samples.
+        forces: (n, 6) F_h, N and N m.
+        twists: (n, 6) m/s and rad/s.
+        period: s, in which there should be a sample.
+
+    Raises:
+        FeelGraphError: nobody pushes, samples are there twice or out of order, or too few.
+    """
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")

@@ -32,6 +32,7 @@ from hapticmech_ros.analysis.impedance import (
     free_directions,
     multisine,
 )
+from hapticmech_ros.analysis.scene_variants import NO_HAND, still
 from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, silent
 from hapticmech_ros.analysis.touch import fine_times, samples_of, scripted
 from hapticmech_ros.device.hand import spring_gains
@@ -55,7 +56,6 @@ from hapticmech_ros.scene.hand import (
     Hand,
     SpringDamperHand,
     TargetHand,
-    Waypoint,
 )
 from hapticmech_ros.session.shared_session import SharedSession
 from hapticmech_ros.simulation import Simulator
@@ -67,7 +67,6 @@ FADING_S, SETTLING_S, WINDOW_S = 0.5, 8.0, 1.0
 # Rows of the script in a second, at least two a period: at 4 kHz eight a period would be more than
 # is read of a script.
 ROWS_PER_S = 8000.0
-_NOBODY = ConstantWrenchHand(kind="constant_wrench")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +115,11 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     if abs(samples * period - WINDOW_S) > 1e-9 or samples < 4 * frequencies[-1]:
         rule = f"must divide {WINDOW_S:g} s and be below {0.25 / frequencies[-1]:.4f} s"
         raise InvalidInputError("simulation.period", period, rule)
-    still = _holding_still(scene, point)
-    simulator = Simulator(still)
+    resting = _holding_still(scene, point)
+    simulator = Simulator(resting)
     terms = simulator.evaluate(simulator.initial_state())
     directions = free_directions(Analyser(simulator.mechanism, point).analyse(terms))
-    desired, alone = admittances(still, simulator, point, frequencies)
+    desired, alone = admittances(resting, simulator, point, frequencies)
     rows = max(2, round(ROWS_PER_S * period))
     fine = fine_times(period, round((SETTLING_S + WINDOW_S) / period), rows)
     push = multisine(fine, FREQUENCIES_HZ, PUSH_N_PER_HZ * frequencies)
@@ -128,10 +127,10 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
     times = samples_of(fine, rows)
     last = slice(times.size - samples, None)
     given = amplitudes(times[last], samples_of(push, rows)[last], frequencies)
-    calm, found = _twists(still, point, fine, np.zeros((fine.size, 6)), times.size), []
+    calm, found = _twists(resting, point, fine, np.zeros((fine.size, 6)), times.size), []
     for direction in directions:
         moved = (
-            _twists(still, point, fine, push[:, None] * direction, times.size) - calm
+            _twists(resting, point, fine, push[:, None] * direction, times.size) - calm
         ) @ direction
         felt = given / amplitudes(times[last], moved[last], frequencies)
         wanted, free = (
@@ -142,32 +141,25 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
 
 
 def _holding_still(scene: Scene, point: str) -> Scene:
-    """Return the scene with nobody's hand at a point, and all others where they take hold."""
+    """Return the scene with nobody's hand at a point, and all others where they take hold.
+
+    Raises:
+        InvalidInputError: a point that is not held, or a hand whose impedance is not known.
+    """
     if point not in scene.held_points or len(scene.held_points) < 2:
         rule = f"must be one of several points that are held, here {list(scene.held_points)}"
         raise InvalidInputError("point", point, rule)
     hands = []
     for name in scene.held_points:
         own = scene.held_at(name)
-        hand = _NOBODY if name == point else _still(own.hand)
+        if name != point and not isinstance(own.hand, TargetHand | ConstantWrenchHand):
+            rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be"
+            raise InvalidInputError("hand", own.hand.kind, f"{rule} known")
+        holds = name != point and isinstance(own.hand, TargetHand)
+        hand = still(own.hand) if holds else NO_HAND
         entry = {"point": name, "hand": hand, "device": own.device}
         hands.append(entry | {"controller": own.controller, "connection": own.connection})
     return scene.with_(hands=hands)
-
-
-def _still(hand: Hand) -> Hand:
-    """Return a hand that takes hold at once and stays there.
-
-    Raises:
-        InvalidInputError: a hand whose impedance is not known.
-    """
-    if isinstance(hand, TargetHand):
-        calm = {"start_delay": 0.0, "release_at": (), "grab_at": (), "tremor": None}
-        return hand.model_copy(update={**calm, "waypoints": (Waypoint(time=0.0),)})
-    if isinstance(hand, ConstantWrenchHand):
-        return _NOBODY
-    rule = "must be an arm, a spring_damper or a constant_wrench: its impedance is to be known"
-    raise InvalidInputError("hand", hand.kind, rule)
 
 
 def hand_impedance(hand: Hand, s: complex) -> Array:

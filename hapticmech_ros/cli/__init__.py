@@ -51,13 +51,19 @@ def _options(
     return
 
 
-for command in (graph.run, experiment.demo, experiment.experiment, graph.topics, graph.parameters):
+for command in (
+    graph.run,
+    experiment.demo,
+    experiment.experiment,
+    graph.topics,
+    graph.parameters,
+    live.live,
+    graph.policy,
+    analyse.analyse,
+    analyse.sweep,
+    study.study,
+):
     app.command()(command)
-app.command()(live.live)
-app.command()(graph.policy)
-app.command()(analyse.analyse)
-app.command()(analyse.sweep)
-app.command()(study.study)
 app.add_typer(feel.app, name="feel")
 bag.app.command()(replay.replay)
 app.add_typer(bag.app, name="bag")

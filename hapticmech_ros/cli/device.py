@@ -22,11 +22,6 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Real devices that a scene can name.", no_args_is_help=True)
 
 
-@app.callback()
-def _options() -> None:
-    """Real devices that a scene can name."""
-
-
 @app.command("list")
 def list_devices() -> None:
     """List the device presets of the package and their main values."""

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
@@ -24,9 +25,11 @@ from hapticmech_ros.cli.console import (
 from hapticmech_ros.errors import InvalidInputError
 
 if TYPE_CHECKING:
+    from hapticmech_ros.experiment import ExperimentRecord, SharedRecord
     from hapticmech_ros.experiment.from_session import UnfinishedRunError
     from hapticmech_ros.scene import Scene
 
+Record = TypeVar("Record", "ExperimentRecord", "SharedRecord")
 DurationOption = Annotated[
     float | None, typer.Option(help="s after the hand starts", min=0.1, show_default="the scene's")
 ]
@@ -99,8 +102,8 @@ def experiment(
     changes: ChangesOption = None,
 ) -> None:
     """Run the same experiment in one process, without ROS."""
-    from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_session
-    from hapticmech_ros.experiment.run import write_results
+    from hapticmech_ros.experiment.from_session import run_session, run_shared_session
+    from hapticmech_ros.experiment.run import write_results, write_shared_results
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.scene.holding_rules import hand_beyond_device
 
@@ -109,7 +112,7 @@ def experiment(
         if push:
             rule = "of several hands each does what the scene says: --set hands[0].hand=..."
             raise InvalidInputError("--push", push, rule)
-        _print_results(_shared(loaded, duration, out), out)
+        _simulate(run_shared_session, write_shared_results, loaded, duration, out)
         return
     hand = loaded.hand
     idle = hand.kind == "constant_wrench" and not any((*hand.force, *hand.torque))
@@ -123,34 +126,37 @@ def experiment(
         loaded = load_scene(scene, changes=[*(changes or ()), f"hand={json.dumps(given)}"])
     if warning := hand_beyond_device(loaded):
         typer.echo(warning, err=True)
+    _simulate(run_session, write_results, loaded, duration, out)
+
+
+def _simulate(
+    run: Callable[..., Record],
+    write: Callable[[Record, Scene, Path], dict[str, object]],
+    scene: Scene,
+    duration: float | None,
+    out: Path,
+) -> None:
+    """Run the experiment of one user or several, write its results, and print them.
+
+    Args:
+        run: of a scene, a duration and what is told of the progress.
+        write: of the record, the scene and a folder.
+        scene: of the run.
+        duration: s after the hand starts; the scene's if None.
+        out: folder for the results.
+    """
+    from hapticmech_ros.experiment.from_session import UnfinishedRunError
+
     with progress() as bar:
         task = bar.add_task("simulating", total=1.0)
         try:
-            record = run_session(loaded, duration, lambda share: bar.update(task, completed=share))
-        except UnfinishedRunError as failure:
-            _leave(failure, loaded, out)
-            raise
-        bar.update(task, description="writing results")
-        summary = write_results(record, loaded, out)
-    _print_results(summary, out)
-
-
-def _shared(scene: Scene, duration: float | None, out: Path) -> dict[str, object]:
-    """Run the experiment of several users, and return the summary that was written."""
-    from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_shared_session
-    from hapticmech_ros.experiment.run import write_shared_results
-
-    with progress() as bar:
-        task = bar.add_task("simulating", total=1.0)
-        try:
-            record = run_shared_session(
-                scene, duration, lambda share: bar.update(task, completed=share)
-            )
+            record = run(scene, duration, lambda share: bar.update(task, completed=share))
         except UnfinishedRunError as failure:
             _leave(failure, scene, out)
             raise
         bar.update(task, description="writing results")
-        return write_shared_results(record, scene, out)
+        summary = write(record, scene, out)
+    _print_results(summary, out)
 
 
 def _force(text: str) -> tuple[float, ...]:

@@ -40,11 +40,6 @@ app = typer.Typer(
 )
 
 
-@app.callback()
-def _options() -> None:
-    """What the hand feels: transparency, stability limits, passivity."""
-
-
 @app.command()
 def impedance(
     scenes: AllScenes = None,

@@ -37,11 +37,9 @@ from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 if TYPE_CHECKING:
     from hapticmech_ros.graph import AuxiliaryProcess, Graph
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.status import Status
 from rich.table import Table
 
 from hapticmech_ros.system.readiness import Report
@@ -49,36 +47,6 @@ from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, REAL_DEVICES
 
 DEVICES = {DEVICE, *REAL_DEVICES}
 Reports = Mapping[str, Report]
-
-
-class LiveLine:
-    """Shows how a graph is, where somebody looks.
-
-    Args:
-        status: of a terminal; None: nobody looks.
-    """
-
-    def __init__(self, status: Status | None) -> None:
-        self._status = status
-
-    def show(self, reports: Reports) -> None:
-        """Show what nodes have said last."""
-        if self._status is not None and reports:
-            self._status.update(escape(line_of(reports)))
-
-
-@contextmanager
-def live_line() -> Iterator[LiveLine]:
-    """Give a line at the end of the terminal; nothing where the output is none.
-
-    Yields:
-        The line.
-    """
-    if not console.is_terminal:
-        yield LiveLine(None)
-        return
-    with console.status("starting") as status:
-        yield LiveLine(status)
 
 
 def line_of(reports: Reports) -> str:
@@ -320,7 +288,8 @@ def run(
                 AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
                 for name, page in graph.pages.items()
             ]
-            line = stack.enter_context(live_line())
+            # A line at the end of the terminal, where somebody looks.
+            line = stack.enter_context(console.status("starting")) if console.is_terminal else None
             left, up, ends, load = CHECK_PERIOD_S, None, None, None
             rate = 1.0 / loaded.simulation.period
             watch = LoadWatch(rate, available_cores(), composed, len(held) or 1)
@@ -335,7 +304,8 @@ def run(
                 if recorder is not None:
                     recorder.look()
                 reports = graph.reports()
-                line.show(reports)
+                if line is not None and reports:
+                    line.update(escape(line_of(reports)))
                 if up is not None and load is None and not use_sim_time:
                     load = watch.look(reports)
                     for sentence in () if load is None else load.sentences():
@@ -366,14 +336,9 @@ def topics(
     ] = False,
 ) -> None:
     """Print the table of topics, as in docs/topics.md."""
-    if cpp:
-        from hapticmech_ros.wire.table import cpp_header
+    from hapticmech_ros.wire.table import cpp_header, markdown
 
-        print(cpp_header(), end="")
-        return
-    from hapticmech_ros.wire.table import markdown
-
-    print(markdown(), end="")
+    print(cpp_header() if cpp else markdown(), end="")
 
 
 def policy(

@@ -9,16 +9,11 @@ from typing import Annotated
 
 import typer
 
-from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console
+from hapticmech_ros.cli.console import ChangesOption, SceneArgument, console, errors
 
 app = typer.Typer(
     help="Scenes: check, list, show, assemble, plan, steps, copy, schema.", no_args_is_help=True
 )
-
-
-@app.callback()
-def _options() -> None:
-    """Scenes: check, list, show, assemble, plan, steps, copy, schema."""
 
 
 @app.command()
@@ -77,15 +72,8 @@ def check(
 
     ends = time.monotonic() + seconds
     loaded = load_scene(scene, changes=changes or ())
-
-    def is_over() -> bool:
-        return time.monotonic() > ends
-
-    if json_only:
-        found = check_scene(loaded, is_over)
-    else:
-        with console.status("scene") as status:
-            found = check_scene(loaded, is_over, status.update)
+    with errors.status("scene") as status:
+        found = check_scene(loaded, lambda: time.monotonic() > ends, status.update)
     left = left_out(find_scene(scene))
     if json_only:
         import json
@@ -113,24 +101,21 @@ def steps(
     changes: ChangesOption = None,
 ) -> None:
     """Try all integrators on SCENE's experiment: which takes the least time at a wanted error."""
+    import json
     import time
 
+    from hapticmech_ros.analysis.study import plain
     from hapticmech_ros.cli.scene_tables import show_steps
     from hapticmech_ros.loading import load_scene
     from hapticmech_ros.loading.loader import copy_scene
     from hapticmech_ros.plan.step_accuracy import step_choices
 
     loaded = load_scene(scene, changes=changes or ())
+    with errors.status("steps") as status:
+        found = step_choices(loaded, error, time.process_time, status.update)
     if json_only:
-        import json
-
-        from hapticmech_ros.analysis.study import plain
-
-        found = step_choices(loaded, error, time.process_time)
         print(json.dumps(plain(found), allow_nan=False))
     else:
-        with console.status("steps") as status:
-            found = step_choices(loaded, error, time.process_time, status.update)
         show_steps(found)
     if found.best is None:
         raise typer.Exit(1)
@@ -166,8 +151,8 @@ def show(
 
     loaded = load_scene(scene, changes=changes or ())
     path = Path(f"{loaded.name}.png") if out is None else out
-    besides, errors = readable(drawn_shapes(find_scene(scene)))
-    for error in errors:
+    besides, unreadable = readable(drawn_shapes(find_scene(scene)))
+    for error in unreadable:
         console.print(f"not drawn: {error}", highlight=False, markup=False, soft_wrap=True)
     try:
         draw_scene(loaded, path, point, pixels, besides)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import JustifyMethod
@@ -46,17 +46,17 @@ def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
 def show_steps(found: StepChoices) -> None:
     """Print what was tried, and what to set."""
     heading = f"error of {found.wanted_m:g} m (references differ by {found.reference_m:.0e} m)"
-    table = _table(heading, "integrator", "substeps", "error, m", "µs in a period", "")
-    best = found.best
+    best, rows = found.best, list[tuple[str, ...]]()
     for one in found.tried:
         if one.failed:
-            table.add_row(one.integrator, str(one.substeps), "-", "-", escape(one.failed))
+            rows.append((one.integrator, str(one.substeps), "-", "-", escape(one.failed)))
             continue
         enough = "" if one.error_m <= found.wanted_m else "not accurate enough"
         words = "least time" if one is best else enough
         times = f"{1e6 * one.time_s:.1f}"
-        table.add_row(one.integrator, str(one.substeps), f"{one.error_m:.1e}", times, words)
-    console.print(table)
+        rows.append((one.integrator, str(one.substeps), f"{one.error_m:.1e}", times, words))
+    columns = ("integrator", "substeps", "error, m", "µs in a period", "")
+    console.print(_table(heading, columns, rows))
     if best is not None:
         settings = f"integrator={best.integrator}", f"substeps={best.substeps}"
         text = " ".join(f"--set simulation.{setting}" for setting in settings)
@@ -75,24 +75,15 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
     for name, text in lines.items():
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
     if check.closures:
-        table = _table("closures", "name", "kind", "rows", "independent")
-        for closure, kind, rows, independent in check.closures:
-            table.add_row(closure, kind, str(rows), str(independent))
-        console.print(table)
-    table = _table(
-        "operational points at the start",
-        "name",
-        "link",
-        "rank of X",
-        "count",
-        "kg",
-        "delay margin",
-    )
+        closures = [map(str, closure) for closure in check.closures]
+        console.print(_table("closures", ("name", "kind", "rows", "independent"), closures))
+    points = []
     for point in check.points:
         felt = "-" if point.mass_kg is None else f"{point.mass_kg[0]:.3g} to {point.mass_kg[1]:.3g}"
         margin = f"{point.loop.periods} periods" if point.loop.periods >= 0 else "[yellow]none[/]"
-        table.add_row(point.name, point.link, str(point.rank), str(point.count), felt, margin)
-    console.print(table)
+        points.append((point.name, point.link, str(point.rank), str(point.count), felt, margin))
+    columns = ("name", "link", "rank of X", "count", "kg", "delay margin")
+    console.print(_table("operational points at the start", columns, points))
     for name, text in _accuracy(check.accuracy):
         console.print(f"{name:<20} {text}", highlight=False, markup=False, soft_wrap=True)
     changing = [note for note in left.notes if note.rank < 2]
@@ -111,10 +102,11 @@ def show_check(check: SceneCheck, left: LeftOut) -> None:
 
 def show_assemblies(scene: Scene, found: AssemblySearch) -> None:
     """Print how far loops are open as written, and the configurations that close them."""
-    table = _table("loops", "name", "kind", "open as written", "at best")
-    for written, best in zip(found.written, found.residuals, strict=True):
-        table.add_row(written.name, written.kind, _open_by(written), _open_by(best))
-    console.print(table)
+    loops = [
+        (written.name, written.kind, _open_by(written), _open_by(best))
+        for written, best in zip(found.written, found.residuals, strict=True)
+    ]
+    console.print(_table("loops", ("name", "kind", "open as written", "at best"), loops))
     tried = f"{found.closed} of {found.starts} starts closed"
     if not found.found:
         console.print(
@@ -190,27 +182,37 @@ def _counted(numbers: Mapping[str, int]) -> str:
 
 
 def _closures(closures: tuple[ClosurePlan, ...]) -> Table:
-    table = _table("closures", "name", "kind", "rows", "at the start", "redundant rows")
-    for one in closures:
-        start = "active" if one.active else "open, can latch" if one.can_latch else "open"
-        redundant = ", ".join(one.redundant) or "-"
-        table.add_row(one.name, one.kind, str(one.rows), start, escape(redundant))
-    return table
+    return _table(
+        "closures",
+        ("name", "kind", "rows", "at the start", "redundant rows"),
+        [
+            (
+                one.name,
+                one.kind,
+                str(one.rows),
+                "active" if one.active else "open, can latch" if one.can_latch else "open",
+                escape(", ".join(one.redundant) or "-"),
+            )
+            for one in closures
+        ],
+    )
 
 
 def _arrays(plan: ScenePlan) -> Table:
-    table = _table("arrays of a tick", "array", "shape", "bytes")
-    for array in plan.arrays:
-        shape = " × ".join(str(size) for size in array.shape)
-        table.add_row(escape(array.name), shape, str(array.size_bytes))
+    rows = [
+        (escape(array.name), " × ".join(map(str, array.shape)), str(array.size_bytes))
+        for array in plan.arrays
+    ]
     total = sum(array.size_bytes for array in plan.arrays)
-    table.add_row("total", "", str(total))
-    return table
+    rows.append(("total", "", str(total)))
+    return _table("arrays of a tick", ("array", "shape", "bytes"), rows)
 
 
-def _table(title: str, *columns: str) -> Table:
+def _table(title: str, columns: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     for column in columns:
         justify: JustifyMethod = "right" if column in NUMBERS else "left"
         table.add_column(column, justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
     return table

@@ -7,8 +7,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -86,20 +86,15 @@ ClusterOption = Annotated[
 ]
 
 
-@contextmanager
-def workers_of(processes: int, address: str) -> Iterator[Workers]:
-    """Yield who shares the work: processes of this machine, or of a cluster if it has an address.
+def workers_of(processes: int, address: str) -> AbstractContextManager[Workers]:
+    """Return who shares the work: processes of this machine, or of a cluster if it has an address.
 
     Raises:
-        HapticMechError: as :func:`hapticmech_ros.system.workers.cluster`.
+        HapticMechError: as :func:`hapticmech_ros.system.workers.cluster`, which is entered here.
     """
-    if not address:
-        yield processes
-        return
     from hapticmech_ros.system.workers import cluster
 
-    with cluster(address) as executor:
-        yield executor
+    return cluster(address) if address else nullcontext(processes)
 
 
 def carry_out(

@@ -16,7 +16,7 @@ from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_session, run_shared_session
 from hapticmech_ros.experiment.record import health_from_bag
-from hapticmech_ros.experiment.run import compare, write_results, write_shared_results
+from hapticmech_ros.experiment.run import write_results, write_shared_results
 from hapticmech_ros.graph import (
     MOST_MISSED,
     RATES,
@@ -94,12 +94,9 @@ def run_demo(
     lower = [] if control_rate else [one for one in RATES if one < 0.99 * rate]
     while True:
         _clear(bag)
-        try:
-            run = record_graph(
-                scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
-            )
-        except _DoesNotFitError as misfit:
-            run = misfit.run
+        run = record_graph(
+            scene_name, bag, composed, seconds, storage, show, rate, must_fit=bool(lower)
+        )
         if run.load is not None:
             notify(run.load.sentence())
         if run.kept or not lower:
@@ -142,14 +139,7 @@ def _results(
     show("simulating the same without ROS", None)
     reference = run_session(scene, seconds)
     show("drawing", None)
-    return write_results(
-        record,
-        scene,
-        out,
-        graph=health,
-        agreement=compare(record, reference),
-        reference=reference,
-    )
+    return write_results(record, scene, out, health, reference)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,14 +180,6 @@ class GraphRun:
             return "the machine did not keep the rate"
         times = "once" if self.interruptions == 1 else f"{self.interruptions} times"
         return f"rendering was interrupted {times}"
-
-
-class _DoesNotFitError(DemoError):
-    """The machine does not carry the graph at its rate."""
-
-    def __init__(self, run: GraphRun) -> None:
-        super().__init__(run.reason())
-        self.run = run
 
 
 def _engagements(reports: Mapping[str, Report]) -> int:
@@ -248,11 +230,10 @@ def record_graph(
         must_fit: whether to give up once it is seen that the machine does not carry the graph.
 
     Returns:
-        How the run went.
+        How the run went, or had gone until it was given up, with an incomplete bag.
 
     Raises:
-        DemoError: a node ended, nothing came of a topic, the hand never started, or the graph does
-            not fit.
+        DemoError: a node ended, nothing came of a topic, or the hand never started.
     """
     # Before the recorder waits for the graph: the first compilation takes longer than its timeout.
     compile_ahead()
@@ -302,9 +283,11 @@ def record_graph(
                     engaged = engaged if pushing else _engagements(reports)
                     broken = _engagements(reports) - engaged
                     reduced = reduced or (pushing and _reduced_gains(reports, since))
-                    _look_whether_it_fits(GraphRun(load, broken, reduced), must_fit)
+                    run = GraphRun(load, broken, reduced)
                 else:
-                    _look_whether_it_fits(GraphRun(starting.look(reports), 0), must_fit)
+                    run = GraphRun(starting.look(reports), 0)
+                if must_fit and not run.kept:
+                    return run
         raise DemoError(f"{ending('the recorder', recorder)}: {bag} is incomplete")
     finally:
         stop_process(recorder)
@@ -347,16 +330,6 @@ def record_in_lockstep(
     show("starting the graph in lockstep", None)
     run_lockstep(run, private_environment(), lambda: False, progress)
     return GraphRun(None, 0, lockstep=True)
-
-
-def _look_whether_it_fits(run: GraphRun, must: bool) -> None:
-    """Give up a run that is not kept, where it must be.
-
-    Raises:
-        _DoesNotFitError: it is not.
-    """
-    if must and not run.kept:
-        raise _DoesNotFitError(run)
 
 
 def _waiting(missing: Sequence[str]) -> str:

@@ -61,6 +61,8 @@ USERS_CAPTION = (
     "of joint constraints felt. Dotted: a hand lets go or takes hold."
 )
 MM = 1e3
+# Of a run that is drawn behind another one.
+BEHIND: dict[str, Any] = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}
 # Inches of a user's column.
 COLUMN = 4.9
 
@@ -122,28 +124,16 @@ def _user(
 ) -> None:
     moved, force, constraint, count = column
     for index, name in axes_of(scene):
-        for run, style in ((reference, True), (user, False)):
-            if run is None:
-                continue
-            drawn = (
-                {"color": GREY, "linewidth": 4.0, "alpha": 0.45}
-                if style
-                else {"color": AXIS_COLOURS[name], "linewidth": 1.7, "label": f"${name}$"}
-            )
-            start = run.device_position[0]
-            moved.plot(run.times, MM * (run.device_position - start)[:, index], **drawn)
-            force.plot(run.times, run.hand_wrench[:, index], **drawn)
-            constraint.plot(run.wrench_times, run.constraint_wrench[:, index], **drawn)
+        drawn = {"color": AXIS_COLOURS[name], "linewidth": 1.7, "label": f"${name}$"}
+        for run, style in ((reference, BEHIND), (user, drawn)):
+            if run is not None:
+                way = run.device_position - run.device_position[0]
+                moved.plot(run.times, MM * way[:, index], **style)
+                force.plot(run.times, run.hand_wrench[:, index], **style)
+                constraint.plot(run.wrench_times, run.constraint_wrench[:, index], **style)
     if reference is not None:
         moved.get_lines()[0].set_label(f"reference ({reference.source})")
-        count.step(
-            reference.analysis_times,
-            reference.count,
-            where="post",
-            color=GREY,
-            linewidth=4.0,
-            alpha=0.45,
-        )
+        count.step(reference.analysis_times, reference.count, where="post", **BEHIND)
     count.step(user.analysis_times, user.count, where="post", color=BLUE, linewidth=2.0)
     highest = int(max(user.count.max(), *count.get_ylim()))
     count.set_ylim(-0.15, highest + 0.4)
@@ -184,11 +174,18 @@ def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False)
     for index, point in enumerate(record.points):
         force, acceleration, mobility = rows[:, index]
-        others = [other for other in record.points if other != point]
-        force.set_title(f"{' and '.join(others)} → {point}", fontsize=TEXT, pad=22.0)
-        _forces(force, record, scene, index)
-        _accelerations(acceleration, record, scene, index)
-        _mobilities(mobility, record, scene, index)
+        others = [place for place in range(count) if place != index]
+        names = " and ".join(record.points[place] for place in others)
+        force.set_title(f"{names} → {point}", fontsize=TEXT, pad=22.0)
+        given = [record.wrenches[:, place] for place in others]
+        _two_kinds(force, record.times, record.felt[:, index], given, scene, ("$F_c$", "$F_j$"))
+        # Room for what the switches are.
+        force.margins(y=0.14)
+        found = record.accelerations(point)
+        by_others, own = found[:, others].sum(axis=1), found[:, index]
+        styles = ("by others", "by the own hand")
+        _two_kinds(acceleration, record.times, by_others, [own], scene, styles)
+        _mobilities(mobility, record, scene, index, others)
         for axes in rows[:, index]:
             mark_switches(axes, record, scene, axes is force)
     for row, label in zip(
@@ -204,37 +201,34 @@ def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
     return figure
 
 
-def _forces(axes: Axes, record: SharedRecord, scene: Scene, index: int) -> None:
-    for row, name in axes_of(scene):
+def _two_kinds(
+    axes: Axes,
+    times: Array,
+    solid: Array,
+    dashed: Sequence[Array],
+    scene: Scene,
+    styles: tuple[str, str],
+) -> None:
+    """Draw vectors (k, 6) along the scene's axes, with a legend of these and of both styles."""
+    named = axes_of(scene)
+    for row, name in named:
         colour = AXIS_COLOURS[name]
-        axes.plot(record.times, record.felt[:, index, row], color=colour, linewidth=1.8)
-        for place in _others(record, index):
-            given = record.wrenches[:, place, row]
-            axes.plot(record.times, given, color=colour, linewidth=1.2, linestyle=DASHED)
+        axes.plot(times, solid[:, row], color=colour, linewidth=1.8)
+        for one in dashed:
+            axes.plot(times, one[:, row], color=colour, linewidth=1.2, linestyle=DASHED)
     axes.axhline(0.0, color=BLACK, linewidth=0.6, alpha=0.4, zorder=0)
-    # Room for what the switches are.
-    axes.margins(y=0.14)
-    _legend(axes, scene, ("$F_c$", "$F_j$"))
+    colours = [Line2D([], [], color=AXIS_COLOURS[name]) for _, name in named]
+    _place(axes, [*colours, *_styles()], [*(f"${name}$" for _, name in named), *styles])
 
 
-def _accelerations(axes: Axes, record: SharedRecord, scene: Scene, index: int) -> None:
-    found = record.accelerations(record.points[index])
-    others = found[:, _others(record, index)].sum(axis=1)
-    for row, name in axes_of(scene):
-        colour = AXIS_COLOURS[name]
-        axes.plot(record.times, others[:, row], color=colour, linewidth=1.8)
-        own = found[:, index, row]
-        axes.plot(record.times, own, color=colour, linewidth=1.2, linestyle=DASHED)
-    axes.axhline(0.0, color=BLACK, linewidth=0.6, alpha=0.4, zorder=0)
-    _legend(axes, scene, ("by others", "by the own hand"))
-
-
-def _mobilities(axes: Axes, record: SharedRecord, scene: Scene, index: int) -> None:
+def _mobilities(
+    axes: Axes, record: SharedRecord, scene: Scene, index: int, others: Sequence[int]
+) -> None:
     rows = [row for row, _ in axes_of(scene)]
     curves = [(index, GREY, f"{record.points[index]} itself")]
     curves += [
         (place, colour, f"by {record.points[place]}")
-        for place, colour in zip(_others(record, index), OTHERS * len(record.users), strict=False)
+        for place, colour in zip(others, OTHERS * len(record.users), strict=False)
     ]
     for place, colour, label in curves:
         blocks = record.coupling[:, index, place][:, rows][:, :, rows]
@@ -243,17 +237,6 @@ def _mobilities(axes: Axes, record: SharedRecord, scene: Scene, index: int) -> N
         axes.plot(record.times, sizes[:, -1], color=colour, linewidth=1.2, linestyle=DASHED)
     handles, labels = axes.get_legend_handles_labels()
     _place(axes, [*handles, *_styles()], [*labels, "largest", "least"])
-
-
-def _others(record: SharedRecord, index: int) -> list[int]:
-    return [place for place in range(len(record.users)) if place != index]
-
-
-def _legend(axes: Axes, scene: Scene, styles: tuple[str, str]) -> None:
-    """Add a legend of axes by colour, and of two styles of line."""
-    named = axes_of(scene)
-    colours = [Line2D([], [], color=AXIS_COLOURS[name]) for _, name in named]
-    _place(axes, [*colours, *_styles()], [*(f"${name}$" for _, name in named), *styles])
 
 
 def _styles() -> list[Line2D]:
@@ -483,7 +466,7 @@ def _close_up(axes: Axes, record: ExperimentRecord) -> None:
         title = "enlarged where the error is largest"
     _paths(axes, record, [0, 1])
     _pairs(axes, record, centre_index)
-    centre = MM * _middle(record, centre_index)
+    centre = MM * (record.device_position + record.point_position)[centre_index, :2] / 2.0
     half = max(7.0 * MM * float(distance.max()), 1e-3)
     axes.set_xlim(centre[0] - 1.6 * half, centre[0] + 1.6 * half)
     axes.set_ylim(centre[1] - half, centre[1] + half)
@@ -499,10 +482,6 @@ def _pairs(axes: Axes, record: ExperimentRecord, index: int) -> None:
     for i in range(max(index - 20 * every, 0), min(index + 20 * every, record.times.size), every):
         pair = MM * np.array((record.point_position[i], record.device_position[i]))
         axes.plot(pair[:, 0], pair[:, 1], color="#777777", linewidth=0.9, zorder=1.5)
-
-
-def _middle(record: ExperimentRecord, index: int) -> Array:
-    return np.asarray((record.device_position[index, :2] + record.point_position[index, :2]) / 2.0)
 
 
 def _errors(axes: Axes, record: ExperimentRecord) -> None:
@@ -531,6 +510,9 @@ WRENCH_CAPTION = (
 )
 
 
+EXPECTED: dict[str, Any] = {"color": BLACK, "linestyle": (0, (3, 3)), "linewidth": 1.1}
+
+
 def wrench_figure(
     record: ExperimentRecord, scene: Scene, reference: ExperimentRecord | None = None
 ) -> Figure:
@@ -540,16 +522,18 @@ def wrench_figure(
     caption = titled(scene, "Fig. 5c", WRENCH_CAPTION.replace("{less}", less), record)
     figure = new_figure(8.0, 6.0, caption)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
-    planar = scene.task_space == "planar"
-    force = [(0, "x"), (1, "y")] if planar else [(0, "x"), (1, "y"), (2, "z")]
-    torque = [(5, "z")] if planar else [(3, "x"), (4, "y"), (5, "z")]
+    torque = [(row, "xyz"[row - 3]) for row in scene.moving_rows if row >= 3]
     if reference is not None:
         times = reference.wrench_times
         norm = np.linalg.norm(reference.constraint_wrench[:, :3], axis=1)
-        style = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}
-        top.plot(times, norm, label=f"norm, reference ({reference.source})", **style)
-    _components(top, record, force, "F", 1.0)
-    _norm(top, record)
+        top.plot(times, norm, label=f"norm, reference ({reference.source})", **BEHIND)
+    _components(top, record, axes_of(scene), "F", 1.0)
+    norm, expected = (
+        np.linalg.norm(wrenches[:, :3], axis=1)
+        for wrenches in (record.constraint_wrench, record.expected_wrench)
+    )
+    top.plot(record.wrench_times, norm, color=PURPLE, linewidth=2.2, label="norm")
+    top.plot(record.analysis_times, expected, **EXPECTED)
     _components(bottom, record, torque, "M", 1e3)
     dress(top, "", "force (N)")
     dress(bottom, TIME_LABEL, "torque (N mm)")
@@ -576,19 +560,7 @@ def _components(
             label=f"${letter}_{name}$",
         )
     for index, _ in chosen:
-        _expected(axes, record.analysis_times, scale * record.expected_wrench[:, index])
-
-
-def _norm(axes: Axes, record: ExperimentRecord) -> None:
-    norm = np.linalg.norm(record.constraint_wrench[:, :3], axis=1)
-    axes.plot(record.wrench_times, norm, color=PURPLE, linewidth=2.2, label="norm")
-    expected = np.linalg.norm(record.expected_wrench[:, :3], axis=1)
-    _expected(axes, record.analysis_times, expected)
-
-
-def _expected(axes: Axes, times: Array, values: Array) -> None:
-    style = (0, (3, 3))
-    axes.plot(times, values, color=BLACK, linestyle=style, linewidth=1.1)
+        axes.plot(record.analysis_times, scale * record.expected_wrench[:, index], **EXPECTED)
 
 
 COUNT_CAPTION = (
@@ -607,9 +579,8 @@ def count_figure(
     figure = new_figure(8.0, 4.8, titled(scene, "Fig. 5a", COUNT_CAPTION, record))
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.1, 1.0))
     if reference is not None:
-        style = {"color": GREY, "linewidth": 4.0, "alpha": 0.45}
         label = f"reference ({reference.source})"
-        top.step(reference.analysis_times, reference.count, where="post", label=label, **style)
+        top.step(reference.analysis_times, reference.count, where="post", label=label, **BEHIND)
     top.step(
         record.analysis_times,
         record.count,

@@ -11,7 +11,7 @@ each are in a namespace of its point's name.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,56 +54,8 @@ from hapticmech_ros.wire.topics import (
     users_of,
 )
 
-ARRAY_TYPE = "std_msgs/msg/Float64MultiArray"
-
-
-class StampedSamples:
-    """Collects the messages of one topic as numbers.
-
-    Args:
-        topic: full name, for error messages.
-        kind: its message type: a stamped wrench, joint states, or ``state``,
-            ``operational_model`` or ``energy`` for the arrays of wire/layouts.py.
-    """
-
-    def __init__(self, topic: str, kind: str) -> None:
-        self.topic = topic
-        self._read = _READERS[kind]
-        self._stamps: list[int] = []
-        self._rows: list[Any] = []
-
-    def add(self, message: Any) -> None:
-        """Add a message.
-
-        Raises:
-            BagError: a message that is invalid for the topic.
-        """
-        try:
-            stamp, row = self._read(message)
-        except (InvalidInputError, AttributeError) as error:
-            raise BagError(f"topic {self.topic}, message {len(self._stamps)}: {error}") from error
-        self._stamps.append(stamp)
-        self._rows.append(row)
-
-    def ordered(self) -> tuple[Array, Array]:
-        """Return increasing stamps (n,), ns, and rows (n, ...); of equal stamps the last is kept.
-
-        Raises:
-            BagError: non-finite values, or rows of different lengths.
-        """
-        stamps = np.array(self._stamps, dtype=np.int64)
-        order = np.argsort(stamps, kind="stable")
-        stamps = stamps[order]
-        last = np.append(np.diff(stamps) > 0, True) if stamps.size else np.zeros(0, dtype=bool)
-        try:
-            rows = np.array(self._rows, dtype=float)[order[last]]
-        except ValueError:
-            raise BagError(f"topic {self.topic}: messages of different lengths") from None
-        if not np.isfinite(rows).all():
-            bad = int(np.argwhere(~np.isfinite(rows))[0][0])
-            rule = "holds a value that is not finite"
-            raise BagError(f"topic {self.topic}, message {bad} in order of time: {rule}")
-        return stamps[last], rows
+# Stamps (n,), ns, and rows (n, ...) of a topic.
+Series = tuple[Array, Array]
 
 
 def _stamp_ns(header: Any) -> int:
@@ -113,10 +65,6 @@ def _stamp_ns(header: Any) -> int:
 def _wrench(message: Any) -> tuple[int, tuple[float, ...]]:
     f, t = message.wrench.force, message.wrench.torque
     return _stamp_ns(message.header), (f.x, f.y, f.z, t.x, t.y, t.z)
-
-
-def _joint_state(message: Any) -> tuple[int, Array]:
-    return _stamp_ns(message.header), np.array(message.position, dtype=float)
 
 
 def _operational_model(message: Any) -> tuple[int, Array]:
@@ -144,26 +92,17 @@ def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
     return energy.stamp_ns, tuple(energy.values[2:].tolist())
 
 
-_READERS = {
-    "geometry_msgs/msg/WrenchStamped": _wrench,
-    "sensor_msgs/msg/JointState": _joint_state,
-    "state": _device,
-    "operational_model": _operational_model,
-    "energy": _energy,
-}
-
-
-def samples_of(topic: str, message_type: str) -> StampedSamples:
-    """Return an empty collector for a topic; the end of its name determines an array's layout."""
-    kind = topic.rsplit("/", 1)[-1] if message_type == ARRAY_TYPE else message_type
-    return StampedSamples(topic, kind)
-
-
 NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
 # Needed where several users hold one mechanism, of each.
 SHARED = (POINT_COMMAND, POINT_FORCE)
-# Needed only for the drawing of the mechanism.
-WELCOME = (JOINT_STATES,)
+# What makes stamp and row of a message.
+READERS: dict[Topic, Callable[[Any], tuple[int, Any]]] = {
+    DEVICE_STATE: _device,
+    POINT_MODEL: _operational_model,
+    ENERGY: _energy,
+    JOINT_STATES: lambda message: (_stamp_ns(message.header), np.array(message.position, float)),
+    **dict.fromkeys((CONSTRAINT_PART, POINT_COMMAND, POINT_FORCE), _wrench),
+}
 
 
 def full_name(topic: Topic, point: str, namespace: str = "", user: str = "") -> str:
@@ -217,10 +156,10 @@ def chosen_topics(bag: BagReader, point: str, namespace: str, user: str = "") ->
     if complaints:
         hint = _namespace_hint(bag, missing, f"{namespace}/{user}")
         raise BagError(f"bag {bag.path}: {'; '.join(complaints)}{hint}")
-    for topic in WELCOME:
-        name = full_name(topic, point, namespace, user)
-        if name in bag.topics and bag.topics[name].type == topic.type:
-            names[topic] = name
+    # Welcome, but needed only for the drawing of the mechanism.
+    joints = full_name(JOINT_STATES, point, namespace, user)
+    if joints in bag.topics and bag.topics[joints].type == JOINT_STATES.type:
+        names[JOINT_STATES] = joints
     return names
 
 
@@ -234,7 +173,6 @@ def _namespace_hint(bag: BagReader, missing: list[str], namespace: str) -> str:
     return f" (the bag has the namespace {', '.join(other)})" if other else ""
 
 
-Series = tuple[Array, Array]
 # Columns in the rows: of device states, and of operational models.
 HAND = slice(7, 13)
 POINT = slice(1, 8)
@@ -268,25 +206,72 @@ def record_from_bag(
     """
     name = scene.operational_point(point).name
     series = read_series(path, name, namespace)
-    start_ns = first_push_ns(series)
-    if start_ns is None:
-        raise never_pushed(path)
-    return record_of(path, series, scene, name, start_ns, duration)
+    return _record(path, series, scene, name, _first_push_ns(path, [series]), duration)
 
 
-def never_pushed(path: str | os.PathLike[str]) -> BagError:
-    """Return the error of a bag in which no hand pushes."""
-    return BagError(f"bag {path}: the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)")
+def read_series(
+    path: str | os.PathLike[str], point: str, namespace: str, user: str = ""
+) -> dict[Topic, Series]:
+    """Return stamps (n,), ns, and rows (n, ...) of each topic of one user.
+
+    Args:
+        path: of the bag.
+        point: operational point that the device held.
+        namespace: of the graph.
+        user: namespace of one of several users; empty of one alone.
+
+    Raises:
+        BagError: no bag, a damaged one, topics missing or empty, or invalid messages.
+    """
+    with BagReader(path) as bag:
+        names = chosen_topics(bag, point, namespace, user)
+        topics = {name: topic for topic, name in names.items()}
+        samples: dict[str, list[tuple[int, Any]]] = {name: [] for name in topics}
+        for item in bag.messages(*topics):
+            found = samples[item.topic]
+            try:
+                found.append(READERS[topics[item.topic]](item.message))
+            except (InvalidInputError, AttributeError) as error:
+                raise BagError(f"topic {item.topic}, message {len(found)}: {error}") from error
+    return {topic: _ordered(name, samples[name]) for topic, name in names.items()}
 
 
-def first_push_ns(series: Mapping[Topic, Series]) -> int | None:
-    """Return the stamp of the first sample in which the hand pushes, ns; None if there is none."""
-    stamps, rows = series[DEVICE_STATE]
-    pushed = first_push(rows[:, HAND])
-    return None if pushed is None else int(stamps[pushed])
+def _ordered(topic: str, samples: Sequence[tuple[int, Any]]) -> Series:
+    """Return increasing stamps (n,), ns, and rows (n, ...); of equal stamps the last is kept.
+
+    Raises:
+        BagError: non-finite values, or rows of different lengths.
+    """
+    stamps = np.array([stamp for stamp, _ in samples], dtype=np.int64)
+    order = np.argsort(stamps, kind="stable")
+    order = order[np.diff(stamps[order], append=np.iinfo(np.int64).max) > 0]
+    try:
+        rows = np.array([row for _, row in samples], dtype=float)[order]
+    except ValueError:
+        raise BagError(f"topic {topic}: messages of different lengths") from None
+    if not np.isfinite(rows).all():
+        bad = int(np.argwhere(~np.isfinite(rows))[0][0])
+        rule = "holds a value that is not finite"
+        raise BagError(f"topic {topic}, message {bad} in order of time: {rule}")
+    return stamps[order], rows
 
 
-def record_of(
+def _first_push_ns(path: str | os.PathLike[str], users: Iterable[Mapping[Topic, Series]]) -> int:
+    """Return the stamp of the first sample in which any user's hand pushes, ns.
+
+    Raises:
+        BagError: none does.
+    """
+    devices = [series[DEVICE_STATE] for series in users]
+    pushes = [(stamps, first_push(rows[:, HAND])) for stamps, rows in devices]
+    found = [int(stamps[pushed]) for stamps, pushed in pushes if pushed is not None]
+    if not found:
+        what = f"the hand never pushed (its wrench in {DEVICE_STATE.name} is 0)"
+        raise BagError(f"bag {path}: {what}")
+    return min(found)
+
+
+def _record(
     path: str | os.PathLike[str],
     series: Mapping[Topic, Series],
     scene: Scene,
@@ -308,132 +293,77 @@ def record_of(
         BagError: invalid messages.
     """
     earliest = start_ns - nanoseconds(scene.hand.start_delay + scene.simulation.period / 2)
-    latest = None if duration is None else start_ns + nanoseconds(duration)
-    window = (earliest, latest)
+    latest = np.inf if duration is None else start_ns + nanoseconds(duration)
+    cut: dict[Topic, Series] = {}
+    for topic, (stamps, rows) in series.items():
+        kept = (stamps >= earliest) & (stamps <= latest)
+        cut[topic] = stamps[kept], rows[kept]
+    times = {topic: (stamps - start_ns) * 1e-9 for topic, (stamps, _) in cut.items()}
+    columns: dict[str, Any] = dict(zip(ENERGY_NAMES, cut[ENERGY][1].T, strict=True))
+    columns |= _motion(series[POINT_MODEL], cut[DEVICE_STATE], start_ns)
+    analyses = cut[POINT_MODEL][1]
     try:
-        columns: dict[str, Any] = {
-            **_motion(series, window, start_ns),
-            **_wrenches(series, window, start_ns),
-            **_analyses(series, window, start_ns, scene),
-            **_energies(series, window, start_ns),
-            **_joints(series, window, start_ns, scene),
-        }
         return ExperimentRecord(
             scene=scene.name,
             point=point,
             source="graph",
             period=scene.simulation.period,
             **columns,
+            wrench_times=times[CONSTRAINT_PART],
+            constraint_wrench=cut[CONSTRAINT_PART][1],
+            analysis_times=times[POINT_MODEL],
+            count=analyses[:, 0],
+            s=analyses[:, SHARE.stop :],
+            expected_wrench=_expected_wrench(series[DEVICE_STATE], cut[POINT_MODEL], scene),
+            energy_times=times[ENERGY],
+            joint_times=times.get(JOINT_STATES, np.zeros(0)),
+            joint_positions=_joint_positions(cut.get(JOINT_STATES), scene),
         )
     except InvalidInputError as error:
         raise BagError(f"bag {path}: {error}") from error
 
 
-def read_series(
-    path: str | os.PathLike[str], point: str, namespace: str, user: str = ""
-) -> dict[Topic, Series]:
-    """Return stamps (n,), ns, and rows (n, ...) of each topic of one user.
-
-    Args:
-        path: of the bag.
-        point: operational point that the device held.
-        namespace: of the graph.
-        user: namespace of one of several users; empty of one alone.
-
-    Raises:
-        BagError: no bag, a damaged one, topics missing or empty, or invalid messages.
-    """
-    with BagReader(path) as bag:
-        names = chosen_topics(bag, point, namespace, user)
-        samples = {name: samples_of(name, topic.type) for topic, name in names.items()}
-        for item in bag.messages(*names.values()):
-            samples[item.topic].add(item.message)
-    return {topic: samples[name].ordered() for topic, name in names.items()}
-
-
-def _cut(series: Series, window: tuple[int, int | None]) -> Series:
-    stamps, rows = series
-    kept = stamps >= window[0]
-    if window[1] is not None:
-        kept &= stamps <= window[1]
-    return stamps[kept], rows[kept]
-
-
-def _seconds(stamps: Array, start_ns: int) -> Array:
-    return np.asarray((stamps - start_ns) * 1e-9)
-
-
-def _motion(
-    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
-) -> dict[str, Array]:
-    stamps, device = _cut(series[DEVICE_STATE], window)
-    point_stamps, found = series[POINT_MODEL]
-    point = found[:, POINT]
+def _motion(points: Series, device: Series, start_ns: int) -> dict[str, Array]:
+    """Return the motion of device and point at the device's times within those of the point."""
+    (point_stamps, found), (stamps, rows) = points, device
     both = (stamps >= point_stamps[0]) & (stamps <= point_stamps[-1])
-    times = _seconds(stamps[both], start_ns)
-    point_times = _seconds(point_stamps, start_ns)
+    times, point_times = ((one - start_ns) * 1e-9 for one in (stamps[both], point_stamps))
+    point, rows = found[:, POINT], rows[both]
     position = [np.interp(times, point_times, point[:, axis]) for axis in range(3)]
     return {
         "times": times,
-        "device_position": device[both, :3],
-        "device_orientation": device[both, 3:7],
+        "device_position": rows[:, :3],
+        "device_orientation": rows[:, 3:7],
         "point_position": np.column_stack(position),
         "point_orientation": slerp(times, point_times, point[:, 3:]),
-        "hand_wrench": device[both, HAND],
+        "hand_wrench": rows[:, HAND],
     }
 
 
-def _wrenches(
-    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
-) -> dict[str, Array]:
-    stamps, rows = _cut(series[CONSTRAINT_PART], window)
-    return {"wrench_times": _seconds(stamps, start_ns), "constraint_wrench": rows}
-
-
-def _analyses(
-    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int, scene: Scene
-) -> dict[str, Array]:
-    stamps, rows = _cut(series[POINT_MODEL], window)
-    hand = held((series[DEVICE_STATE][0], series[DEVICE_STATE][1][:, HAND]), stamps)
-    share = rows[:, SHARE].reshape(-1, 6, 6)
+def _expected_wrench(device: Series, analyses: Series, scene: Scene) -> Array:
+    """Return -(1 - β) Π F_h (k, 6) of each analysis, with the hand's last wrench by then."""
+    hand = held((device[0], device[1][:, HAND]), analyses[0])
+    share = analyses[1][:, SHARE].reshape(-1, 6, 6)
     beta = scene.controller.joint_constraint.feedforward
-    return {
-        "analysis_times": _seconds(stamps, start_ns),
-        "count": rows[:, 0],
-        "s": rows[:, SHARE.stop :],
-        "expected_wrench": (beta - 1.0) * np.einsum("kij,kj->ki", share, hand),
-    }
+    return np.asarray((beta - 1.0) * np.einsum("kij,kj->ki", share, hand))
 
 
-def _energies(
-    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int
-) -> dict[str, Array]:
-    stamps, rows = _cut(series[ENERGY], window)
-    columns = {name: rows[:, index] for index, name in enumerate(ENERGY_NAMES)}
-    return {"energy_times": _seconds(stamps, start_ns), **columns}
-
-
-def _joints(
-    series: Mapping[Topic, Series], window: tuple[int, int | None], start_ns: int, scene: Scene
-) -> dict[str, Array]:
-    """Return q; the topic has it as the difference from the neutral configuration.
+def _joint_positions(states: Series | None, scene: Scene) -> Array:
+    """Return q (j, nq); the topic has it as the difference from the neutral configuration.
 
     Raises:
         InvalidInputError: a wrong number of coordinates.
     """
     model = build_tree(scene).pinocchio
-    if JOINT_STATES not in series or series[JOINT_STATES][1].ndim != 2:
-        return {"joint_times": np.zeros(0), "joint_positions": np.zeros((0, model.nq))}
-    stamps, rows = _cut(series[JOINT_STATES], window)
+    if states is None or states[1].ndim != 2:
+        return np.zeros((0, model.nq))
+    rows = states[1]
     if rows.shape[1] != model.nv:
         rule = f"must be {model.nv}, as in the scene"
         raise InvalidInputError(f"coordinates in {JOINT_STATES.name}", rows.shape[1], rule)
     neutral = pin.neutral(model)
-    positions = [np.asarray(pin.integrate(model, neutral, row)) for row in rows]
-    return {
-        "joint_times": _seconds(stamps, start_ns),
-        "joint_positions": np.array(positions).reshape(-1, model.nq),
-    }
+    positions = [pin.integrate(model, neutral, row) for row in rows]
+    return np.array(positions).reshape(-1, model.nq)
 
 
 def held(series: Series, at: Array) -> Array:
@@ -473,18 +403,18 @@ def shared_record_from_bag(
         point: read_series(path, point, namespace, user)
         for user, point in users_of(scene.held_points)
     }
-    pushes = [first_push_ns(found) for found in series.values()]
-    pushed = [stamp for stamp in pushes if stamp is not None]
-    if not pushed:
-        raise never_pushed(path)
-    start_ns = min(pushed)
+    start_ns = _first_push_ns(path, series.values())
     users = {
-        point: record_of(path, found, scene.held_at(point), point, start_ns, duration)
+        point: _record(path, found, scene.held_at(point), point, start_ns, duration)
         for point, found in series.items()
     }
     mechanism = Mechanism(scene)
     states = states_from_bag(path, mechanism, "", namespace)
-    stamps = _stamps(series, users, start_ns)
+    point, user = next(iter(users.items()))
+    # The mechanism tells F_c of all points at once.
+    stamps, _ = series[point][POINT_FORCE]
+    times = (stamps - start_ns) / NANOSECONDS
+    stamps = stamps[(times >= user.times[0]) & (times <= user.times[-1])]
     chosen = np.searchsorted(states.stamps_ns, stamps, side="right") - 1
     known = chosen >= 0
     if not known.any():
@@ -503,18 +433,6 @@ def shared_record_from_bag(
             [tuple(row) for row in states.active[chosen].tolist()],
         ),
     )
-
-
-def _stamps(
-    series: Mapping[str, Mapping[Topic, Series]],
-    users: Mapping[str, ExperimentRecord],
-    start_ns: int,
-) -> Array:
-    """Return when the mechanism told F_c during the run, ns; it does so of all points at once."""
-    point, user = next(iter(users.items()))
-    stamps, _ = series[point][POINT_FORCE]
-    times = (stamps - start_ns) / NANOSECONDS
-    return np.asarray(stamps[(times >= user.times[0]) & (times <= user.times[-1])])
 
 
 def _rows(series: list[Series], stamps: Array) -> Array:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from hapticmech_ros.errors import HapticMechError, InaccurateStepError, InvalidInputError
 from hapticmech_ros.experiment.record import (
@@ -76,17 +75,30 @@ def run_session(
         UnfinishedRunError: an error ended the run, such as a loop that came apart.
     """
     session = Session(scene, point)
-    ticks = ticks_of(session.scene, duration)
     recorder = SessionRecorder(session, point)
-    for tick in range(ticks):
+    ticks = ticks_of(session.scene, duration)
+    _run(lambda: recorder.add(session.tick()), recorder, ticks, progress)
+    return recorder.record()
+
+
+def _run(
+    tick: Callable[[], None],
+    recorder: SessionRecorder | _SharedRecorder,
+    ticks: int,
+    progress: Callable[[float], None] | None,
+) -> None:
+    """Make the ticks of a run.
+
+    Raises:
+        UnfinishedRunError: an error ended it.
+    """
+    for done in range(1, ticks + 1):
         try:
-            recorder.add(session.tick())
+            tick()
         except HapticMechError as error:
             raise recorder.unfinished(error) from error
-        done = tick + 1
         if progress is not None and (done % max(ticks // 100, 1) == 0 or done == ticks):
             progress(done / ticks)
-    return recorder.record()
 
 
 def ticks_of(scene: Scene, duration: float | None) -> int:
@@ -126,9 +138,9 @@ class SessionRecorder:
         values: dict[str, Array | float] = {
             "time": sample.time,
             "device_position": device.translation.copy(),
-            "device_orientation": quaternion(device),
+            "device_orientation": quaternion_of(device.rotation),
             "point_position": point.translation.copy(),
-            "point_orientation": quaternion(point),
+            "point_orientation": quaternion_of(point.rotation),
             "hand_wrench": sample.hand_wrench,
             "constraint_wrench": sample.output.joint_constraint,
             "count": sample.count,
@@ -207,11 +219,6 @@ class SessionRecorder:
         )
 
 
-def quaternion(pose: pin.SE3) -> Array:
-    """Return the orientation of a pose as a unit quaternion x, y, z, w (4,)."""
-    return quaternion_of(pose.rotation)
-
-
 def run_shared_session(
     scene: Scene,
     duration: float | None = None,
@@ -234,14 +241,7 @@ def run_shared_session(
     """
     ticks = min(ticks_of(scene.held_at(point), duration) for point in scene.held_points)
     recorder = _SharedRecorder(SharedSession(scene))
-    for tick in range(ticks):
-        try:
-            recorder.tick()
-        except HapticMechError as error:
-            raise recorder.unfinished(error) from error
-        done = tick + 1
-        if progress is not None and (done % max(ticks // 100, 1) == 0 or done == ticks):
-            progress(done / ticks)
+    _run(recorder.tick, recorder, ticks, progress)
     return recorder.record()
 
 

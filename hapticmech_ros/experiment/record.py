@@ -69,13 +69,10 @@ class SharedRecord:
             raise InvalidInputError("users and times", (n, k), "must be at least one of each")
         shapes = {"times": (k,), "wrenches": (k, n, 6), "felt": (k, n, 6)}
         for name, shape in {**shapes, "coupling": (k, n, n, 6, 6)}.items():
-            array = np.array(getattr(self, name), dtype=float)
-            if array.shape != shape:
-                raise InvalidInputError(f"shape of {name}", array.shape, f"must be {shape}")
-            if not np.isfinite(array).all():
-                raise InvalidInputError(name, "NaN or infinity", "must be finite")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            found = np.shape(getattr(self, name))
+            if found != shape:
+                raise InvalidInputError(f"shape of {name}", found, f"must be {shape}")
+            _freeze(self, name)
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -384,16 +381,33 @@ class ExperimentRecord:
         return np.asarray(held - self.work_in + self.damping_loss + self.latch_loss)
 
     def _set(self, name: str, ndim: int) -> Array:
-        kind = int if name == "count" else float
-        array = np.array(getattr(self, name), dtype=kind)
-        if array.ndim != ndim:
-            raise InvalidInputError(f"dimensions of {name}", array.ndim, f"must be {ndim}")
-        if not np.isfinite(array).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise InvalidInputError(f"{name}{list(where)}", array[where], "must be finite")
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
-        return array
+        found = np.ndim(getattr(self, name))
+        if found != ndim:
+            raise InvalidInputError(f"dimensions of {name}", found, f"must be {ndim}")
+        return _freeze(self, name, int if name == "count" else float)
+
+
+def _freeze(record: object, name: str, kind: type = float) -> Array:
+    """Copy an array of a record, and make the copy read-only.
+
+    Args:
+        record: whose attribute is replaced by the copy.
+        name: of the attribute.
+        kind: of the numbers.
+
+    Returns:
+        The copy.
+
+    Raises:
+        InvalidInputError: a number that is not finite.
+    """
+    array: Array = np.array(getattr(record, name), dtype=kind)
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise InvalidInputError(f"{name}{list(where)}", array[where], "must be finite")
+    array.flags.writeable = False
+    object.__setattr__(record, name, array)
+    return array
 
 
 def first_push(hand_wrench: Array) -> int | None:

@@ -52,7 +52,6 @@ def table(summary: Mapping[str, Any]) -> Table:
     for name, value in [
         *_constraint_rows(summary["constraints"]),
         *_error_rows(summary),
-        *_coverage_rows(summary["coverage"]),
         *_graph_rows(summary.get("graph")),
         *_agreement_rows(summary.get("agreement")),
     ]:
@@ -74,70 +73,49 @@ def _constraint_rows(constraints: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    tracking, energy = summary["tracking"], summary["energy"]
+    """Return rows of errors, those of steps and of pauses only where there are some."""
+    tracking, energy, coverage = summary["tracking"], summary["energy"], summary["coverage"]
     position = [_number(tracking[f"position_error_{k}_m"], 1e3, "mm", 3) for k in ("rms", "max")]
     rotation = [
         _number(tracking[f"rotation_error_{k}_rad"], 1e3, "mrad", 2) for k in ("rms", "max")
     ]
-    return [
+    rows = [
         ("hand to operational point, rms / max", " / ".join(position)),
         ("rotation, rms / max", " / ".join(rotation)),
         ("closure error, max", _power(summary["closure_error_max_m_or_rad"], "m, rad")),
         ("energy balance error, max", _power(energy["balance_error_max_j"], "J")),
-        *_step_rows(energy),
     ]
-
-
-def _step_rows(energy: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a row if steps of the mechanism stayed inaccurate; else none."""
-    if not energy.get("steps_inaccurate"):
-        return []
-    return [("steps beyond the stated accuracy", str(energy["steps_inaccurate"]))]
-
-
-def _coverage_rows(coverage: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a row with the longest pause if the record is incomplete; else none."""
-    if coverage["complete"]:
-        return []
-    worst = max(coverage["groups"].items(), key=lambda item: float(item[1]["longest_pause_s"]))
-    return [("recording incomplete", f"no {worst[0]} for {worst[1]['longest_pause_s']:.2f} s")]
-
-
-def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if graph is None:
-        return []
-    if graph["lockstep"]:
-        return [("rate, in lockstep", f"{graph['nominal_rate_hz']:g} Hz"), *_loss_rows(graph)]
-    latency = [_number(graph[f"loop_latency_{k}_us"], 1e-3, "", 2) for k in ("p50", "p99", "max")]
-    missed = graph["missed_deadlines"]
-    return [
-        (
-            "rate, measured (wanted)",
-            f"{_number(graph['measured_rate_hz'], 1.0, 'Hz', 1)} ({graph['nominal_rate_hz']:g} Hz)",
-        ),
-        ("deadlines missed, all nodes", NOTHING if missed is None else f"{missed:g}"),
-        ("loop latency p50 / p99 / max, ms", " / ".join(latency)),
-        *_break_rows(graph),
-        *_loss_rows(graph),
-    ]
-
-
-def _break_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return rows where rendering was interrupted, or went on with other gains; else none."""
-    times, paused = graph["interruptions"], graph["losses_by_pauses"]
-    rows = []
-    if times:
-        text = f"{times}; processes paused {paused or 0:g} times"
-        rows.append(("interruptions of the rendering", text))
-    if graph["reduced_gains"]:
-        rows.append(("gains", "reduced, since the loop took longer than they allow"))
+    if energy.get("steps_inaccurate"):
+        rows.append(("steps beyond the stated accuracy", str(energy["steps_inaccurate"])))
+    if not coverage["complete"]:
+        worst = max(coverage["groups"].items(), key=lambda item: float(item[1]["longest_pause_s"]))
+        text = f"no {worst[0]} for {worst[1]['longest_pause_s']:.2f} s"
+        rows.append(("recording incomplete", text))
     return rows
 
 
-def _loss_rows(graph: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return a row with the messages that the recorder lost, if it has counted; else none."""
-    lost = graph["recorder_lost"]
-    return [] if lost is None else [("messages lost by the recorder", str(lost))]
+def _graph_rows(graph: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Return rows of a graph's run: interruptions, other gains and losses only if known."""
+    if graph is None:
+        return []
+    nominal, missed = f"{graph['nominal_rate_hz']:g} Hz", graph["missed_deadlines"]
+    measured = _number(graph["measured_rate_hz"], 1.0, "Hz", 1)
+    latency = [_number(graph[f"loop_latency_{k}_us"], 1e-3, "", 2) for k in ("p50", "p99", "max")]
+    rows = [
+        ("rate, measured (wanted)", f"{measured} ({nominal})"),
+        ("deadlines missed, all nodes", NOTHING if missed is None else f"{missed:g}"),
+        ("loop latency p50 / p99 / max, ms", " / ".join(latency)),
+    ]
+    if graph["interruptions"]:
+        paused = f"processes paused {graph['losses_by_pauses'] or 0:g} times"
+        rows.append(("interruptions of the rendering", f"{graph['interruptions']}; {paused}"))
+    if graph["reduced_gains"]:
+        rows.append(("gains", "reduced, since the loop took longer than they allow"))
+    if graph["lockstep"]:
+        rows = [("rate, in lockstep", nominal)]
+    if graph["recorder_lost"] is not None:
+        rows.append(("messages lost by the recorder", str(graph["recorder_lost"])))
+    return rows
 
 
 def _agreement_rows(agreement: Mapping[str, Any] | None) -> list[tuple[str, str]]:

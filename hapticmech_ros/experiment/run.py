@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -144,7 +143,6 @@ def write_results(
     scene: Scene,
     out_dir: str | os.PathLike[str],
     graph: GraphHealth | None = None,
-    agreement: Mapping[str, Any] | None = None,
     reference: ExperimentRecord | None = None,
 ) -> dict[str, Any]:
     """Write ``summary.json`` and the figures into ``out_dir``, which is created if needed.
@@ -154,17 +152,19 @@ def write_results(
         scene: of the run.
         out_dir: folder; files of the same names in it are replaced.
         graph: diagnostics of the nodes, for a run of the graph.
-        agreement: from :func:`compare`; included in the summary.
-        reference: a run to draw behind this one, such as the session's.
+        reference: a run to draw behind this one and to compare it with, such as the session's.
 
     Returns:
         The summary as written, with the figures' file names under ``figures``.
+
+    Raises:
+        InvalidInputError: a reference of another scene or another point.
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     summary = summarise(record, scene, graph)
-    if agreement is not None:
-        summary["agreement"] = dict(agreement)
+    if reference is not None:
+        summary["agreement"] = compare(record, reference)
     return _written(summary, folder, write_figures(record, scene, folder, reference))
 
 

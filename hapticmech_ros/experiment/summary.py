@@ -48,16 +48,13 @@ def coverage(record: ExperimentRecord) -> dict[str, Any]:
     gives first and last time, longest pause (including both ends), number of samples, and their
     least rate over :data:`WINDOW_S`.
     """
-    end = max(float(getattr(record, name)[-1]) for name in GROUPS.values() if _any(record, name))
-    groups = {what: _group(getattr(record, name), end) for what, name in GROUPS.items()}
+    times = {what: getattr(record, name) for what, name in GROUPS.items()}
+    end = max(float(one[-1]) for one in times.values() if one.size)
+    groups = {what: _group(one, end) for what, one in times.items()}
     # Tolerance of 1 ns for the rounding of times that are sums of periods.
     limit = LONGEST_PAUSE_S + 1e-9
     complete = all(group["longest_pause_s"] <= limit for group in groups.values())
     return {"complete": complete, "groups": groups}
-
-
-def _any(record: ExperimentRecord, name: str) -> bool:
-    return bool(getattr(record, name).size)
 
 
 def _group(times: Array, end: float) -> dict[str, Any]:

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +21,7 @@ from hapticmech_ros.mechanism.projection import assemble
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint
-from hapticmech_ros.system.workers import worker_pool
+from hapticmech_ros.system.workers import answers
 
 # Of these many starts in one process most mechanisms close some; only then others help.
 FIRST_STARTS = 16
@@ -123,6 +124,7 @@ def search_assemblies(
 
     Raises:
         InvalidInputError: no start, or no closure to close.
+        LostError: the process of some starts was ended, twice.
     """
     if starts < 1:
         raise InvalidInputError("starts", starts, "must be 1 or more")
@@ -133,7 +135,8 @@ def search_assemblies(
     show(len(attempts), seeker.closed(attempts))
     rest = range(len(attempts), starts)
     if rest and not seeker.closed(attempts):
-        for more in _shared(scene, seed, rest, processes):
+        chunks = [rest[at : at + CHUNK] for at in range(0, len(rest), CHUNK)]
+        for more in answers(partial(_attempts, scene, seed), chunks, processes):
             attempts += more
             show(len(attempts), seeker.closed(attempts))
     best = min(attempts, key=lambda attempt: attempt.worst)
@@ -166,28 +169,8 @@ def initial_state(scene: Scene, q: Array) -> str:
     return json.dumps({"q": positions, "v": dict(scene.initial_state.v)}, ensure_ascii=False)
 
 
-def _shared(
-    scene: Scene, seed: int, starts: range, processes: int | None
-) -> Iterator[list[_Attempt]]:
-    """Yield what the starts led to, a chunk at a time, in their order."""
-    chunks = [starts[at : at + CHUNK] for at in range(0, len(starts), CHUNK)]
-    if processes == 1:
-        seeker = _Seeker(scene, seed)
-        yield from map(seeker.attempts, chunks)
-        return
-    with worker_pool(processes, _prepare, scene, seed) as pool:
-        yield from pool.map(_attempts, chunks)
-
-
-_workers_seeker: list[_Seeker] = []
-
-
-def _prepare(scene: Scene, seed: int) -> None:
-    _workers_seeker.append(_Seeker(scene, seed))
-
-
-def _attempts(starts: Sequence[int]) -> list[_Attempt]:
-    return _workers_seeker[0].attempts(starts)
+def _attempts(scene: Scene, seed: int, starts: Sequence[int]) -> list[_Attempt]:
+    return _Seeker(scene, seed).attempts(starts)
 
 
 class _Seeker:

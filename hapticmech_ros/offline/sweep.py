@@ -8,7 +8,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -104,14 +104,13 @@ def sweep(
     reached = dict([_first(mechanism, prescribed, columns)])
     front = list(reached)
     with WorkerPool(workers) as pool:
-        mover = _Mover(mechanism, columns, pool)
         while front:
             wanted = _beside(front, reached, prescribed)
             goals = [
                 (reached[parent], [one.values[k] for one, k in zip(prescribed, place, strict=True)])
                 for place, parent in wanted.items()
             ]
-            found = zip(wanted, mover.move(goals), strict=True)
+            found = zip(wanted, _moved(mechanism, columns, goals, pool), strict=True)
             front = []
             for place, q in found:
                 if q is not None:
@@ -156,37 +155,29 @@ def _beside(
     return wanted
 
 
-class _Mover:
-    """Moves a mechanism to places: here if they are few, else by all who work at it."""
-
-    def __init__(self, mechanism: Mechanism, columns: list[int], pool: WorkerPool) -> None:
-        self._mechanism, self._columns, self._pool = mechanism, columns, pool
-
-    def move(self, goals: list[Goal]) -> list[Array | None]:
-        """Return for each (q, goal) the configuration there, or None.
-
-        Raises:
-            LostError: the process of some of them was ended, twice.
-        """
-        if self._pool.processes == 1 or len(goals) < WORTH_SHARING:
-            return [_move(self._mechanism, q, self._columns, goal) for q, goal in goals]
-        text = self._mechanism.scene.model_dump_json()
-        size = max(1, min(CHUNK, math.ceil(len(goals) / (self._pool.processes or 1))))
-        chunks = [goals[at : at + size] for at in range(0, len(goals), size)]
-        tasks = [_Task(text, self._columns, chunk) for chunk in chunks]
-        return [q for some in self._pool.answers(_move_there, tasks) for q in some]
-
-
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """Places to move to, and all that another process needs to know for that."""
-
-    scene: str
-    columns: list[int]
-    goals: list[Goal]
+class _Goals(list[Goal]):
+    """Where one process moves to."""
 
     def __str__(self) -> str:
-        return f"{len(self.goals)} places of a sweep"
+        return f"{len(self)} places of a sweep"
+
+
+def _moved(
+    mechanism: Mechanism, columns: list[int], goals: list[Goal], pool: WorkerPool
+) -> list[Array | None]:
+    """Return for each (q, goal) the configuration there, or None.
+
+    Few are moved to here, others by all who work at it.
+
+    Raises:
+        LostError: the process of some of them was ended, twice.
+    """
+    if pool.processes == 1 or len(goals) < WORTH_SHARING:
+        return [_move(mechanism, q, columns, goal) for q, goal in goals]
+    size = max(1, min(CHUNK, math.ceil(len(goals) / (pool.processes or 1))))
+    chunks = [_Goals(goals[at : at + size]) for at in range(0, len(goals), size)]
+    work = partial(_move_there, mechanism.scene.model_dump_json(), columns)
+    return [q for some in pool.answers(work, chunks) for q in some]
 
 
 @lru_cache(maxsize=1)
@@ -194,9 +185,8 @@ def _mechanism(scene: str) -> Mechanism:
     return Mechanism(Scene.model_validate_json(scene))
 
 
-def _move_there(task: _Task) -> list[Array | None]:
-    mechanism = _mechanism(task.scene)
-    return [_move(mechanism, q, task.columns, goal) for q, goal in task.goals]
+def _move_there(scene: str, columns: list[int], goals: list[Goal]) -> list[Array | None]:
+    return [_move(_mechanism(scene), q, columns, goal) for q, goal in goals]
 
 
 def _felt(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -190,14 +191,19 @@ def _choices(text: str, values: str) -> list[str]:
     return found
 
 
+def number_of(text: str) -> float | None:
+    """Return the number or angle (rad) that a text is; None if it is none."""
+    with suppress(ValueError):
+        angle = angle_of(text)
+        return float(text) if angle is None else angle
+    return None
+
+
 def _end(text: str, part: str) -> float:
-    angle = angle_of(part)
-    if angle is not None:
-        return angle
-    try:
-        return float(part)
-    except ValueError:
-        raise InvalidInputError("variation", text, RULE) from None
+    found = number_of(part)
+    if found is None:
+        raise InvalidInputError("variation", text, RULE)
+    return found
 
 
 def _number(text: str, rest: Sequence[str]) -> int:

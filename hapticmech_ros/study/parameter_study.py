@@ -22,7 +22,8 @@ import json
 import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
@@ -37,10 +38,10 @@ from hapticmech_ros.files import open_file
 from hapticmech_ros.loading.loader import find_scene, scene_as_written, with_links
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of
-from hapticmech_ros.scene.validation import UNKNOWN_KEY, angle_of, with_changes, written_document
-from hapticmech_ros.study.design import Design
+from hapticmech_ros.scene.validation import UNKNOWN_KEY, with_changes, written_document
+from hapticmech_ros.study.design import Design, number_of
 from hapticmech_ros.study.figure import study_figure
-from hapticmech_ros.study.task import Numbers, Task, carry_out, with_unit
+from hapticmech_ros.study.task import Task, carry_out, with_unit
 from hapticmech_ros.system.installation import PACKAGE
 from hapticmech_ros.system.workers import Lost, WorkerPool, Workers, versions
 
@@ -54,23 +55,8 @@ class StudyError(HapticMechError):
     """A study that cannot go on: its folder has another one, or somebody is at it."""
 
 
-@dataclass(slots=True)
-class Rows:
-    """Rows of a study, by the number of their scene.
-
-    Attributes:
-        measured: (m,) numbers of each scene that was measured.
-        failed: why each other one was not, in words.
-    """
-
-    measured: dict[int, Array] = field(default_factory=dict)
-    failed: dict[int, str] = field(default_factory=dict)
-
-    def __contains__(self, index: int) -> bool:
-        return index in self.measured or index in self.failed
-
-    def __len__(self) -> int:
-        return len(self.measured) + len(self.failed)
+# Rows by the number of their scene: its numbers (m,), or why it has none, in words.
+Rows = dict[int, Array | str]
 
 
 class Journal:
@@ -93,43 +79,36 @@ class Journal:
         self._record = np.dtype([("index", "<i8"), ("status", "<i8"), numbers, ("crc", "<u8")])
         folder.mkdir(parents=True, exist_ok=True)
         self._folder = folder
-        self._file = os.open(folder / ROWS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        self._failures = None
+        self._file = (folder / ROWS).open("a+b")
         try:
             self._begin({**definition, "columns": list(columns)})
+            (folder / FAILURES).touch()
             self.rows = self._read()
-            self._failures = (folder / FAILURES).open("a", encoding="utf-8")
         except BaseException:
-            os.close(self._file)
+            self._file.close()
             raise
 
     def __enter__(self) -> Journal:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._failures is not None:
-            self._failures.close()
-        os.fsync(self._file)
-        os.close(self._file)
+        os.fsync(self._file.fileno())
+        self._file.close()
 
     def write(self, rows: Rows) -> None:
         """Add rows of scenes that have none; when this process ends they are not lost."""
-        if self._failures is not None and rows.failed:
-            for index, why in rows.failed.items():
-                line = json.dumps({"index": index, "why": why}, ensure_ascii=False)
-                self._failures.write(line + "\n")
-            self._failures.flush()
+        reasons = {index: row for index, row in rows.items() if isinstance(row, str)}
+        with (self._folder / FAILURES).open("a", encoding="utf-8") as file:
+            for index, why in reasons.items():
+                file.write(json.dumps({"index": index, "why": why}, ensure_ascii=False) + "\n")
         records = np.zeros(len(rows), self._record)
-        records["numbers"] = np.nan
-        for at, (index, numbers) in enumerate(rows.measured.items()):
-            records[at]["index"], records[at]["numbers"] = index, numbers
-        for at, index in enumerate(rows.failed, len(rows.measured)):
-            records[at]["index"], records[at]["status"] = index, FAILED
-        for at in range(len(records)):
-            records[at]["crc"] = self._crc(records[at])
-        left = memoryview(records.tobytes())
-        while left:
-            left = left[os.write(self._file, left) :]
+        records["index"] = list(rows)
+        records["status"] = [FAILED if index in reasons else MEASURED for index in rows]
+        for record, row in zip(records, rows.values(), strict=True):
+            record["numbers"] = np.nan if isinstance(row, str) else row
+            record["crc"] = self._crc(record)
+        self._file.write(records.tobytes())
+        self._file.flush()
 
     def _crc(self, record: Any) -> int:
         return zlib.crc32(record.tobytes()[: -self._record["crc"].itemsize])
@@ -147,7 +126,7 @@ class Journal:
         path = self._folder / DEFINITION
         text = json.dumps(definition, indent=1, ensure_ascii=False)
         if not path.exists():
-            if os.fstat(self._file).st_size:
+            if os.fstat(self._file.fileno()).st_size:
                 raise StudyError(f"{self._folder} has rows of a study, but no {DEFINITION}")
             # Whole or not at all: a study begins with a definition.
             new = path.with_name(f".{path.name}")
@@ -165,31 +144,21 @@ class Journal:
 
     def _read(self) -> Rows:
         """Return the rows that are there, and cut off what is none."""
-        size = self._record.itemsize
+        size, why = self._record.itemsize, self._reasons()
         data = np.fromfile(self._folder / ROWS, dtype=np.uint8)
-        records = data[: data.size // size * size].view(self._record)
-        whole = 0
-        for record in records:
+        rows = Rows()
+        for record in data[: data.size // size * size].view(self._record):
             if int(record["crc"]) != self._crc(record):
                 break
-            whole += 1
-        os.ftruncate(self._file, whole * size)
-        os.lseek(self._file, 0, os.SEEK_END)
-        kept, why, rows = records[:whole], self._reasons(), Rows()
-        for record in kept:
-            index = int(record["index"])
-            if record["status"] == MEASURED:
-                rows.measured[index] = record["numbers"].copy()
-            else:
-                rows.failed[index] = why.get(index, "")
+            index, measured = int(record["index"]), record["status"] == MEASURED
+            rows[index] = record["numbers"].copy() if measured else why.get(index, "")
+        self._file.truncate(len(rows) * size)
         return rows
 
     def _reasons(self) -> dict[int, str]:
         """Return why scenes failed; a line that is not whole is left out."""
-        path, found = self._folder / FAILURES, dict[int, str]()
-        if not path.exists():
-            return found
-        with path.open(encoding="utf-8", errors="replace") as file:
+        found = dict[int, str]()
+        with (self._folder / FAILURES).open(encoding="utf-8", errors="replace") as file:
             for line in file:
                 try:
                     failure = json.loads(line)
@@ -200,12 +169,10 @@ class Journal:
 
 
 def _definition(path: Path) -> dict[str, Any]:
-    if path.stat().st_size > MOST_BYTES:
-        raise StudyError(f"{path} is no definition of a study")
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        found = None
+    found = None
+    if path.stat().st_size <= MOST_BYTES:
+        with suppress(ValueError):
+            found = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(found, dict):
         raise StudyError(f"{path} is no definition of a study")
     return found
@@ -263,7 +230,7 @@ class ParameterStudy(Results):
         found = {}
         for at, one in enumerate(self.design.variations):
             texts = [row[at] for row in rows]
-            numbers = [_number(text) for text in texts]
+            numbers = [number_of(text) for text in texts]
             known = [number for number in numbers if number is not None]
             found[one.name] = np.array(known if len(known) == len(texts) else texts)
         return found
@@ -389,23 +356,20 @@ def run_study(
         "measures": list(measures),
         "point": base.operational_point(point).name,
     }
-    rows, lost = Rows(), list[int]()
     if folder is None:
-        _fill(rows, lost, design, first, columns, workers, show, lambda more: None)
+        rows, lost = _filled(Rows(), design, first, columns, workers, show, lambda more: None)
     else:
         with Journal(folder, definition, columns) as journal:
-            rows = journal.rows
-            _fill(rows, lost, design, first, columns, workers, show, journal.write)
-    index = np.array(sorted(rows.measured), dtype=np.int64)
-    numbers = np.array([rows.measured[one] for one in index.tolist()])
+            rows, lost = _filled(journal.rows, design, first, columns, workers, show, journal.write)
+    measured = {index: row for index, row in sorted(rows.items()) if not isinstance(row, str)}
     return ParameterStudy(
         base.name,
         digest,
         design,
         columns,
-        index,
-        numbers.reshape(index.size, len(columns)),
-        dict(sorted(rows.failed.items())),
+        np.array(list(measured), dtype=np.int64),
+        np.array(list(measured.values())).reshape(len(measured), len(columns)),
+        {index: row for index, row in sorted(rows.items()) if isinstance(row, str)},
         tuple(sorted(lost)),
     )
 
@@ -432,18 +396,21 @@ def _written(
     return document, path
 
 
-def _fill(
+def _filled(
     rows: Rows,
-    lost: list[int],
     design: Design,
     first: Task,
     columns: tuple[str, ...],
     workers: Workers,
     show: Show,
     write: Callable[[Rows], None],
-) -> None:
-    """Measure the scenes that have no row yet, and write their rows as they come."""
-    total = len(design)
+) -> tuple[Rows, list[int]]:
+    """Measure the scenes that have no row yet, and write their rows as they come.
+
+    Returns:
+        All rows, and the numbers of scenes that were lost.
+    """
+    total, lost = len(design), list[int]()
     left = [index for index in range(total) if index not in rows]
     show(total - len(left), total)
     with WorkerPool(workers) as pool:
@@ -453,10 +420,9 @@ def _fill(
             tasks = (first.of(chunk, design) for chunk in chunks)
             for at, found in pool.completed(carry_out, tasks):
                 if not isinstance(found, Lost):
-                    more = _rows_of(found, columns)
+                    more = {index: _row(numbers, columns) for index, numbers in found}
                     write(more)
-                    rows.measured |= more.measured
-                    rows.failed |= more.failed
+                    rows |= more
                     show(len(rows), total)
                 elif len(chunks[at]) > 1:
                     # One of them ended the worker: the others have nothing to do with it.
@@ -464,18 +430,15 @@ def _fill(
                 else:
                     lost += chunks[at]
             chunks = alone
+    return rows, lost
 
 
-def _rows_of(found: Numbers, columns: tuple[str, ...]) -> Rows:
-    rows = Rows()
-    for index, numbers in found:
-        if isinstance(numbers, str):
-            rows.failed[index] = numbers
-        elif tuple(numbers) != columns:
-            rows.failed[index] = f"has other numbers than the first scene: {', '.join(numbers)}"
-        else:
-            rows.measured[index] = np.array(list(numbers.values()))
-    return rows
+def _row(numbers: Mapping[str, float] | str, columns: tuple[str, ...]) -> Array | str:
+    if isinstance(numbers, str):
+        return numbers
+    if tuple(numbers) != columns:
+        return f"has other numbers than the first scene: {', '.join(numbers)}"
+    return np.array(list(numbers.values()))
 
 
 def _refuse_unknown_keys(task: Task, design: Design) -> None:
@@ -516,16 +479,6 @@ def _files(value: object) -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for inner in value:
             yield from _files(inner)
-
-
-def _number(text: str) -> float | None:
-    angle = angle_of(text)
-    if angle is not None:
-        return angle
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _spread(column: Array) -> dict[str, float | None]:

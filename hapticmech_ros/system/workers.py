@@ -61,28 +61,21 @@ class LostError(HapticMechError):
     """A case without which the others are worth nothing was lost."""
 
 
-def worker_pool(
-    processes: int | None = None, prepare: Callable[..., None] | None = None, *given: object
-) -> ProcessPoolExecutor:
+def worker_pool(processes: int | None = None) -> ProcessPoolExecutor:
     """Return a pool of fresh processes.
 
     A worker that is at work when its parent is killed would go on by itself: it watches, and ends.
 
     Args:
         processes: how many; one for each core if left out.
-        prepare: called in each of them first.
-        given: what it is called with.
     """
     # Workers share the processors among themselves; NumPy here has begun with its own threads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    start = (prepare, given)
-    return ProcessPoolExecutor(processes or os.cpu_count(), get_context("spawn"), _begin, start)
+    return ProcessPoolExecutor(processes or os.cpu_count(), get_context("spawn"), _watch_parent)
 
 
-def _begin(prepare: Callable[..., None] | None, given: tuple[object, ...]) -> None:
+def _watch_parent() -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    if prepare is not None:
-        prepare(*given)
 
 
 def _end_with_parent() -> None:
@@ -139,9 +132,10 @@ class WorkerPool:
             yield from ((index, work(case)) for index, case in enumerate(cases))
             return
         left, again = enumerate(cases), deque[tuple[int, Given]]()
+        ahead = AHEAD_ELSEWHERE if self.processes is None else AHEAD * self.processes
         flying: dict[Future[Found], tuple[int, Given]] = {}
         while True:
-            for index, case in islice(left, self._ahead - len(flying)):
+            for index, case in islice(left, ahead - len(flying)):
                 try:
                     flying[self._executor().submit(work, case)] = index, case
                 except BrokenExecutor:
@@ -185,11 +179,6 @@ class WorkerPool:
             if isinstance(found, Lost):
                 raise LostError(str(found))
             yield found
-
-    @property
-    def _ahead(self) -> int:
-        processes = self.processes
-        return AHEAD_ELSEWHERE if processes is None else AHEAD * processes
 
     def _executor(self) -> Executor:
         if isinstance(self._workers, Executor):

@@ -7,15 +7,14 @@ import json
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros.analysis import users
 from hapticmech_ros.analysis.users import (
     FREQUENCIES_HZ,
     admittances,
     felt_beside_others,
 )
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -132,9 +131,8 @@ def test_the_command_prints_writes_and_draws(tmp_path, monkeypatch):
     monkeypatch.setattr(users, "SETTLING_S", 0.1)
     path, out = tmp_path / "scene.yaml", tmp_path / "out"
     path.write_text(yaml.safe_dump(document(HOLDS)), encoding="utf-8")
-    done = CliRunner().invoke(app, ["feel", "users", str(path), "--out", str(out)])
-    assert done.exit_code == 0, done.stdout
-    assert "two_points" in done.stdout
+    done = ran("feel", "users", str(path), "--out", str(out))
+    assert "two_points" in done
     rows = json.loads((out / "users.json").read_text(encoding="utf-8"))
     assert [row["point"] for row in rows] == ["a"] * 6 + ["b"] * 6
     assert rows[0]["frequencies_hz"] == list(FREQUENCIES)

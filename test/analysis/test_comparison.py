@@ -6,8 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis import comparison
 from hapticmech_ros.analysis.comparison import (
@@ -24,7 +24,6 @@ from hapticmech_ros.analysis.comparison import (
     stiffest_proxy,
 )
 from hapticmech_ros.analysis.experience import directions
-from hapticmech_ros.cli import app
 from hapticmech_ros.control.loop_stability import LoopTerms, spectral_radius
 from hapticmech_ros.errors import InvalidInputError
 
@@ -92,8 +91,7 @@ def test_the_command_writes_table_file_and_picture(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "WATCHED_S", 0.2)
     short = ["--set", "experiment.duration=0.2"]
     words = ["feel", "compare", "two_link", "--processes", "1", *short, "--out", str(tmp_path)]
-    found = CliRunner().invoke(app, words)
-    assert found.exit_code == 0, found.output
+    ran(*words)
     rows = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
     assert [row["variant"] for row in rows] == [FULL, STIFF, FREE, PROXY, SOFT]
     assert (tmp_path / "comparison.png").stat().st_size > 5000

@@ -2,17 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Felt impedance over a graph: what is compared where samples are missing."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.analysis import transparency
 from hapticmech_ros.analysis.impedance import amplitudes, mechanism_twists
 from hapticmech_ros.analysis.touch import Setup
-from hapticmech_ros.analysis.transparency import PUSH_N, FeelGraphError, _without_gaps
+from hapticmech_ros.analysis.transparency import (
+    PUSH_N,
+    FeelGraphError,
+    _without_gaps,
+    from_the_push_on,
+)
 
 
 def test_a_missing_sample_is_the_one_before_it():
@@ -38,37 +39,20 @@ def test_the_mechanism_alone_is_its_inverse_inertia_for_a_small_push():
 
 
 @pytest.mark.parametrize("swapped", [(2000, 2001), (2000, 2000), (4000, 10)])
-def test_samples_out_of_order_or_twice_are_refused(monkeypatch, swapped):
+def test_samples_out_of_order_or_twice_are_refused(swapped):
     """Fitted to the pushes of other times they would give any impedance."""
-    stamps = np.arange(6000) * 1_000_000
-
-    class Bag:
-        topics = ("/device/state",)
-
-        def __init__(self, path):
-            assert path == Path("bag")
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-        def serialized(self, name):
-            assert name == "/device/state"
-            return [(name, 0, number) for number in order]
-
-    def sample(kind, number):
-        measured = SimpleNamespace(hand_wrench=np.full(6, 0.1), twist=np.zeros(6))
-        return SimpleNamespace(stamp_ns=stamps[number], sample=measured)
-
-    monkeypatch.setattr(transparency, "BagReader", Bag)
-    monkeypatch.setattr(transparency, "decode", lambda number: number)
-    monkeypatch.setattr(transparency, "read", sample)
-    order = list(range(6000))
-    times, _, _ = transparency._samples(Path("bag"), 1e-3)
+    order, (first, second) = list(range(6000)), swapped
+    pushes, still = np.full((6001, 6), 0.1), np.zeros((6001, 6))
+    times, _, _ = from_the_push_on(1e-3 * np.array(order), pushes[1:], still[1:], 1e-3)
     assert len(times) == 6000
-    first, second = swapped
     order.insert(first, second)
     with pytest.raises(FeelGraphError, match="twice, or out of order"):
-        transparency._samples(Path("bag"), 1e-3)
+        from_the_push_on(1e-3 * np.array(order), pushes, still, 1e-3)
+
+
+def test_a_graph_without_a_push_or_too_slow_is_refused():
+    stamps, pushes = 2e-3 * np.arange(3000), np.full((3000, 6), 0.1)
+    with pytest.raises(FeelGraphError, match="no hand wrench"):
+        from_the_push_on(stamps, 0.0 * pushes, pushes, 2e-3)
+    with pytest.raises(FeelGraphError, match="kept 500 samples per second"):
+        from_the_push_on(stamps, pushes, pushes, 1e-3)

@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
 from hapticmech_ros import SharedSession
 from hapticmech_ros.analysis.passivity import (
@@ -25,7 +24,6 @@ from hapticmech_ros.analysis.passivity import (
     trials,
     tried,
 )
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.session import Run
 from oracles.users import two_points
@@ -202,9 +200,3 @@ def test_one_user_s_sum_is_that_user_s_port():
     (port,) = found.ports
     assert found.in_sum == port.lowest == found.lowest
     assert found.margin > found.in_sum
-
-
-def test_what_is_no_delay_is_refused():
-    found = CliRunner().invoke(app, ["feel", "passivity", "two_link", "--delays", "soon"])
-    assert isinstance(found.exception, InvalidInputError)
-    assert "--delays" in str(found.exception)

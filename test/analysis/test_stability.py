@@ -84,12 +84,6 @@ def test_carrying_the_hand_s_wrench_on_makes_no_loop_less_stable(name, monkeypat
     assert (with_it <= np.maximum(without, 1.0) + ON_CIRCLE).all()
 
 
-def test_without_its_weight_the_lead_would_make_one_unstable(monkeypatch):
-    scene, hands = load_scene("spatial_arm"), [fixed(2.0)]
-    assert growth(scene, hands, (1,), lead_gains, monkeypatch) < 1.0 + ON_CIRCLE
-    assert growth(scene, hands, (1,), lambda gain: (gain, gain), monkeypatch) > 1.01
-
-
 @pytest.mark.parametrize("local", [True, False])
 def test_it_moves_as_a_session_does(local):
     """A spring hand and three periods of delay; what differs is of second order in the motion."""

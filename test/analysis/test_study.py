@@ -12,6 +12,7 @@ import pytest
 import typer
 from rich.console import Console
 
+from commands import ran
 from hapticmech_ros.analysis.study import Marked, Results, Sheet, judged, number, plain
 from hapticmech_ros.cli.study import carry_out, numbers
 from hapticmech_ros.errors import InvalidInputError
@@ -158,6 +159,12 @@ def test_numbers_of_an_option():
     assert numbers("--rates", "1, 2.5,", float) == [1.0, 2.5]
     with pytest.raises(InvalidInputError, match=r"--delays.*whole numbers with commas.*'1,x'"):
         numbers("--delays", "1,x", int)
+
+
+@pytest.mark.parametrize("command", ["impedance", "limits", "compare", "passivity"])
+def test_each_command_refuses_delays_that_are_no_numbers(command):
+    with pytest.raises(InvalidInputError, match="--delays"):
+        ran("feel", command, "two_link", "--delays", "1,x")
 
 
 def test_work_is_shared_in_order():

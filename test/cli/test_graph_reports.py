@@ -111,29 +111,19 @@ def test_nothing_rendered_is_said_with_the_reason() -> None:
     assert nothing_rendered({}, {waiting.node: waiting}) == ""
 
 
-def test_the_table_says_how_each_node_was(capsys: pytest.CaptureFixture[str]) -> None:
-    graph.console.width, before = 100, graph.console.width
-    try:
-        ending = Report(DEVICE.node, False, "no commands", changed(DEVICE, failures="2").figures)
-        show_ends(ALL, {**ALL, ending.node: ending})
-    finally:
-        graph.console.width = before
+@pytest.mark.parametrize("width", [80, 100])
+def test_the_table_says_how_each_node_was(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], width: int
+) -> None:
+    monkeypatch.setattr(graph.console, "width", width)
+    ending = Report(DEVICE.node, False, "no commands", changed(DEVICE, failures="2").figures)
+    show_ends(ALL, {**ALL, ending.node: ending})
     shown = capsys.readouterr().out
-    assert "/haptic_device" in shown
+    assert max(map(len, shown.splitlines())) <= width
+    for name in ALL:
+        assert name in shown
     # What it did while the others were there.
     assert "rendering" in shown
     assert "990.0" in shown
     assert "0.17 / 1.19" in shown
     assert "/haptic_device: 2 failures" in shown
-
-
-def test_names_of_nodes_are_whole_in_80_columns(capsys: pytest.CaptureFixture[str]) -> None:
-    graph.console.width, before = 80, graph.console.width
-    try:
-        show_ends(ALL, ALL)
-    finally:
-        graph.console.width = before
-    shown = capsys.readouterr().out
-    assert max(map(len, shown.splitlines())) <= 80
-    for name in ALL:
-        assert name in shown

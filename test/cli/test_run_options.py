@@ -3,9 +3,8 @@
 """Options of `hapticmech run` that are more than a word."""
 
 import pytest
-from typer.testing import CliRunner
 
-from hapticmech_ros.cli import app
+from commands import ran
 from hapticmech_ros.cli.console import seconds_of
 from hapticmech_ros.cli.graph import drivers_of, nodes_of, refuse_one_device_twice
 from hapticmech_ros.errors import InvalidInputError
@@ -85,10 +84,9 @@ def test_a_driver_or_a_place_that_is_none_is_refused(word):
 
 
 def test_one_real_device_is_not_driven_from_two_points():
-    command = ["run", "crane", "--hold", "load_middle", "--hold", "trolley_grip"]
-    ran = CliRunner().invoke(app, [*command, "--device", "haply"])
-    assert isinstance(ran.exception, InvalidInputError)
-    assert "a device of its own" in str(ran.exception)
+    several = ("--hold", "load_middle", "--hold", "trolley_grip", "--device", "haply")
+    with pytest.raises(InvalidInputError, match="a device of its own"):
+        ran("run", "crane", *several)
     refuse_one_device_twice(nodes_of([], drivers_of(["haply", "left=relay"], HELD), HELD))
     both = nodes_of([], drivers_of(["haply"], HELD), HELD)
     told = [f"/{point}/haply_device.device_id" for point in HELD]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.experiment.record import first_push
 from hapticmech_ros.wire.messages import ENERGY_NAMES
 
 
@@ -63,10 +62,3 @@ def test_energy_balance_is_held_less_taken_plus_lost(handmade):
         latch_loss=13 * ones,
     )
     assert (record.energy_balance == 3 + 5 - 7 + 11 + 13).all()
-
-
-def test_first_push():
-    wrench = np.zeros((5, 6))
-    assert first_push(wrench) is None
-    wrench[3, 5] = -1e-9
-    assert first_push(wrench) == 3

@@ -6,14 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import SharedSession, load_scene
-from hapticmech_ros.cli import app
-from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
+from hapticmech_ros.errors import BagError, InvalidInputError
 from hapticmech_ros.experiment.figures import coupling_figure, users_figure
 from hapticmech_ros.experiment.from_bag import shared_record_from_bag
-from hapticmech_ros.experiment.from_session import UnfinishedRunError, run_shared_session
+from hapticmech_ros.experiment.from_session import run_shared_session
 from hapticmech_ros.experiment.record import Grips, SharedRecord, grips_of
 from hapticmech_ros.experiment.report import tables
 from hapticmech_ros.experiment.run import write_shared_results
@@ -189,30 +188,13 @@ def test_results_are_written_for_each_user(tmp_path, scene, record):
 def test_the_command_does_it(tmp_path):
     out = tmp_path / "out"
     arguments = ["experiment", "two_users", "--duration", "0.2", "--out", str(out)]
-    found = CliRunner().invoke(app, arguments, catch_exceptions=False)
-    assert found.exit_code == 0
-    assert "two_users, right (session)" in found.output
+    found = ran(*arguments)
+    assert "two_users, right (session)" in found
     assert {path.name for path in out.iterdir()} == {
         *("left", "right", "users.png", "coupling.png", "summary.json")
     }
     with pytest.raises(InvalidInputError, match="each does what the scene says"):
-        CliRunner().invoke(app, [*arguments, "--push", "1,0,0"], catch_exceptions=False)
-
-
-def test_a_run_that_an_error_ends_leaves_what_there_was(tmp_path):
-    arguments = ["experiment", "two_users", "--out", str(tmp_path / "out")]
-    for change in (
-        "links[0].joint.stiffness=1e5",
-        "simulation.accuracy={tolerance: 0.0}",
-        "simulation.integrator=rk4",
-    ):
-        arguments += ["--set", change]
-    with pytest.raises(UnfinishedRunError, match=r"^at [0-9.]+ s: ") as caught:
-        CliRunner().invoke(app, arguments, catch_exceptions=False)
-    written = json.loads((tmp_path / "out" / "failure.json").read_text())
-    assert written["error"] == str(caught.value)
-    assert set(written["last_state"]["q"]) == {f"joint{number}" for number in range(1, 5)}
-    assert isinstance(caught.value, HapticMechError)
+        ran(*arguments, "--push", "1,0,0")
 
 
 def test_of_no_bag_and_durations_errors_tell(scene, tmp_path):

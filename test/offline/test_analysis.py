@@ -5,12 +5,11 @@
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
 from benchmarks.accuracy import cases
+from commands import ran
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
@@ -147,63 +146,54 @@ def test_states_come_in_order_of_their_stamps(tmp_path):
     assert found.q[:, 0].tolist() == [1.0, 2.0, 3.0]
 
 
-class TestRefused:
+def test_what_is_not_of_the_mechanism_is_refused(scene, bag):
     """Each names the bag, and what is wrong with it."""
+    mechanism = Mechanism(scene)
+    other = Mechanism(load_scene("two_link"))
+    (andrews,) = [Mechanism(case.scene) for case in cases() if case.name == "andrews"]
+    with pytest.raises(BagError, match="no messages on /mechanism/measured_js"):
+        states_from_bag(bag, mechanism)
+    with pytest.raises(BagError, match="mechanism/state"):
+        states_from_bag(bag, other, namespace="left")
+    with pytest.raises(BagError, match="must name"):
+        states_from_bag(bag, andrews, "/left/mechanism/measured_js")
+    states = states_from_bag(bag, mechanism, namespace="left")
+    with pytest.raises(InvalidInputError, match="nowhere"):
+        analyse_states(mechanism, states, "nowhere")
 
-    def test_no_such_topic(self, scene, bag):
-        with pytest.raises(BagError, match="no messages on /mechanism/measured_js"):
-            states_from_bag(bag, Mechanism(scene))
 
-    def test_another_mechanism(self, bag):
-        with pytest.raises(BagError, match="mechanism/state"):
-            states_from_bag(bag, Mechanism(load_scene("two_link")), namespace="left")
-
-    def test_joints_of_another_mechanism(self, bag):
-        (andrews,) = [case for case in cases() if case.name == "andrews"]
-        mechanism = Mechanism(andrews.scene)
-        with pytest.raises(BagError, match="must name"):
-            states_from_bag(bag, mechanism, "/left/mechanism/measured_js")
-
-    def test_another_kind_of_message(self, tmp_path):
-        with BagWriter(tmp_path / "bag") as writer:
-            writer.add_topic("/numbers", "std_msgs/msg/UInt8")
-            writer.write(
-                "/numbers",
-                0,
-                STORE.serialize_cdr(STORE.types["std_msgs/msg/UInt8"](1), "std_msgs/msg/UInt8"),
-            )
-        with pytest.raises(BagError, match="is std_msgs/msg/UInt8, should be"):
-            states_from_bag(tmp_path / "bag", Mechanism(load_scene("two_link")), "/numbers")
-
-    def test_a_state_that_cannot_be_analysed_is_numbered(self):
-        mechanism = Mechanism(load_scene("five_bar"))
-        q = np.zeros((3, mechanism.nq))
-        q[1] = np.nan
-        states = RecordedStates(
-            np.arange(3),
-            q,
-            np.zeros((3, mechanism.nv)),
-            np.ones((3, 1), dtype=bool),
-            np.array([flat_grasps(mechanism.scene)] * 3),
-            "/here",
+def test_another_kind_of_message(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/numbers", "std_msgs/msg/UInt8")
+        writer.write(
+            "/numbers",
+            0,
+            STORE.serialize_cdr(STORE.types["std_msgs/msg/UInt8"](1), "std_msgs/msg/UInt8"),
         )
-        with pytest.raises(HapticMechError, match="state 1 of 3"):
-            analyse_states(mechanism, states)
+    with pytest.raises(BagError, match="is std_msgs/msg/UInt8, should be"):
+        states_from_bag(tmp_path / "bag", Mechanism(load_scene("two_link")), "/numbers")
 
-    def test_no_such_point(self, scene, bag):
-        mechanism = Mechanism(scene)
-        states = states_from_bag(bag, mechanism, namespace="left")
-        with pytest.raises(InvalidInputError, match="nowhere"):
-            analyse_states(mechanism, states, "nowhere")
+
+def test_a_state_that_cannot_be_analysed_is_numbered():
+    mechanism = Mechanism(load_scene("five_bar"))
+    q = np.zeros((3, mechanism.nq))
+    q[1] = np.nan
+    states = RecordedStates(
+        np.arange(3),
+        q,
+        np.zeros((3, mechanism.nv)),
+        np.ones((3, 1), dtype=bool),
+        np.array([flat_grasps(mechanism.scene)] * 3),
+        "/here",
+    )
+    with pytest.raises(HapticMechError, match="state 1 of 3"):
+        analyse_states(mechanism, states)
 
 
 def test_the_command_writes_a_table_and_a_picture(scene, bag, tmp_path):
     out = tmp_path / "out"
-    done = CliRunner().invoke(
-        app, ["analyse", str(bag), "--scene", scene.name, "--namespace", "left", "--out", str(out)]
-    )
-    assert done.exit_code == 0, done.output
-    assert "400 states of /left/mechanism/state" in done.output.replace("\n", " ")
+    done = ran("analyse", str(bag), "--scene", scene.name, "--namespace", "left", "--out", str(out))
+    assert "400 states of /left/mechanism/state" in done.replace("\n", " ")
     with np.load(out / "analysis.npz") as table:
         assert table["inverse_inertia"].shape == (TICKS, 6, 6)
         assert table["count"].shape == (TICKS,)

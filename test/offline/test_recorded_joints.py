@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
 from hapticmech_ros.bag.writer import BagWriter
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.offline import analyse_states, states_from_bag
@@ -229,6 +228,5 @@ def test_a_position_that_gets_lost_is_named(read):
 def test_the_command_says_it(tmp_path, path_of_scene):
     bag = write(tmp_path / "bag", ((10 * k, positions(k), None) for k in range(5)))
     given = ["analyse", str(bag), "--scene", str(path_of_scene), "--topic", TOPIC]
-    done = CliRunner().invoke(app, [*given, "--out", str(tmp_path / "out")])
-    assert done.exit_code == 0, done.output
-    assert "taken as 0 in 5 of 5 states" in done.output
+    done = ran(*given, "--out", str(tmp_path / "out"))
+    assert "taken as 0 in 5 of 5 states" in done

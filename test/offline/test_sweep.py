@@ -4,10 +4,9 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.offline import PrescribedJoint, SweptStates, sweep
@@ -147,9 +146,8 @@ def test_a_joint_of_several_degrees_of_freedom_is_refused():
 def test_the_command_writes_a_table_and_a_picture(joints, tmp_path):
     options = [part for joint in joints for part in ("--joint", joint)]
     command = ["sweep", "five_bar", *options, "--processes", "1", "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, command)
-    assert done.exit_code == 0, done.output
-    assert "places reached" in done.output
+    done = ran(*command)
+    assert "places reached" in done
     with np.load(tmp_path / "sweep.npz") as table:
         assert table["inverse_inertia"].shape[1:] == (6, 6)
         assert table["places"].shape[1] == len(joints)
@@ -178,6 +176,5 @@ def test_a_mechanism_that_is_rigid_everywhere_has_a_picture_too(swept, places):
 
 @pytest.mark.parametrize("text", ["joint1", "joint1=1:2", "joint1=a:b:c", "joint1=0:1:-3"])
 def test_the_command_says_what_a_joint_must_look_like(text):
-    done = CliRunner().invoke(app, ["sweep", "five_bar", "--joint", text])
-    assert isinstance(done.exception, InvalidInputError)
-    assert "NAME=FROM:TO:NUMBER" in str(done.exception)
+    with pytest.raises(InvalidInputError, match="NAME=FROM:TO:NUMBER"):
+        ran("sweep", "five_bar", "--joint", text)

@@ -10,7 +10,6 @@ from hapticmech_ros.study.parameter_study import (
     FAILURES,
     ROWS,
     Journal,
-    Rows,
     StudyError,
 )
 
@@ -27,20 +26,18 @@ def row(*numbers):
 
 def filled(folder):
     with opened(folder) as journal:
-        journal.write(Rows({4: row(1.5, np.inf), 0: row(-0.0, np.nan)}, {2: "loops open"}))
-        journal.write(Rows({1: row(1e-300, 2.0)}))
+        journal.write({4: row(1.5, np.inf), 0: row(-0.0, np.nan), 2: "loops open"})
+        journal.write({1: row(1e-300, 2.0)})
     return folder
 
 
 def check(rows):
-    assert sorted(rows.measured) == [0, 1, 4]
-    assert rows.measured[4].tolist() == [1.5, np.inf]
-    assert np.signbit(rows.measured[0][0])
-    assert np.isnan(rows.measured[0][1])
-    assert rows.failed == {2: "loops open"}
-    assert 2 in rows
-    assert 3 not in rows
-    assert len(rows) == 4
+    assert sorted(rows) == [0, 1, 2, 4]
+    assert rows[4].tolist() == [1.5, np.inf]
+    assert rows[1].tolist() == [1e-300, 2.0]
+    assert np.signbit(rows[0][0])
+    assert np.isnan(rows[0][1])
+    assert rows[2] == "loops open"
 
 
 def test_rows_are_found_again_to_the_bit(tmp_path):
@@ -56,9 +53,9 @@ def test_a_record_that_was_not_written_to_its_end_is_cut_off(tmp_path, cut):
     path.write_bytes(whole + whole[:cut])
     with opened(tmp_path) as journal:
         check(journal.rows)
-        journal.write(Rows({7: row(3.0, 4.0)}))
+        journal.write({7: row(3.0, 4.0)})
     with opened(tmp_path) as journal:
-        assert journal.rows.measured[7].tolist() == [3.0, 4.0]
+        assert journal.rows[7].tolist() == [3.0, 4.0]
         assert len(journal.rows) == 5
 
 
@@ -68,7 +65,7 @@ def test_no_damaged_record_is_believed_nor_what_follows_it(tmp_path):
     data[40 + 17] ^= 1
     path.write_bytes(data)
     with opened(tmp_path) as journal:
-        assert sorted(journal.rows.measured) == [4]
+        assert sorted(journal.rows) == [4]
     assert path.stat().st_size == 40
 
 
@@ -76,7 +73,7 @@ def test_reasons_may_be_damaged_without_harm(tmp_path):
     path = filled(tmp_path) / FAILURES
     path.write_text(path.read_text()[:-5] + "\n[1]\n{}\n\x00", encoding="utf-8")
     with opened(tmp_path) as journal:
-        assert journal.rows.failed == {2: ""}
+        assert journal.rows[2] == ""
 
 
 @pytest.mark.parametrize(

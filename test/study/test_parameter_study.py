@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from commands import ran
 from hapticmech_ros import load_scene
-from hapticmech_ros.cli import app
 from hapticmech_ros.errors import InvalidInputError, SceneError
 from hapticmech_ros.study import Design, Variation, run_study
 from hapticmech_ros.study.parameter_study import DEFINITION, FAILURES, ROWS, StudyError
@@ -257,10 +256,9 @@ def test_the_command_writes_rows_table_summary_and_figure_and_goes_on(tmp_path):
     command = ["study", "five_bar", "--vary", "links.link1.inertial.mass=0.1:0.2:3"]
     command += ["--vary", "controller.passivity.control=true,false", "--measure", "felt,limits"]
     command += ["--processes", "1", "-o", str(out)]
-    said = CliRunner().invoke(app, command)
-    assert said.exit_code == 0, said.output
-    assert "6 of 6 scenes measured" in said.output
-    assert "mass_x (kg)" in said.output
+    said = ran(*command)
+    assert "6 of 6 scenes measured" in said
+    assert "mass_x (kg)" in said
     names = {path.name for path in out.iterdir()}
     assert names == {
         *(DEFINITION, ROWS, FAILURES),
@@ -272,11 +270,9 @@ def test_the_command_writes_rows_table_summary_and_figure_and_goes_on(tmp_path):
         digest = str(table["scene_sha256"])
     assert json.loads((out / DEFINITION).read_text())["scene_sha256"] == digest
     assert len(digest) == 64
-    again = CliRunner().invoke(app, [*command, "--json"])
-    assert json.loads(again.stdout)["spread"]["count"]["median"] == 1.0
-    other = CliRunner().invoke(app, [*command, "--set", "device.mass=0.2"])
-    assert isinstance(other.exception, StudyError)
-    assert "differs in scene_sha256" in str(other.exception)
+    assert json.loads(ran(*command, "--json"))["spread"]["count"]["median"] == 1.0
+    with pytest.raises(StudyError, match="differs in scene_sha256"):
+        ran(*command, "--set", "device.mass=0.2")
 
 
 def test_files_that_a_scene_names_belong_to_its_hash(tmp_path):
