@@ -113,15 +113,8 @@ setup(
         "typer>=0.19",
     ],
     extras_require={
-        # Other simulators, which `python -m benchmarks speed` puts beside ours, and another carrier
-        # of messages for `python -m benchmarks carriers`.
-        "bench": [
-            "exudyn>=1.13",
-            "iceoryx2>=0.10",
-            *MJCF,
-        ],
-        # One more of them, of 220 MB with what it brings.
-        "drake": ["drake>=1.51"],
+        # Another simulator, which `python -m benchmarks speed` puts beside ours.
+        "bench": MJCF,
         # Processes of a cluster, for `--cluster`, which asks for the same version.
         "cluster": CLUSTER,
         # What the driver of a Haply Inverse3 speaks to its service with, and the emulator.

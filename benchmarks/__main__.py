@@ -15,7 +15,6 @@ from hapticmech_ros.cli import run_app
 COMMANDS = (
     "ablation",
     "accuracy",
-    "carriers",
     "graph",
     "haply",
     "live",

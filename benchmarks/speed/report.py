@@ -26,8 +26,6 @@ from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREEN,
     GREY,
-    ORANGE,
-    PURPLE,
     TEXT,
     VERMILION,
     dress,
@@ -42,8 +40,6 @@ LOOKS = {
     "hapticmech": (BLUE, "o"),
     "mujoco": (VERMILION, "s"),
     "pinocchio": (GREEN, "D"),
-    "exudyn": (PURPLE, "^"),
-    "drake": (ORANGE, "v"),
 }
 OTHER = (GREY, "x")
 CAPTION = (

@@ -168,8 +168,8 @@ def test_a_tick_is_timed_beside_others_that_agree() -> None:
 
 
 def test_results_are_sound_if_each_peer_has_one_method_that_passes() -> None:
-    passed, failed = Check("a", "exudyn", "x"), Check("a", "exudyn", "y", reason="no")
-    unsuitable = Check("b", "exudyn", "x", reason="no", suitable=False)
+    passed, failed = Check("a", "mujoco", "x"), Check("a", "mujoco", "y", reason="no")
+    unsuitable = Check("b", "mujoco", "x", reason="no", suitable=False)
     assert SpeedResults({}, {}, (passed, failed, unsuitable)).sound
     assert not SpeedResults({}, {}, (failed,)).sound
     assert not SpeedResults({}, {}, (Check("a", "hapticmech", "rk4", reason="no"),)).sound
