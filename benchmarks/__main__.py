@@ -18,7 +18,6 @@ COMMANDS = (
     "graph",
     "haply",
     "live",
-    "memory",
     "realtime",
     "robot",
     "session",

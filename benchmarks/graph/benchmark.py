@@ -4,21 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, cast
 
 import typer
-from matplotlib.figure import Figure
 
 from benchmarks.children import ReportingProcess
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
-from benchmarks.graph.comparison import Comparison, compare
-from benchmarks.graph.goals import verdicts
+from benchmarks.graph.comparison import Comparison, compare, verdicts
 from benchmarks.graph.plan import VIEW_HZ, Layout, Plan, scene_at_rate
-from benchmarks.graph.report import configuration_sheets, drawn
 from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
@@ -26,10 +23,6 @@ from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.system.discovery import Transport
-from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
-
-# Node that answers -> the clocked one whose samples it answers.
-ANSWERING = {CONTROLLER: DEVICE, ANALYSER: MECHANISM}
 
 
 @dataclass(frozen=True)
@@ -62,13 +55,8 @@ class GraphResults(MachineResults):
     def sheets(self) -> Iterator[Sheet]:
         """Yield the tables of each configuration, and the goals."""
         for comparison in self.comparisons:
-            yield from configuration_sheets(comparison)
+            yield comparison.sheet()
         yield goal_sheet(self.goals)
-
-    def figures(self) -> Mapping[str, Figure]:
-        """Return latency over rate, real and bare, and CPU time by node."""
-        figure = drawn(self.comparisons, self.plan.seconds, self.plan.repeats)
-        return {"bench_graph.png": figure}
 
 
 def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
@@ -96,7 +84,7 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
         if runs[-1].failure:
             show(f"  no figures: {runs[-1].failure}")
     comparisons = tuple(
-        compare(configuration, runs, ANSWERING, point) for configuration in plan.configurations()
+        compare(configuration, runs, point) for configuration in plan.configurations()
     )
     return GraphResults(facts, plan, session, tuple(runs), comparisons, verdicts(comparisons))
 

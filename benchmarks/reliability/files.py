@@ -1,9 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory.
-
-python -m benchmarks.reliability.files [NUMBER] [OUT]
-"""
+"""Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.children import next_line
-from benchmarks.reliability.figure import Figure, save, table
+from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.file_seeds import ROOT
 from benchmarks.reliability.file_worker import Mutants
 from benchmarks.reliability.usage import blocks, grown
@@ -230,11 +227,3 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
         if mutants is not None:
             _, path = mutants.make(number)
             shutil.copy(path, out / f"{number}{path.suffix}")
-
-
-if __name__ == "__main__":
-    COUNT = int(sys.argv[1]) if len(sys.argv) > 1 else QUICK
-    OUT = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("reliability")
-    FIGURES = measured(COUNT, OUT)
-    save(FIGURES, OUT / "files.json")
-    print(table(FIGURES))

@@ -12,13 +12,11 @@ from benchmarks.children import (
     BUSY,
     BenchError,
     ReportingProcess,
-    busy_programs,
     finding_benchmarks,
-    ids,
     output_to,
     wait_until,
 )
-from hapticmech_ros.graph import start_process, stop_process
+from hapticmech_ros.graph import start_process
 
 # A module of the standard library that ends at once and says nothing in JSON.
 SILENT = [sys.executable, "-m", "this"]
@@ -69,13 +67,6 @@ def command_of(pid: int) -> str:
         return ""
 
 
-def test_busy_programs_end_with_the_block() -> None:
-    before = busy_children(os.getpid())
-    with busy_programs(2):
-        wait_until(lambda: len(busy_children(os.getpid()) - before) == 2, 60.0, "two programs")
-    assert busy_children(os.getpid()) <= before
-
-
 def test_busy_programs_end_with_a_process_that_is_killed() -> None:
     program = "import benchmarks.children as c, time\nwith c.busy_programs(2): time.sleep(600)"
     environment = finding_benchmarks(os.environ)
@@ -87,12 +78,3 @@ def test_busy_programs_end_with_a_process_that_is_killed() -> None:
         process.kill()
         process.wait()
     wait_until(lambda: not any(map(command_of, busy)), 60.0, "their end")
-
-
-def test_a_process_of_several_nodes_is_called_composed() -> None:
-    process = start_process(SILENT, {})
-    try:
-        assert ids({"a,b": process}) == {"composed": process.pid}
-        assert ids({"a": process}) == {"a": process.pid}
-    finally:
-        stop_process(process)

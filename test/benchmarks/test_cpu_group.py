@@ -117,19 +117,6 @@ def test_what_is_still_in_a_group_is_ended_with_it_also_after_an_error(
     assert hierarchy.groups == []
 
 
-def test_the_first_possible_place_is_taken_and_others_are_left_as_they_were(
-    hierarchy: Hierarchy, tmp_path: Path
-) -> None:
-    missing = tmp_path / "not" / "there"
-    with cpu_group(1.2, [missing, hierarchy.root]) as group:
-        assert group.folder.parent == hierarchy.root
-    with (
-        pytest.raises(NoGroupError, match=r"not/there: No such file or directory"),
-        cpu_group(1.2, [missing]),
-    ):
-        pytest.fail("there is no such group")
-
-
 def test_a_place_without_quota_or_entry_is_refused_in_words(
     hierarchy: Hierarchy, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -22,7 +21,7 @@ from benchmarks.speed.pinocchio_peer import PinocchioPeer
 from benchmarks.speed.problems import problems
 from benchmarks.speed.race import Effort, multiples_of, race
 from benchmarks.speed.result import RunResult
-from benchmarks.speed.scaling import Growth, growth, sized
+from benchmarks.speed.scaling import Growth, growth
 from benchmarks.speed.tick import (
     MJ_STEP,
     SEE,
@@ -79,13 +78,6 @@ def test_ratios_are_against_the_best_of_the_others() -> None:
     assert (found[1e-6].value, found[1e-6].best_peer) == (0.25, "pinocchio")
     assert found[1e-8].value is None
     assert found[1e-8].ours == 2.0
-
-
-def test_growth_is_the_exponent_of_a_power() -> None:
-    sizes = (10, 20, 40, 80)
-    grown = Growth("chain", "a", "rk4", sizes, tuple(3e-6 * n**1.5 for n in sizes))
-    assert grown.exponent == pytest.approx(1.5)
-    assert Growth("chain", "a", "rk4", sizes, (1.0, None, 1.0, 1.0)).exponent is None
 
 
 def test_goals_are_met_missed_or_not_measured() -> None:
@@ -156,15 +148,8 @@ def test_growth_is_timed_with_who_passes_the_check() -> None:
     assert all(cpu is not None for one in grown for cpu in one.cpu_s_per_step)
 
 
-@pytest.mark.parametrize(("family", "size"), [("windows", 4), ("chain", 4), ("platform", 8)])
-def test_mechanisms_of_any_size_have_a_reference(family: str, size: int) -> None:
-    problem = sized(family, size)
-    assert np.linalg.norm(problem.outputs[0].values[0]) > 0.1
-
-
 def test_a_tick_is_timed_beside_others_that_agree() -> None:
-    names = [tick.name for tick in tick_times(rounds=1)]
-    assert {SEE, MJ_STEP} <= set(names)
+    assert {SEE, MJ_STEP} <= {tick.name for tick in tick_times(rounds=1)}
 
 
 def test_results_are_sound_if_each_peer_has_one_method_that_passes() -> None:

@@ -107,14 +107,6 @@ def test_a_part_that_breaks_off_keeps_no_limit_and_says_why(
     assert math.isnan(found.value)
 
 
-def test_a_part_that_is_not_there_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(campaign.PARTS, "storms", "lightning")
-    (found,) = campaign.run_part("storms", True, Path())
-    assert math.isnan(found.value)
-    assert "not measured" in table([found])
-    assert campaign.broken(found)
-
-
 def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -136,23 +128,6 @@ def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
     assert table(found).count("| **no** |") == 5
 
 
-def test_a_part_that_lacks_a_module_of_its_own_is_an_error(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def missing(name: str) -> None:
-        raise ModuleNotFoundError("no such module", name="something_else")
-
-    monkeypatch.setattr(campaign.importlib, "import_module", missing)
-    with pytest.raises(ModuleNotFoundError):
-        campaign.run_part("kills", True, Path())
-
-
-def test_an_unknown_part_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        campaign.main(["storms"])
-    assert "kills" in capsys.readouterr().err
-
-
 def test_the_document_has_one_place_for_the_table_which_holds_what_was_measured() -> None:
     text = DOCUMENT.read_text("utf-8")
     changed = with_table(text, [GOOD])
@@ -164,11 +139,6 @@ def test_the_document_has_one_place_for_the_table_which_holds_what_was_measured(
         assert with_table(text, load(RESULTS)) == text
     with pytest.raises(HapticMechError, match="once each"):
         with_table("no place", [GOOD])
-
-
-def test_the_document_names_every_part() -> None:
-    text = DOCUMENT.read_text("utf-8")
-    assert all(f"| `{name}` |" in text for name in campaign.PARTS)
 
 
 def test_growth_is_seen_through_single_samples_that_are_far_off() -> None:
