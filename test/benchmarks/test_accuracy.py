@@ -114,11 +114,11 @@ def test_long_runs_watch_energy_closures_and_branch() -> None:
 def test_crossings_are_counted_and_the_worst_ones_written(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["--samples", "4", "--out", str(tmp_path)])
     assert result.exit_code == 0
-    found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
-    assert sum(found["count"].values()) == 4
-    assert all(f"| {name} | {number} |" in result.stdout for name, number in found["count"].items())
-    assert not found["bad"]
-    assert not found["raised"]
+    found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))["figures"]
+    assert sum(figures["count"] for figures in found.values()) == 4
+    for name, figures in found.items():
+        assert f"| {name} | {figures['count']:.0f} |" in result.stdout
+        assert not {"bad", "raised"} & set(figures)
 
 
 def test_what_loses_energy_at_a_crossing_is_an_exit_code(
@@ -141,15 +141,16 @@ def test_runs_with_seeds_of_their_own_are_added_up(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
     assert found["seeds"] == [0, 1]
-    for name in found["count"]:
-        assert found["count"][name] == sum(part["count"].get(name, 0) for part in parts)
-        assert found["untold"][name] == max(part["untold"].get(name, 0.0) for part in parts)
+    for name, figures in found["figures"].items():
+        mine = [part["figures"][name] for part in parts if name in part["figures"]]
+        assert figures["count"] == sum(one["count"] for one in mine)
+        assert figures["untold"] == max(one["untold"] for one in mine)
     again = CliRunner().invoke(app, [*together, *together[:2], "--out", str(tmp_path)])
     assert isinstance(again.exception, InvalidInputError)
     assert "seed" in str(again.exception)
 
 
-@pytest.mark.parametrize("period", crossings.PERIODS)
+@pytest.mark.parametrize("period", [crossings.PERIODS[0], crossings.PERIODS[-1]])
 def test_a_motion_on_another_branch_is_bad_at_any_step(
     monkeypatch: pytest.MonkeyPatch, period: float
 ) -> None:
@@ -159,7 +160,8 @@ def test_a_motion_on_another_branch_is_bad_at_any_step(
     monkeypatch.setattr(crossings, "beyond", lambda *_: (0.0, off, 0.0, False))
     tally = crossings.Tally()
     tally.see(case, 1e-3)
-    assert tally.bad["one parallelogram"] == 1
+    assert tally.figures["one parallelogram"]["bad"] == 1
+    assert not tally.sound
 
 
 def test_scenes_are_pushed_and_what_is_silent_is_an_exit_code(

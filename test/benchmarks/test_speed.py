@@ -92,7 +92,7 @@ def test_references_agree_with_published_values() -> None:
 
 def test_the_stored_reference_is_what_its_command_computes() -> None:
     asked = next(one for one in ASKED if one.name == "pendulum")
-    readings, _ = reference.reference(asked.scene(), asked.outputs())
+    readings, _ = reference.reference(asked.scene, asked.outputs)
     assert PROBLEMS["pendulum"].error(readings) < 1e-12
     windows = reference.parallelograms(10, PROBLEMS["n_four_bar_10"].times)
     assert PROBLEMS["n_four_bar_10"].error(windows) < 1e-12
