@@ -3,7 +3,6 @@
 """The campaign of mutated files, in a form of a few seconds."""
 
 import os
-import signal
 import sys
 from pathlib import Path
 
@@ -13,7 +12,9 @@ import pytest
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.reliability import files
-from benchmarks.reliability.files import Tally, Worker
+from benchmarks.reliability.file_worker import Case, read_mutant
+from benchmarks.reliability.files import Tally
+from hapticmech_ros.system.workers import worker_pool
 
 MUTANTS = 100
 
@@ -25,21 +26,12 @@ def test_mutants_are_read_or_refused(tmp_path):
     assert [one for one in figures if not one.kept] == [], report
 
 
-def test_what_a_worker_does_wrong_is_counted(tmp_path, monkeypatch):
-    """An end by a signal, and silence; the next mutant has a new worker."""
-    worker = Worker(tmp_path)
-    try:
-        assert isinstance(worker.read(0), dict)
-        first = worker._process
-        os.kill(first.pid, signal.SIGSEGV)
-        assert worker.read(1) == f"exit code {-signal.SIGSEGV}"
-        assert isinstance(worker.read(2), dict)
-        assert worker._process is not first
-        os.kill(worker._process.pid, signal.SIGSTOP)
-        monkeypatch.setattr(files, "PATIENCE_S", 0.01)
-        assert worker.read(3) == "hang"
-    finally:
-        worker.close()
+def test_who_does_not_come_to_an_end_is_ended_and_counted(tmp_path):
+    """No file is read within a microsecond; where each process was then is kept."""
+    tally = files.read_mutants(2, tmp_path, patience_s=1e-6)
+    assert set(tally.hangs) == {0, 1}
+    assert not tally.crashes
+    assert "outcome" in (tmp_path / "hang_0").read_text()
 
 
 @pytest.mark.parametrize(
@@ -113,11 +105,9 @@ def test_one_file_that_takes_much_memory_or_is_blocked_breaks_its_limit(monkeypa
 
 
 def test_a_worker_tells_its_memory_and_the_time_that_it_takes(tmp_path):
-    worker = Worker(tmp_path)
-    try:
-        found = worker.read(0)
-        assert found["process"] == worker._process.pid
-    finally:
-        worker.close()
+    with worker_pool(1) as pool:
+        found = pool.submit(read_mutant, Case(tmp_path, files.SEED, 0, 60.0)).result()
+    assert found["process"] != os.getpid()
     assert 20.0 < found["resident_mb"] < 2000.0
     assert found["real_s"] >= found["blocked_s"] >= 0.0
+    assert not list(tmp_path.glob("hang_*"))
