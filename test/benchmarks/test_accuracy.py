@@ -8,7 +8,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -16,10 +15,8 @@ from benchmarks.accuracy import cases, crossings, pushed
 from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.crossings import app
 from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
-from benchmarks.accuracy.run import Run, Setting, Watch, measure, settings
+from benchmarks.accuracy.run import Run, Setting, measure, settings
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.simulation import MechanismState
 
 from .conftest import G, falling
 
@@ -66,33 +63,12 @@ def test_only_the_scene_s_own_setting_is_held_to_its_tolerance(
     assert not AccuracyResults({}, broken).sound
 
 
-def test_a_step_that_misses_the_times_of_a_case_is_a_line_not_a_crash() -> None:
-    (setting,) = settings(integrators=["rk4"], multiples=[3.0], known=[falling()])
-    run = measure(setting)
-    assert run.error is None
-    assert run.kept is None
-    assert "InvalidInputError: step: must divide 0.02 s" in run.failure
-
-
 def test_a_mechanism_that_does_not_close_is_a_line_with_its_error() -> None:
     case = LIBRARY["n_four_bar_2"]
     far = case.scene.initial_state.model_copy(update={"v": {"j_upright0": 1e200}})
     broken = replace(case, scene=case.scene.model_copy(update={"initial_state": far}))
     run = measure(Setting(broken, "rk4", 1e-3))
     assert "Error: " in run.failure
-
-
-def test_ranks_are_counted_and_compared_with_singular_times() -> None:
-    case = replace(LIBRARY["n_four_bar_2"], singular_times=(0.0021,))
-    mechanism = Mechanism(case.scene)
-    upright = np.array([np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2])
-    watch = Watch(case, 1e-3, mechanism)
-    for number, q in enumerate([upright, upright, 0.0 * upright, upright, upright, 0.0 * upright]):
-        watch.record(number, MechanismState(1e-3 * number, q, np.zeros(5), (True, True), 1e-9))
-    assert watch.ranks == [(0.0, 4), (2e-3, 2), (3e-3, 4), (5e-3, 2)]
-    # In line at 2 ms and back at 3 ms are within a step of 2.1 ms; at 5 ms it is not.
-    assert watch.unexpected_ranks() == 1
-    assert watch.closure_error == 1e-9
 
 
 def test_long_runs_watch_energy_closures_and_branch() -> None:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import AccuracyResults, run_accuracy
+from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.endurance import LongRun, lines
 from benchmarks.accuracy.run import (
     Run,
@@ -26,16 +26,6 @@ from hapticmech_ros.errors import InvalidInputError
 from .conftest import falling
 
 LIBRARY = {case.name: case for case in cases()}
-
-
-def test_a_quick_plan_is_short_and_a_large_case_runs_if_named() -> None:
-    quick = settings(quick=True)
-    assert "n_four_bar_40" not in {setting.case.name for setting in quick}
-    assert len(quick) < len(settings()) / 2
-    assert any(setting.own for setting in quick)
-    (named,) = settings(["n_four_bar_40"], ["rk4"], [8.0], quick=True)
-    assert named.step == pytest.approx(8e-3)
-    assert named.scene.simulation.period == named.step
 
 
 @pytest.mark.parametrize(
@@ -83,20 +73,6 @@ def test_what_failed_is_said_once_with_its_reason() -> None:
     assert text.count("failed") == 2
     assert text.count("KeyError: [not] there") == 1
     assert "linearly_implicit, 1 ms; linearly_implicit, 500 µs" in text
-
-
-def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
-    chosen = settings(integrators=["rk4", "rk2"], multiples=(3.0, 1.0), known=[falling()])
-    told: list[str] = []
-    results = run_accuracy(chosen, told.append)
-    results.write(tmp_path / "out")
-    document = json.loads((tmp_path / "out" / "bench_accuracy.json").read_text("utf-8"))
-    assert [run["integrator"] for run in document["runs"]] == ["rk4", "rk4", "rk2", "rk2"]
-    assert document["sound"] is results.sound is True
-    assert document["runs"][1]["error"] == results.runs[1].error
-    assert (tmp_path / "out" / "bench_accuracy.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "out" / "bench_accuracy.md").read_text("utf-8").count("| stone |") == 2
-    assert sum("failed" in line for line in told) == 2
 
 
 def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from benchmarks.children import (
     BenchError,
     ReportingProcess,
     finding_benchmarks,
-    output_to,
     wait_until,
 )
 from hapticmech_ros.graph import start_process
@@ -37,19 +35,6 @@ def test_waiting_ends_with_a_reason() -> None:
     with pytest.raises(BenchError, match="the sky fell"):
         wait_until(lambda: False, 60.0, "the moon", check)
     wait_until(lambda: True, 0.0, "nothing", check)
-
-
-def test_output_of_processes_started_within_goes_to_the_file(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    log = tmp_path / "log"
-    for words in ("first", "second"):
-        with output_to(log):
-            process = start_process([sys.executable, "-c", f"print('{words}')"], {})
-        process.wait(30.0)
-    subprocess.run([sys.executable, "-c", "print('here')"], check=True)
-    assert log.read_text() == "first\nsecond\n"
-    assert capfd.readouterr().out == "here\n"
 
 
 def busy_children(parent: int) -> set[int]:

@@ -86,16 +86,6 @@ def test_a_group_has_its_quota_and_is_gone_afterwards(hierarchy: Hierarchy) -> N
     assert hierarchy.groups == []
 
 
-def test_a_command_is_itself_the_process_that_enters(hierarchy: Hierarchy) -> None:
-    with cpu_group(0.6, [hierarchy.root]) as group:
-        words = ["a b", "$c", '"']
-        command = [sys.executable, "-c", "import os, sys; print(os.getpid(), sys.argv[1:])", *words]
-        process = start_process(group.within(command), os.environ, pipe_output=True)
-        said, _ = process.communicate(timeout=60.0)
-        assert said == f"{process.pid} {words}\n"
-        assert (group.folder / "cgroup.procs").read_text().split() == [f"{process.pid}"]
-
-
 def test_what_is_still_in_a_group_is_ended_with_it_also_after_an_error(
     hierarchy: Hierarchy,
 ) -> None:

@@ -36,19 +36,6 @@ def test_targets_have_the_twist_and_acceleration_of_their_motion(name):
         )
 
 
-@pytest.mark.parametrize(("start", "end"), PATHS)
-def test_every_other_path_turns_the_wrist_through_its_singular_pose(start, end):
-    """Joint 5 of a UR5e goes through 0, where the smallest s is that of rounding."""
-    start, end = np.array(start), np.array(end)
-    task = wrist_path(start, end)
-    assert start[4] * end[4] < 0.0
-    there = start + start[4] / (start[4] - end[4]) * (end - start)
-    law = OperationalLaw(Mechanism(task.scene))
-    assert law.state(there, 0.0 * there).analysis.spectrum.s[-1] < 1e-10
-    reached = law.state(end, 0.0 * end).point.pose
-    np.testing.assert_allclose(task.path(PATH_S).pose.homogeneous, reached.homogeneous, atol=1e-12)
-
-
 def test_what_is_worse_than_the_best_so_far_ends_early_and_alone():
     task = TASKS["wrist"]()
     stage, setting = Stage(task), ours(task)
@@ -91,7 +78,7 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     tried = [setting._replace(values={"kind": kind, "error": error}) for kind, error in kinds]
     shown = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.robot.benchmark._values", str)
+        patch.setattr("benchmarks.robot.benchmark.setting_text", str)
         found, best = choose(
             "robot", "as modelled", "law", tried, [Scripted(), Scripted()], shown.append
         )
@@ -99,7 +86,7 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     assert found.tried == 5
     assert len(shown) == 5
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.robot.benchmark._values", str)
+        patch.setattr("benchmarks.robot.benchmark.setting_text", str)
         assert (
             choose("robot", "as modelled", "law", tried[:3], [Scripted()], shown.append)[1] is None
         )

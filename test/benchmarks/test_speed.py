@@ -4,10 +4,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -15,7 +11,6 @@ import pytest
 
 from benchmarks.accuracy import cases
 from benchmarks.accuracy.cases import Output
-from benchmarks.children import finding_benchmarks
 from benchmarks.speed import mujoco_peer, reference
 from benchmarks.speed.benchmark import plan
 from benchmarks.speed.contender import (
@@ -28,8 +23,7 @@ from benchmarks.speed.contender import (
 from benchmarks.speed.equality import Check, bound_of, check
 from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
 from benchmarks.speed.own_peer import OwnPeer
-from benchmarks.speed.pinocchio_peer import LOOPS, PinocchioDynamics, PinocchioPeer
-from benchmarks.speed.platform import stewart_platform
+from benchmarks.speed.pinocchio_peer import LOOPS, PinocchioPeer
 from benchmarks.speed.problems import ASKED, Problem, problems
 from benchmarks.speed.result import numbers_of, run_once
 from benchmarks.speed.scaling import chain
@@ -113,40 +107,12 @@ def test_a_converted_scene_has_our_inertia(name: str) -> None:
     assert np.abs(theirs - ours).max() < 1e-9 * np.abs(ours).max()
 
 
-def test_a_platform_in_the_middle_hangs_in_its_springs() -> None:
-    scene = stewart_platform()
-    rest = scene.model_copy(
-        update={"initial_state": scene.initial_state.model_copy(update={"v": {}})}
-    )
-    dynamics = PinocchioDynamics(rest, 0.0, 1e-9, 1e-14, 100)
-    start = initial_state(rest)
-    sinking = dynamics.acceleration(start.q, start.v)[:6].copy()
-    # The springs carry platform and upper parts but for the weight of leaning legs.
-    assert abs(sinking[2]) < 2.0
-    # Six legs alike but for which way their yokes turn first: it neither shifts nor turns.
-    assert np.abs(np.delete(sinking, 2)).max() < 1e-3
-
-
 def test_a_peer_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco_peer, "find_spec", lambda name: None)
     found = plan(["pendulum"])
     assert [peer.name for peer in found.peers] == ["hapticmech", "pinocchio"]
     assert set(found.absent) == {"mujoco"}
     assert "pip install '.[bench]'" in found.absent["mujoco"]
-
-
-def test_peers_are_imported_when_they_race() -> None:
-    program = "import sys, benchmarks.__main__ as main; main.app_of(); "
-    program += "print('mujoco' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-        env=finding_benchmarks(os.environ),
-    )
-    assert done.stdout.strip() == "False"
 
 
 def test_what_simulators_do_not_agree_on_is_refused() -> None:

@@ -18,8 +18,6 @@ from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioPeer
-from benchmarks.speed.problems import problems
-from benchmarks.speed.race import Effort, multiples_of, race
 from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import Growth, growth
 from benchmarks.speed.tick import (
@@ -29,8 +27,6 @@ from benchmarks.speed.tick import (
     tick_times,
 )
 from hapticmech_ros.errors import InvalidInputError
-
-CHEAP = Effort(repeats=2, budget_s=0.01, limit_s=0.2, quick=True)
 
 
 def result(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> RunResult:
@@ -120,24 +116,6 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
     assert seen["chain of N rods"] == "FAIL"
     # MuJoCo gets to 7.6e-6 between its two runs, in less than our second.
     assert seen["n_four_bar_40"] == "FAIL"
-
-
-def test_a_race_has_a_result_for_every_step_of_who_may_race() -> None:
-    (problem,) = problems(["pendulum"])
-    peers = (OwnPeer(), PinocchioPeer())
-    checks = [
-        Check("pendulum", "hapticmech", "rk4"),
-        Check("pendulum", "pinocchio", "rk4", reason="error 1 above 1e-8"),
-    ]
-    results = race(problem, peers, checks, CHEAP)
-    assert {found.peer for found in results} == {"hapticmech"}
-    steps = [found.step for found in results]
-    allowed = [m * problem.unit for m in multiples_of(problem, peers[0].methods[0], True)]
-    assert steps == pytest.approx(allowed[: len(steps)])
-    assert all(found.error is not None and found.cpu_s_per_s for found in results)
-    assert len(results[-1].cpu_s_per_s) == CHEAP.repeats
-    assert results[0].slowest >= results[0].p90 >= results[0].median > 0.0  # type: ignore[operator]
-    assert multiples_of(problem, OwnPeer({"rk4": (2.0, 8.0)}).methods[0], False) == (8.0, 2.0)
 
 
 def test_growth_is_timed_with_who_passes_the_check() -> None:

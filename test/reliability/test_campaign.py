@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +19,7 @@ from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_
 from benchmarks.reliability.figure import MACHINE, Figure, load, save, table
 from benchmarks.reliability.full_disk import NoDiskError
 from benchmarks.reliability.stepped_clock import NoCompilerError
-from benchmarks.reliability.usage import grown, usage
+from benchmarks.reliability.usage import grown
 from hapticmech_ros.errors import HapticMechError
 
 GOOD = Figure("kills", "zero", 12.0, "ms", most=20.0, trials=4)
@@ -153,18 +151,3 @@ def test_growth_is_seen_through_single_samples_that_are_far_off() -> None:
     assert grown(times, [min(value, 20.0) for value in times]) == 0.0
     with pytest.raises(BenchError, match="8 or more"):
         grown(times[:9], leak[:9])
-
-
-def test_usage_counts_descriptors_and_refuses_the_dead(tmp_path: Path) -> None:
-    before = usage(os.getpid())
-    with (tmp_path / "one").open("w"), (tmp_path / "two").open("w"):
-        assert usage(os.getpid()).descriptors == before.descriptors + 2
-    assert before.resident >= before.proportional > 1 << 20
-    assert before.threads >= 1
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
-    try:
-        with pytest.raises(BenchError, match="ended by itself"):
-            usage(ended.pid)
-    finally:
-        ended.wait()

@@ -13,14 +13,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from benchmarks.reliability import messages
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.free_topics import free_topics, gentler
+from benchmarks.reliability.free_topics import gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
 from benchmarks.reliability.messages import Trial
 from benchmarks.reliability.outputs import Outputs
 from benchmarks.reliability.wire_messages import GENTLE
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.topics import TOPICS
 
 ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
 HELD = "/mechanism/link2/external_cf/persistent/x"
@@ -58,15 +57,6 @@ def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
     assert memory.mebi == pytest.approx(leak * 0.75 * 333_000 / 2**20, rel=0.03, abs=1e-6)
     found = worst_growth("messages", "somewhere", [kept_of_each(333_000, 0.0), memory], 333_000)
     assert found.kept == kept
-
-
-def test_free_topics_are_those_of_pushes_and_of_the_point_and_none_has_an_owner():
-    found = free_topics(load_scene("five_bar"), "x")
-    assert found["mechanism/handle/set_operational_point"] is PoseStamped
-    pushed = {"device/hand_cf", "mechanism/handle/external_cf", "mechanism/link1/external_cf"}
-    assert {f"{name}{below}" for name in pushed for below in ("/x", "/persistent/x")} < set(found)
-    owned = [topic for topic in TOPICS if topic.publisher != "any"]
-    assert not [name for name in found for topic in owned if topic.names(f"/{name}")]
 
 
 def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():

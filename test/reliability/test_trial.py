@@ -103,22 +103,6 @@ def test_force_after_a_pause_of_the_devices_process_is_told_apart() -> None:
         assert (largest.trials, left_out.trials) == ((1, 1) if paused else (2, 0))
 
 
-def test_a_pause_long_before_the_force_and_a_step_of_the_clock_are_none() -> None:
-    samples = Samples()
-    samples.push(0, 112, 0.5)
-    samples.push(112, 400, 0.0)
-    samples.push(410, 500, 0.5)
-    samples.push(500, 501, 0.8)
-    samples.push(501, 600, 0.5)
-    assert samples.seen(Fault("kill", 0, samples.at(99.9), samples.at(300))).pause_s < 1.5e-3
-    step = 5_000 * MS
-    samples.rows = [
-        (topic, arrived, stamp + (step if number >= 495 else 0), number, force, torque)
-        for topic, arrived, stamp, number, force, torque in samples.rows
-    ]
-    assert samples.seen(Fault("step", 0, samples.at(99.9), samples.at(300))).pause_s < 1.5e-3
-
-
 def test_a_device_that_never_lets_go_or_is_silent_never_was_at_zero() -> None:
     samples = Samples()
     samples.push(0, 500, 0.5)
@@ -253,17 +237,6 @@ def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it() -> None:
     # Nobody says that there are two: force lasts since the first message.
     assert first_heard(500 * MS, [], arrived, on, 0) == 500 * MS
     assert first_heard(500 * MS, [100 * MS], arrived, on, 0) == 500 * MS
-
-
-def test_force_may_begin_before_the_graph_has_met_the_newcomer() -> None:
-    arrived = MS * np.arange(1000)
-    on = (arrived >= 504 * MS) & (arrived < 533 * MS)
-    assert first_heard(500 * MS, [400 * MS, 531 * MS], arrived, on, 0) == 531 * MS
-    # Nobody says that there is another one: all force counts.
-    assert first_heard(500 * MS, [400 * MS], arrived, on, 0) == 500 * MS
-    # Force that begins after it was said counts too.
-    late = (arrived >= 540 * MS) & (arrived < 600 * MS)
-    assert first_heard(500 * MS, [531 * MS], arrived, late, 0) == 500 * MS
 
 
 def test_a_newcomer_that_never_speaks_counts_from_when_force_ended() -> None:
