@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Annotated, ClassVar, cast
 
 import typer
+from rclpy.utilities import get_rmw_implementation_identifier
 
-from benchmarks.children import ReportingProcess
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
 from benchmarks.graph.comparison import Comparison, compare, verdicts
 from benchmarks.graph.plan import VIEW_HZ, Layout, Plan, scene_at_rate
-from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
+from benchmarks.graph.run import SETTLES_S, Run, measure
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument, words
@@ -67,7 +67,6 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
 
     Raises:
         SceneError: no such scene, or it refuses a rate.
-        BenchError: ROS does not start.
     """
     scene = load_scene(plan.scene)
     point = scene.operational_point().name
@@ -75,7 +74,7 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
     (out / "nodes.log").unlink(missing_ok=True)
     show("simulating the same without ROS")
     session = expected(scene, plan.seconds + SETTLES_S)
-    facts = {**machine(), "rmw": _middleware()}
+    facts = {**machine(), "rmw": get_rmw_implementation_identifier()}
     runs: list[Run] = []
     for step in plan.steps():
         show(f"{step.configuration}: {step.kind} graph, run {step.repeat} of {plan.repeats}")
@@ -117,8 +116,3 @@ def graph(
     views_hz = tuple(numbers("--view-rates", view_rates, float))
     plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports, views_hz)
     carry_out(lambda show: run_benchmark(plan, out, show), out, json_only)
-
-
-def _middleware() -> str:
-    with ReportingProcess(probe_command(), graph_environment()) as probe:
-        return str(probe.of("ready")[0].get("rmw"))
