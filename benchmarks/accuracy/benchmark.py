@@ -19,7 +19,7 @@ from benchmarks.accuracy.cases import Case
 from benchmarks.accuracy.endurance import endurance
 from benchmarks.accuracy.run import INTEGRATOR_NAMES, Run, Setting, measure, settings
 from benchmarks.machine import MachineResults, machine, speed_line
-from benchmarks.work_precision import SMALLEST, finish, panels
+from benchmarks.work_precision import SMALLEST, Looks, finish, panels
 from hapticmech_ros.analysis.study import Sheet, Show, judged, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out, numbers
@@ -202,7 +202,7 @@ def drawn(runs: Sequence[Run], known: Sequence[Case]) -> Figure:
     names = {case.name: f"{case.problem} {case.title}" for case in known}
     titles = {run.case: names.get(run.case, run.case) for run in runs}
     integrators = {run.integrator for run in runs if run.error is not None}
-    looks = {name: look for name, look in LOOKS.items() if name in integrators}
+    looks: Looks = {name: look for name, look in LOOKS.items() if name in integrators}
     figure, places = panels(titles, looks, CAPTION, face="white")
     for name, axes in places.items():
         members = [run for run in runs if run.case == name]

@@ -121,7 +121,8 @@ class Connection:
         Raises:
             BenchError: it fails, or does not answer.
         """
-        number, answer = self._send(method, params=parameters), {}
+        number = self._send(method, params=parameters)
+        answer: dict[str, Any] = {}
         try:
             while answer.get("id") != number:
                 answer = json.loads(self._socket.recv(PATIENCE_S))

@@ -171,14 +171,18 @@ class SplitGraph:
                 command = network.command(side, [*_WATCH, str(self._files[name]), name])
                 watcher = ReportingProcess(command, beside)
                 self._watchers[name] = self._stack.enter_context(watcher)
-            for name, (side, command) in processes.items():
+            for name, (side, words) in processes.items():
                 self._log(name).unlink(missing_ok=True)
                 with output_to(self._log(name)):
-                    started = start_process(network.command(side, command), environment)
+                    started = start_process(network.command(side, words), environment)
                 self._processes[name] = started
         except BaseException:
             self.stop()
             raise
+
+    def _check(self) -> None:
+        for watcher in self._watchers.values():
+            watcher.check()
 
     def _log(self, name: str) -> FilePath:
         return self._folder / f"{name}.log"
@@ -190,14 +194,12 @@ class SplitGraph:
             BenchError: one does not.
         """
         # Each says so again with all diagnostics.
-        before = {name: len(one.of("rendering")) for name, one in self._watchers.items()}
-        for name, watcher in self._watchers.items():
-            wait_until(
-                lambda one=watcher, said=before[name]: len(one.of("rendering")) > said,
-                START_TIMEOUT_S,
-                f"{name or 'the device'} to render",
-                watcher.check,
-            )
+        said = [(one, len(one.of("rendering"))) for one in self._watchers.values()]
+
+        def rendering() -> bool:
+            return all(len(one.of("rendering")) > before for one, before in said)
+
+        wait_until(rendering, START_TIMEOUT_S, "the devices to render", self._check)
         return time.time()
 
     def kill_nodes(self, name: str) -> float:

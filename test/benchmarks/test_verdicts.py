@@ -8,10 +8,9 @@ import json
 from dataclasses import replace
 
 import pytest
-from benchmarks.graph.goals import verdicts
 
 from benchmarks.graph.checks import Check
-from benchmarks.graph.comparison import Comparison, compare
+from benchmarks.graph.comparison import Comparison, compare, verdicts
 from benchmarks.graph.plan import Configuration
 from benchmarks.graph.run import Run
 from benchmarks.graph.statuses import RATE, ROUND_TRIP, latency
