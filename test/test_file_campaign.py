@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The campaign of mutated files, in a form of a few seconds."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -12,9 +11,7 @@ import pytest
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.reliability import files
-from benchmarks.reliability.file_worker import Case, read_mutant
 from benchmarks.reliability.files import Tally
-from hapticmech_ros.system.workers import worker_pool
 
 MUTANTS = 100
 
@@ -27,9 +24,9 @@ def test_mutants_are_read_or_refused(tmp_path):
 
 
 def test_who_does_not_come_to_an_end_is_ended_and_counted(tmp_path):
-    """No file is read within a microsecond; where each process was then is kept."""
-    tally = files.read_mutants(2, tmp_path, patience_s=1e-6)
-    assert set(tally.hangs) == {0, 1}
+    """No file is read within a microsecond; where the process was then is kept."""
+    tally = files.read_mutants(1, tmp_path, patience_s=1e-6)
+    assert set(tally.hangs) == {0}
     assert not tally.crashes
     assert "outcome" in (tmp_path / "hang_0").read_text()
 
@@ -102,12 +99,3 @@ def test_one_file_that_takes_much_memory_or_is_blocked_breaks_its_limit(monkeypa
     silent = tallied(*life(0.0))
     silent.silent(300)
     assert broken(monkeypatch, tmp_path, silent) == waits
-
-
-def test_a_worker_tells_its_memory_and_the_time_that_it_takes(tmp_path):
-    with worker_pool(1) as pool:
-        found = pool.submit(read_mutant, Case(tmp_path, files.SEED, 0, 60.0)).result()
-    assert found["process"] != os.getpid()
-    assert 20.0 < found["resident_mb"] < 2000.0
-    assert found["real_s"] >= found["blocked_s"] >= 0.0
-    assert not list(tmp_path.glob("hang_*"))

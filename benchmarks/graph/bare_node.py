@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros.errors import HapticMechError
@@ -62,7 +63,7 @@ QUESTIONS = {ANALYSER: STATE, CONTROLLER: DEVICE_STATE}
 # A message older than this is not heard any more; says no more than diagnostics' first word.
 SILENCE_NS = NANOSECONDS // 4
 # s of the scene in which the actors engage, and send every message that is published.
-ENGAGES_S = 1.0
+ENGAGES_S = 0.3
 # What is published at a time, ns: a message, or one already serialized.
 Example = Callable[[int], Any]
 
@@ -258,7 +259,7 @@ def example(kind: Any, sent: Any) -> Example:
 
         return at
     # Flat arrays have one dimension and begin with their stamp; matrices have two and none.
-    if isinstance(sent, bytes) and len(message.layout.dim) == 1:
+    if kind is Float64MultiArray and len(message.layout.dim) == 1:
         written = bytearray(sent)
         offset = len(sent) - decode(sent).nbytes
 
