@@ -4,7 +4,7 @@
 #   make test    lint, types, tests; of sweeps over seeds, states and values a sample
 #   make test-long   the same with whole sweeps
 #   make lint    lint and types only
-#   make bench   accuracy, ablation, speed, memory and graphs, for hours, into bench/; ONE=speed: one
+#   make bench   accuracy, ablation, speed and graphs, for hours, into bench/; ONE=speed: one
 #   make campaign   every fault against the graph, for hours, into reliability/; QUICK=1: minutes
 #   make small-machine   the demo on two CPUs: alone, busy, with a quota; ten times, QUICK=1: once
 #   make docs    the documentation as a site, into site/
@@ -77,14 +77,14 @@ lint: .venv/test-requirements .venv/package
 	$(BIN)/mypy
 
 # In .venv alone: what the tests need is not needed here.
-BENCHMARKS := accuracy ablation speed memory graph
+BENCHMARKS := accuracy ablation speed graph
 .PHONY: bench
 bench: .venv/bench-requirements .venv/package
 	set -e; for one in $(or $(ONE),$(BENCHMARKS)); do \
 	  $(BIN)/python -m benchmarks $$one $(OPTIONS) --out bench; done
 
 .PHONY: campaign
-campaign: .venv/package
+campaign: .venv/bench-requirements .venv/package
 	$(BIN)/python -m benchmarks.reliability $(if $(QUICK),--quick) --out reliability $(PARTS)
 
 .PHONY: small-machine

@@ -28,6 +28,7 @@ MJCF = ["mujoco>=4"]
 LIVE = ["viser>=1.1", *MJCF]
 CLUSTER = ["distributed>=2024.5"]
 HAPLY = ["websockets>=13"]
+PSUTIL = "psutil>=5.9"
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
@@ -113,15 +114,9 @@ setup(
         "typer>=0.19",
     ],
     extras_require={
-        # Other simulators, which `python -m benchmarks speed` puts beside ours, and another carrier
-        # of messages for `python -m benchmarks carriers`.
-        "bench": [
-            "exudyn>=1.13",
-            "iceoryx2>=0.10",
-            *MJCF,
-        ],
-        # One more of them, of 220 MB with what it brings.
-        "drake": ["drake>=1.51"],
+        # Another simulator, which `python -m benchmarks speed` puts beside ours, and what processes
+        # take of a machine.
+        "bench": [*MJCF, PSUTIL],
         # Processes of a cluster, for `--cluster`, which asks for the same version.
         "cluster": CLUSTER,
         # What the driver of a Haply Inverse3 speaks to its service with, and the emulator.
@@ -155,6 +150,8 @@ setup(
             # Tests check that our motions equal its.
             *MJCF,
             "mypy>=1.10",
+            # Benchmarks are run, the shortest forms of them.
+            PSUTIL,
             "pytest>=7.4",
             "pytest-cov",
             "pytest-xdist>=3.2",  # worksteal

@@ -15,11 +15,9 @@ from hapticmech_ros.cli import run_app
 COMMANDS = (
     "ablation",
     "accuracy",
-    "carriers",
     "graph",
     "haply",
     "live",
-    "memory",
     "realtime",
     "robot",
     "session",

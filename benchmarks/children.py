@@ -14,10 +14,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import start_process, stop_process
+
+Found = TypeVar("Found")
 
 # Where this package is found, which is not installed.
 ROOT = Path(__file__).resolve().parents[1]
@@ -100,22 +102,24 @@ def next_line(process: subprocess.Popen[str], seconds: float) -> str | None:
 
 
 def wait_until(
-    condition: Callable[[], object],
+    condition: Callable[[], Found],
     timeout_s: float,
     what: str,
     check: Callable[[], object] = lambda: None,
-) -> None:
-    """Wait for a condition, and call ``check`` all the while, which may raise.
+    look_again_s: float = LOOK_AGAIN_S,
+) -> Found:
+    """Return the first true value of a function; ``check`` is called meanwhile, which may raise.
 
     Raises:
-        BenchError: it does not come true in time.
+        BenchError: there is none in time.
     """
     end = time.monotonic() + timeout_s
-    while not condition():
+    while not (found := condition()):
         check()
         if time.monotonic() > end:
             raise BenchError(f"waited {timeout_s:g} s in vain for {what}")
-        time.sleep(LOOK_AGAIN_S)
+        time.sleep(look_again_s)
+    return found
 
 
 def finding_benchmarks(environment: Mapping[str, str]) -> dict[str, str]:

@@ -9,15 +9,13 @@ round by round, so that what else the machine does is met by all of them alike.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import machine, speed_line
-from benchmarks.speed.contender import initial_state
-from benchmarks.speed.mujoco_peer import MujocoScene
+from benchmarks.machine import cpu_times, machine, speed_line
+from benchmarks.speed.mujoco_peer import MujocoScene, at_start
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -27,13 +25,6 @@ STEPS, BEFORE = 200, 200
 SIZE, MASS = 0.1, 1.0
 LAW = {"stiffness": 1e5, "damping": 50.0, "friction": 0.5}
 FLOOR = {"name": "floor", "link": "world", "geometry": {"kind": "half_space"}}
-
-
-class Cost(NamedTuple):
-    """CPU times of a call, s: median and 90th percentile of the rounds."""
-
-    median: float
-    p90: float
 
 
 def out_of_reach(name: str, substeps: int) -> tuple[Scene, Scene]:
@@ -109,8 +100,6 @@ def mj_stepping(scene: Scene) -> Callable[[], None]:
     converted = MujocoScene(bare)
     spec: Any = converted.spec
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    spec.option.timestep = scene.simulation.period
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Declared pairs alone: what is in the world against what moves.
     for shape in scene.shapes:
         if shape.link == "world":
@@ -120,9 +109,7 @@ def mj_stepping(scene: Scene) -> Callable[[], None]:
         body = spec.worldbody if shape.link == "world" else spec.body(shape.link)
         still = int(shape.link == "world")
         body.add_geom(type=kind, size=size, contype=still, conaffinity=1 - still, mass=0.0)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = converted.state(initial_state(bare))
+    model, data = at_start(converted, bare)
     for _ in range(BEFORE):
         mujoco.mj_step(model, data)
     points = 4 * len(scene.contacts)
@@ -134,20 +121,6 @@ def mj_stepping(scene: Scene) -> Callable[[], None]:
             mujoco.mj_step(model, data)
 
     return call
-
-
-def measured(callers: dict[str, Callable[[], None]], rounds: int) -> dict[str, Cost]:
-    """Return what one step of each costs."""
-    times: dict[str, list[float]] = {name: [] for name in callers}
-    for _ in range(rounds):
-        for name, call in callers.items():
-            begun = time.process_time()
-            call()
-            times[name].append((time.process_time() - begun) / STEPS)
-    return {
-        name: Cost(*(float(np.quantile(one, share)) for share in (0.5, 0.9)))
-        for name, one in times.items()
-    }
 
 
 def main() -> None:
@@ -165,17 +138,16 @@ def main() -> None:
         callers[f"{points} points on a floor"] = stepping(boxes)
         callers[f"{points} points, no floor"] = stepping(boxes_on_floor(count, touching=False))
         callers[f"{points} points, mj_step"] = mj_stepping(boxes)
-    costs = measured(callers, rounds)
-    for name, cost in costs.items():
-        print(f"{name:45} {1e6 * cost.median:8.1f} {1e6 * cost.p90:8.1f}")
+    costs = {}
+    for name, taken in cpu_times(callers, rounds).items():
+        costs[name], p90 = 1e6 * np.quantile(taken / STEPS, (0.5, 0.9))
+        print(f"{name:45} {costs[name]:8.1f} {p90:8.1f}")
     for substeps in (1, 4):
         near, free = (
-            costs[f"five_bar, {substeps} substeps, {which}"].median
+            costs[f"five_bar, {substeps} substeps, {which}"]
             for which in ("pair out of reach", "no pair")
         )
-        print(
-            f"a pair out of reach, per substep of {substeps}: {1e6 * (near - free) / substeps:.2f}"
-        )
+        print(f"a pair out of reach, per substep of {substeps}: {(near - free) / substeps:.2f}")
     print(speed_line(machine()))
 
 

@@ -19,15 +19,14 @@ import pinocchio as pin
 import typer
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
-from ruamel.yaml import YAML
 
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.cli import run_app
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import OperationalModelMessage
 
@@ -108,13 +107,10 @@ class Body:
 
 def felt(kind: Kind) -> Felt:
     """Push through a driver of a kind, and return what was felt."""
-    document = document_of(load_scene(SCENE))
     axes = "body" if kind.turn else "world"
-    document["device"] |= {"force_sensor": kind.sensor, "servo_axes": axes}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
-        with path.open("w") as stream:
-            YAML(typ="safe", pure=True).dump(document, stream)
+        copy_scene(SCENE, path, [f"device.force_sensor={kind.sensor}", f"device.servo_axes={axes}"])
         graph = FakeGraph(str(path), actors=ACTORS[1:4])
     return _Trial(graph, kind).run()
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The campaign of mutated files, in a form of a few seconds."""
 
-import os
-import signal
 import sys
 from pathlib import Path
 
@@ -13,7 +11,7 @@ import pytest
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.reliability import files
-from benchmarks.reliability.files import Tally, Worker
+from benchmarks.reliability.files import Tally
 
 MUTANTS = 100
 
@@ -25,23 +23,12 @@ def test_mutants_are_read_or_refused(tmp_path):
     assert [one for one in figures if not one.kept] == [], report
 
 
-def test_what_a_worker_does_wrong_is_counted(tmp_path, monkeypatch):
-    """An end by a signal, and silence; the next mutant has a new worker."""
-    worker = Worker(tmp_path)
-    try:
-        found, first = worker.read(0), worker._process
-        assert found["process"] == first.pid
-        assert 20.0 < found["resident_mb"] < 2000.0
-        assert found["real_s"] >= found["blocked_s"] >= 0.0
-        os.kill(first.pid, signal.SIGSEGV)
-        assert worker.read(1) == f"exit code {-signal.SIGSEGV}"
-        assert isinstance(worker.read(2), dict)
-        assert worker._process is not first
-        os.kill(worker._process.pid, signal.SIGSTOP)
-        monkeypatch.setattr(files, "PATIENCE_S", 0.01)
-        assert worker.read(3) == "hang"
-    finally:
-        worker.close()
+def test_who_does_not_come_to_an_end_is_ended_and_counted(tmp_path):
+    """No file is read within a microsecond; where the process was then is kept."""
+    tally = files.read_mutants(1, tmp_path, patience_s=1e-6)
+    assert set(tally.hangs) == {0}
+    assert not tally.crashes
+    assert "outcome" in (tmp_path / "hang_0").read_text()
 
 
 @pytest.mark.parametrize(

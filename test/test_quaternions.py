@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.memory.growth import resident
+from benchmarks.reliability.usage import resident
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
@@ -25,7 +25,7 @@ def grown(call):
     for _ in range(CALLS):
         call()
     after = resident(os.getpid())
-    return after.resident - before.resident
+    return after - before
 
 
 def test_bits_are_those_of_pinocchios_quaternions():

@@ -11,12 +11,11 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from benchmarks.ablation.agreement import Agreement
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.ablation.scenes import Pair, Variant
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.plan.scene_plan import ScenePlan
+from hapticmech_ros.plan.scene_plan import plan_scene
 from hapticmech_ros.session import Session
 
 # A difference is seen from so many of its standard errors on, and counts from this share of a tick.
@@ -25,6 +24,8 @@ ERRORS, SHARE = 3.0, 0.01
 OF_MEDIAN = sqrt(np.pi / 2.0)
 # Spread of normally distributed numbers over their median absolute deviation.
 OF_DEVIATION = 1.4826
+# m or rad, by which coordinates of scenes that move alike may differ.
+ALIKE = 1e-12
 # Ticks at the start of each block that are not counted: caches fill.
 WARM_TICKS = 20
 # Turns between lines that tell how far it is.
@@ -38,8 +39,6 @@ class AblationStep:
     Attributes:
         name: what it has more than the one before.
         nv, rows, rank: of the mechanism, and of the closures active at the start.
-        apart: largest relative difference of kernels and their Python.
-        agrees: whether that is rounding.
         median_us, p90_us, p99_us: of a whole tick.
         ratio: median over that of the first step.
         increment_us: median of the differences to the step before, round by round; 0 for the first.
@@ -51,8 +50,6 @@ class AblationStep:
     nv: int
     rows: int
     rank: int
-    apart: float
-    agrees: bool
     median_us: float
     p90_us: float
     p99_us: float
@@ -69,7 +66,7 @@ class Unused:
     Attributes:
         name: the thing.
         without, having: names of the scenes.
-        agrees: whether kernels and their Python agree in both.
+        alike: whether both move as they are to.
         without_us, having_us: median tick.
         increment_us: median over rounds of the median difference of the same tick.
         error_us: standard error of that.
@@ -78,7 +75,7 @@ class Unused:
     name: str
     without: str
     having: str
-    agrees: bool
+    alike: bool
     without_us: float
     having_us: float
     increment_us: float
@@ -109,46 +106,41 @@ class Unused:
 
 
 def ablation_steps(
-    names: Sequence[str],
-    plans: Sequence[ScenePlan],
-    agreements: Sequence[Agreement],
-    times: Sequence[Times],
+    variants: Sequence[Variant], ticks_us: Array, parts_us: Array
 ) -> tuple[AblationStep, ...]:
-    """Return what was found of each scene of the ladder, in its order."""
+    """Return what was found of each scene of the ladder, in its order.
+
+    Args:
+        variants: the scenes.
+        ticks_us: (scenes, rounds, ticks) of whole ticks, µs.
+        parts_us: (scenes, rounds, ticks, 4) of ``PARTS``, µs.
+    """
+    medians, by_round = np.median(ticks_us, axis=(1, 2)).tolist(), np.median(ticks_us, axis=2)
     found = []
-    for index, (name, plan, agreed, time) in enumerate(
-        zip(names, plans, agreements, times, strict=True)
-    ):
-        before = times[max(index - 1, 0)]
-        increment, error = _middle(time.rounds_us - before.rounds_us)
+    for index, variant in enumerate(variants):
+        plan = plan_scene(variant.scene())
+        increment, error = _middle(by_round[index] - by_round[max(index - 1, 0)])
+        p90, p99 = np.percentile(ticks_us[index], (90.0, 99.0)).tolist()
+        parts = np.median(parts_us[index], axis=(0, 1)).tolist()
         found.append(
             AblationStep(
-                name=name,
-                nv=plan.nv,
-                rows=plan.active_rows,
-                rank=plan.rank,
-                apart=max(agreed.apart.values()),
-                agrees=agreed.held,
-                median_us=time.median_us,
-                p90_us=time.percentile_us(90.0),
-                p99_us=time.percentile_us(99.0),
-                ratio=time.median_us / times[0].median_us,
-                increment_us=increment,
-                error_us=error,
-                parts_us={part: time.part_us(part) for part in PARTS},
+                variant.name,
+                *(plan.nv, plan.active_rows, plan.rank),
+                *(medians[index], p90, p99, medians[index] / medians[0]),
+                *(increment, error, dict(zip(PARTS, parts, strict=True))),
             )
         )
     return tuple(found)
 
 
-def unused(pair: Pair, agrees: bool, without: Array, having: Array) -> Unused:
+def unused(pair: Pair, alike: bool, without: Array, having: Array) -> Unused:
     """Return what was found of a pair, of whose ticks (rounds, ticks) are given, µs."""
     increment, error = _middle(np.median(having - without, axis=1))
     return Unused(
         pair.name,
         pair.without.name,
         pair.having.name,
-        agrees,
+        alike,
         float(np.median(without)),
         float(np.median(having)),
         increment,
@@ -163,41 +155,18 @@ def _middle(differences: Array) -> tuple[float, float]:
     return middle, OF_MEDIAN * spread / sqrt(differences.size)
 
 
-@dataclass(frozen=True, slots=True)
-class Times:
-    """Times of one scene.
-
-    Attributes:
-        ticks_us: (rounds, ticks) of whole ticks, µs; column k is the same tick in every round.
-        parts_us: (rounds, ticks, 4) of the ``PARTS``, µs.
-    """
-
-    ticks_us: Array
-    parts_us: Array
-
-    @property
-    def rounds_us(self) -> Array:
-        """(rounds,) median tick of each round, µs."""
-        return np.asarray(np.median(self.ticks_us, axis=1))
-
-    @property
-    def median_us(self) -> float:
-        """Median of all ticks, µs."""
-        return float(np.median(self.ticks_us))
-
-    def percentile_us(self, percent: float) -> float:
-        """Return a percentile of all ticks, µs."""
-        return float(np.percentile(self.ticks_us, percent))
-
-    def part_us(self, part: str) -> float:
-        """Return the median of a part, µs."""
-        return float(np.median(self.parts_us[:, :, PARTS.index(part)]))
+def moves_alike(pair: Pair, ticks: int) -> bool:
+    """Return whether both scenes of a pair move alike, as they have to unless the thing is used."""
+    without, having = Session(pair.without.scene()), Session(pair.having.scene())
+    for _ in range(ticks):
+        one, other = without.tick().mechanism.q, having.tick().mechanism.q
+    return not pair.alike or bool(np.allclose(one, other, rtol=0.0, atol=ALIKE))
 
 
 def time_in_turn(
     variants: Sequence[Variant], rounds: int, ticks: int, show: Show = silent
-) -> list[Times]:
-    """Time the ticks of every variant, whole ones and part by part.
+) -> tuple[Array, Array]:
+    """Return the times of ticks of every variant, whole ones and part by part, as above.
 
     Each block is a session from its start, so that every round computes the same numbers.
 
@@ -216,7 +185,7 @@ def time_in_turn(
         for index, scene in enumerate(scenes):
             _time_session(Session(scene), whole[index, turn])
             _time_parts(Loop(scene), parts[index, turn])
-    return [Times(w / 1e3, p / 1e3) for w, p in zip(whole, parts, strict=True)]
+    return whole / 1e3, parts / 1e3
 
 
 def time_pair(one: Variant, other: Variant, rounds: int, ticks: int) -> tuple[Array, Array]:

@@ -14,13 +14,12 @@ from typing import Annotated, ClassVar
 import typer
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
 
 from benchmarks.accuracy.cases import Case
 from benchmarks.accuracy.endurance import endurance
 from benchmarks.accuracy.run import INTEGRATOR_NAMES, Run, Setting, measure, settings
 from benchmarks.machine import MachineResults, machine, speed_line
+from benchmarks.work_precision import SMALLEST, Looks, finish, panels
 from hapticmech_ros.analysis.study import Sheet, Show, judged, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out, numbers
@@ -30,10 +29,7 @@ from hapticmech_ros.experiment.figure_style import (
     GREY,
     ORANGE,
     PURPLE,
-    TEXT,
     VERMILION,
-    dress,
-    new_figure,
 )
 
 HEADINGS = ("integrator", "step", "error", "energy", "closure", "ranks", "CPU", "faster")
@@ -45,7 +41,12 @@ LEGEND = (
     "positions passed. CPU: s per simulated second, in steps only. faster: than "
     "real time, times."
 )
-COLUMNS = 3
+CAPTION = (
+    "Largest error against the reference over the CPU time that a simulated second takes, "
+    "both logarithmic. Along a line the step changes; filled marks are a scene's own step and "
+    "integrator. Left of the dotted line is faster than real time. Runs that failed, and "
+    "integrators without a run, have no mark."
+)
 LOOKS = dict(
     zip(
         INTEGRATOR_NAMES,
@@ -53,8 +54,6 @@ LOOKS = dict(
         strict=False,
     )
 )
-# A logarithm has no place for a run that gave the reference to the bit.
-SMALLEST = 1e-16
 
 
 @dataclass(frozen=True)
@@ -200,61 +199,34 @@ def _why(failure: str, who: list[str]) -> str:
 
 def drawn(runs: Sequence[Run], known: Sequence[Case]) -> Figure:
     """Return a figure of the runs that did not fail."""
-    titles = {case.name: f"{case.problem} {case.title}" for case in known}
-    names = list(dict.fromkeys(run.case for run in runs))
-    rows = max(1, -(-len(names) // COLUMNS))
-    columns = max(1, min(COLUMNS, len(names)))
-    caption = (
-        "Largest error against the reference over the CPU time that a simulated second takes, "
-        "both logarithmic. Along a line the step changes; filled marks are a scene's own step and "
-        "integrator. Left of the dotted line is faster than real time. Runs that failed, and "
-        "integrators without a run, have no mark."
-    )
-    figure = new_figure(4.2 * columns, 3.5 * rows, caption)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, name in zip(panels, names, strict=False):
+    names = {case.name: f"{case.problem} {case.title}" for case in known}
+    titles = {run.case: names.get(run.case, run.case) for run in runs}
+    integrators = {run.integrator for run in runs if run.error is not None}
+    looks: Looks = {name: look for name, look in LOOKS.items() if name in integrators}
+    figure, places = panels(titles, looks, CAPTION, face="white")
+    for name, axes in places.items():
         members = [run for run in runs if run.case == name]
-        _panel(axes, members)
-        axes.set_title(titles.get(name, name), fontsize=TEXT, loc="left")
-    for axes in panels[len(names) :]:
-        axes.set_axis_off()
-    drawn = {run.integrator for run in runs if run.error is not None}
-    handles = [
-        Line2D([], [], color=colour, marker=mark, mfc="white", label=name.replace("_", " "))
-        for name, (colour, mark) in LOOKS.items()
-        if name in drawn
-    ]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside upper left", ncols=4, fontsize=TEXT, frameon=False
-        )
+        for integrator, look in looks.items():
+            _curve(axes, [run for run in members if run.integrator == integrator], *look)
+        finish(axes, members[0].unit)
+        axes.axvline(1.0, color=GREY, linestyle=":", linewidth=1.2, zorder=1)
+        axes.set_xlim(_decades(axes.get_xlim()))
+        axes.set_ylim(_decades(axes.get_ylim()))
     return figure
 
 
-def _panel(axes: Axes, members: Sequence[Run]) -> None:
-    for integrator, (colour, mark) in LOOKS.items():
-        points = [
-            (run.cpu_s_per_s, max(run.error, SMALLEST), run.own)
-            for run in sorted(members, key=lambda run: run.step)
-            if run.integrator == integrator
-            and run.error is not None
-            and run.cpu_s_per_s is not None
-        ]
-        if not points:
-            continue
-        work, errors, own = zip(*points, strict=True)
-        axes.plot(work, errors, "-", color=colour, marker=mark, mfc="white")
-        for x, y in ((x, y) for x, y, is_own in zip(work, errors, own, strict=True) if is_own):
+def _curve(axes: Axes, members: Sequence[Run], colour: str, mark: str) -> None:
+    """Draw the runs of an integrator along its steps; the scene's own is filled."""
+    points = [
+        (run.cpu_s_per_s, max(run.error, SMALLEST), run.own)
+        for run in sorted(members, key=lambda run: run.step)
+        if run.error is not None and run.cpu_s_per_s is not None
+    ]
+    work, errors = [x for x, _, _ in points], [y for _, y, _ in points]
+    axes.plot(work, errors, "-", color=colour, marker=mark, mfc="white")
+    for x, y, own in points:
+        if own:
             axes.plot([x], [y], color=colour, marker=mark)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    unit = members[0].unit if members else "m"
-    dress(axes, "CPU time per simulated second (s)", f"error ({unit})")
-    axes.axvline(1.0, color=GREY, linestyle=":", linewidth=1.2, zorder=1)
-    axes.set_xlim(_decades(axes.get_xlim()))
-    axes.set_ylim(_decades(axes.get_ylim()))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_formatter(NullFormatter())
 
 
 def _decades(limits: tuple[float, float]) -> tuple[float, float]:

@@ -12,7 +12,6 @@ larger next to a crossing than elsewhere: the state's account tells of it, and t
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +39,11 @@ ALLOWED, BRANCH = 1e-8, 0.1
 # So many of a rule's own errors are its own. A step with care is of this rule.
 OWN, CAREFUL = 2.0, "rk4"
 RESULTS = "bench_crossings.json"
+# Of crossings: how many; of these with a step done with care; above what is allowed; that ended
+# with an error. Largest errors beyond the rule's own: of energy and configuration where a step was
+# done with care, of both elsewhere; and difference from what the state's account tells.
+COUNTED = ("count", "led", "bad", "raised")
+WORST = ("energy", "apart", "beside", "off", "untold")
 # Crossings that a process does at a time.
 BLOCK = 500
 WINDOWS, STEPS, UNTIL = (1, 2, 3, 5, 10, 20, 40, 80), (2e-3, 1e-3, 5e-4, 2.5e-4), 10.0
@@ -65,68 +69,53 @@ class Block(NamedTuple):
 
 @dataclass
 class Tally:
-    """What was seen of crossings, by name of the mechanism.
+    """What was seen of crossings.
 
     Attributes:
-        count: how many.
-        bad: of these above what is allowed.
-        raised: of these that ended with an error.
-        led: of these in which a step was done with care.
-        energy, apart: largest errors of these beyond the rule's own.
-        beside, off: of the others.
-        untold: largest difference from what the state's account tells.
+        figures: by mechanism, by name: :data:`COUNTED` and :data:`WORST`.
         told: a line for each that is bad or raised.
         seeds: of the random numbers.
     """
 
-    count: Counter[str] = field(default_factory=Counter)
-    bad: Counter[str] = field(default_factory=Counter)
-    raised: Counter[str] = field(default_factory=Counter)
-    led: Counter[str] = field(default_factory=Counter)
-    energy: dict[str, float] = field(default_factory=dict)
-    apart: dict[str, float] = field(default_factory=dict)
-    beside: dict[str, float] = field(default_factory=dict)
-    off: dict[str, float] = field(default_factory=dict)
-    untold: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, dict[str, float]] = field(default_factory=dict)
     told: list[str] = field(default_factory=list)
     seeds: list[int] = field(default_factory=list)
 
+    @property
+    def sound(self) -> bool:
+        """Whether none is bad, or ended with an error."""
+        return not any(of.get("bad") or of.get("raised") for of in self.figures.values())
+
     def see(self, case: Case, distance: float) -> None:
         """Pass a crossing, with a sample at a distance in rad."""
-        name = case.mechanism
-        self.count[name] += 1
+        found, told = {"count": 1.0}, ""
         try:
             lost, apart, untold, led = beyond(case, distance)
         except HapticMechError as error:
-            self.raised[name] += 1
-            self.told.append(f"{case}, {distance:.3e} rad: {error}")
-            return
-        self.led[name] += led
-        kept = (self.energy, self.apart) if led else (self.beside, self.off)
-        for table, value in zip((*kept, self.untold), (lost, apart, untold), strict=True):
-            table[name] = max(table.get(name, value), value)
-        well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * _travel(case)
-        if not (well and untold <= ALLOWED):
-            self.bad[name] += 1
-            self.told.append(
-                f"{case}, {distance:.3e} rad: {lost:.1e} of the energy, of it {untold:.1e} untold,"
-                f" {apart:.1e} off"
-            )
+            found["raised"], told = 1.0, str(error)
+        else:
+            kept = ("energy", "apart") if led else ("beside", "off")
+            found |= dict(zip((*kept, "untold", "led"), (lost, apart, untold, led), strict=True))
+            well = max(lost, apart) <= ALLOWED if led else apart <= BRANCH * _travel(case)
+            if not (well and untold <= ALLOWED):
+                found["bad"] = 1.0
+                told = f"{lost:.1e} of the energy, of it {untold:.1e} untold, {apart:.1e} off"
+        lines = [f"{case}, {distance:.3e} rad: {told}"] if told else []
+        self.add(Tally({case.mechanism: found}, lines))
 
     def add(self, other: Tally) -> None:
         """Add what was seen of others."""
-        self.count += other.count
-        self.bad += other.bad
-        self.raised += other.raised
-        self.led += other.led
-        for table in ("energy", "apart", "beside", "off", "untold"):
-            ours = getattr(self, table)
-            for name, value in getattr(other, table).items():
-                ours[name] = max(ours.get(name, value), value)
+        for name, figures in other.figures.items():
+            ours = self.figures.setdefault(name, {})
+            for key, value in figures.items():
+                before = ours.get(key, 0.0 if key in COUNTED else value)
+                ours[key] = before + value if key in COUNTED else max(before, value)
+        self.told += other.told
+        self.seeds += other.seeds
 
     def write(self, out: Path) -> None:
         """Write it into a folder; lines are left out."""
-        results = {key: value for key, value in vars(self).items() if key != "told"}
+        results = {"figures": self.figures, "seeds": self.seeds}
         (out / RESULTS).write_text(json.dumps(results, indent=1), encoding="utf-8")
 
 
@@ -141,15 +130,12 @@ def merged(files: Sequence[Path]) -> Tally:
     """
     whole = Tally()
     for path in files:
-        results = json.loads(path.read_text(encoding="utf-8"))
-        for name in ("count", "bad", "raised", "led"):
-            results[name] = Counter(results[name])
-        again = set(whole.seeds) & set(results["seeds"])
+        found = Tally(**json.loads(path.read_text(encoding="utf-8")))
+        again = set(whole.seeds) & set(found.seeds)
         if again:
             rule = f"{path} must have seeds that no other file has"
             raise InvalidInputError("seed", min(again), rule)
-        whole.add(Tally(**results))
-        whole.seeds += results["seeds"]
+        whole.add(found)
     return whole
 
 
@@ -228,7 +214,7 @@ def crossings(
     tally = merged(merge) if merge else _passed(samples, seed, processes, out)
     _print_table(tally)
     tally.write(out)
-    if tally.bad or tally.raised:
+    if not tally.sound:
         raise typer.Exit(1)
 
 
@@ -244,7 +230,7 @@ def _passed(samples: int, seed: int, processes: int, out: Path) -> Tally:
         tally.write(out)
         for line in found.told:
             print(line, flush=True)
-        done += sum(found.count.values())
+        done += sum(round(of["count"]) for of in found.figures.values())
         if done % (100 * BLOCK) == 0:
             print(f"{done} crossings", flush=True)
     return tally
@@ -257,14 +243,11 @@ def _print_table(tally: Tally) -> None:
         " | others: energy | configuration | not told | bad | raised |"
     )
     print("|---|" + "--:|" * 9)
-    for name in filter(tally.count.__contains__, _mechanisms()):
-        worst = [
-            f"{table.get(name, np.nan):.1e}"
-            for table in (tally.energy, tally.apart, tally.beside, tally.off, tally.untold)
-        ]
-        counts = f"{tally.count[name]} | {tally.led[name]}"
-        ends = f"{tally.bad[name]} | {tally.raised[name]}"
-        print(f"| {name} | {counts} | {' | '.join(worst)} | {ends} |")
+    for name in filter(tally.figures.__contains__, _mechanisms()):
+        found = tally.figures[name]
+        count, led, *ends = (f"{found.get(key, 0.0):.0f}" for key in COUNTED)
+        worst = (f"{found.get(key, np.nan):.1e}" for key in WORST)
+        print(f"| {name} | {' | '.join((count, led, *worst, *ends))} |")
 
 
 def _write_windows(out: Path) -> None:

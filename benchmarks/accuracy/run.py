@@ -170,7 +170,10 @@ def measure(setting: Setting) -> Run:
     try:
         # States are checked after each step: what overflows in one is told as an error of ours.
         with np.errstate(over="ignore", invalid="ignore"):
-            watch, cpu_s_per_s = _stepped(setting)
+            scene = setting.scene
+            watch = Watch(setting.case, setting.step, Mechanism(scene))
+            steps = round(setting.case.duration / setting.step)
+            cpu_s = stepped(watch, Simulator(scene), steps)
     except FAILURES as failure:
         return Run(*about, setting.own, failure=f"{type(failure).__name__}: {failure}")
     errors = watch.errors()
@@ -186,19 +189,15 @@ def measure(setting: Setting) -> Run:
         rank_changes=max(len(watch.ranks) - 1, 0),
         unexpected_ranks=watch.unexpected_ranks(),
         singular_times=len(setting.case.singular_times),
-        cpu_s_per_s=cpu_s_per_s,
+        cpu_s_per_s=cpu_s / (steps * setting.step),
     )
 
 
-def _stepped(setting: Setting) -> tuple[Watch, float]:
-    """Return what was seen on the way, and the CPU time of steps per simulated second."""
-    scene, steps = setting.scene, round(setting.case.duration / setting.step)
-    simulator = Simulator(scene)
-    watch = Watch(setting.case, setting.step, Mechanism(scene))
-    start = simulator.initial_state()
-    _advance(simulator, start, max(1, min(WARM_UP, round(WARM_UP_SHARE * steps))))
-    watch.record(0, start)
-    state, taken, cpu_s = start, 0, 0.0
+def stepped(watch: Watch, simulator: Simulator, steps: int) -> float:
+    """Take steps from the start with a watch on each, and return the CPU time of these, s."""
+    state, taken, cpu_s = simulator.initial_state(), 0, 0.0
+    _advance(simulator, state, max(1, min(WARM_UP, round(WARM_UP_SHARE * steps))))
+    watch.record(0, state)
     while taken < steps:
         begun = time.process_time()
         states = _advance(simulator, state, min(BLOCK, steps - taken))
@@ -206,7 +205,7 @@ def _stepped(setting: Setting) -> tuple[Watch, float]:
         for number, seen in enumerate(states, taken + 1):
             watch.record(number, seen)
         taken, state = taken + len(states), states[-1]
-    return watch, cpu_s / (steps * setting.step)
+    return cpu_s
 
 
 def _advance(simulator: Simulator, state: MechanismState, steps: int) -> list[MechanismState]:

@@ -9,10 +9,10 @@ the library's form asks for: accuracy, CPU time, processor, operating system, me
 from __future__ import annotations
 
 import platform
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -20,7 +20,7 @@ import numpy as np
 import typer
 
 from benchmarks.accuracy.cases import Case, cases
-from benchmarks.accuracy.run import Watch, read_output
+from benchmarks.accuracy.run import Watch, read_output, stepped
 from benchmarks.machine import machine
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.cli.console import OutOption, console
@@ -118,39 +118,42 @@ def solved(case: Case, duration: float) -> Solution:
     simulator, looked = Simulator(case.scene), Mechanism(case.scene)
     simulation = looked.scene.simulation
     steps = round(duration / simulation.period)
-    every = max(1, steps // ROWS)
-    watch = Watch(_until(case, duration), simulation.period, looked)
-    nothing = np.zeros((len(simulator.mechanism.point_names), 6))
-    state = start = simulator.initial_state()
-    for _ in range(every):
-        simulator.step(state, nothing)
-    rows, energies, cpu_s = [_row(case, looked, start, 0.0)], [], 0.0
-    watch.record(0, start)
-    for first in range(0, steps, every):
-        states = []
-        begun = time.process_time()
-        for _ in range(min(every, steps - first)):
-            state = simulator.step(state, nothing)
-            states.append(state)
-        cpu_s += time.process_time() - begun
-        for number, seen in enumerate(states, first + 1):
-            watch.record(number, seen)
-            energies.append(_energy(looked, seen))
-        rows.append(_row(case, looked, state, (first + len(states)) * simulation.period))
+    watch = _Rows(_until(case, duration), simulation.period, looked, max(1, steps // ROWS), steps)
+    cpu_s = stepped(watch, simulator, steps)
     dissipates = any(link.joint.damping for link in looked.scene.links) or any(
         spring.damping for spring in looked.scene.springs
     )
-    begun_with = _energy(looked, start)
+    off = np.abs(np.array(watch.energies) - watch.energies[0])
     return Solution(
         case,
         simulation.integrator,
         simulation.period,
         tuple(_columns(case)),
-        np.array(rows),
-        None if dissipates else float(np.abs(np.array(energies) - begun_with).max()),
+        np.array(watch.rows),
+        None if dissipates else float(off.max()),
         max(watch.errors().values(), default=np.nan),
         cpu_s,
     )
+
+
+class _Rows(Watch):
+    """Keeps rows of results as well, one in so many samples and the last one, and all energies."""
+
+    def __init__(
+        self, case: Case, step: float, mechanism: Mechanism, every: int, last: int
+    ) -> None:
+        super().__init__(case, step, mechanism)
+        self._every, self._last = every, last
+        self.rows: list[list[float]] = []
+        self.energies: list[float] = []
+
+    def record(self, number: int, state: MechanismState) -> None:
+        """Look at sample ``number``; 0 is the start."""
+        super().record(number, state)
+        self.energies.append(_energy(self._mechanism, state))
+        if number % self._every == 0 or number == self._last:
+            outputs = (read_output(self._mechanism, one, state) for one in self._case.outputs)
+            self.rows.append([number * self._step, *chain(*outputs), self.energies[-1]])
 
 
 def _until(case: Case, duration: float) -> Case:
@@ -173,14 +176,6 @@ def _columns(case: Case) -> Iterator[str]:
         else:
             yield from (f"{output.name} {'xyz'[axis]} (m)" for axis in output.components)
     yield "energy (J)"
-
-
-def _row(case: Case, mechanism: Mechanism, state: MechanismState, at: float) -> list[float]:
-    """Return a row of results at a time, s."""
-    found = [at]
-    for output in case.outputs:
-        found += read_output(mechanism, output, state)
-    return [*found, _energy(mechanism, state)]
 
 
 def _energy(mechanism: Mechanism, state: MechanismState) -> float:

@@ -4,10 +4,12 @@
 
 What the middleware and rclpy cost by themselves, for `python -m benchmarks graph`. Nodes have the
 real ones' names and deadlines; a callback hands on the stamp of its message, and that is all.
+Messages are those that the real nodes' actors send in this scene, each with a stamp put in.
 """
 
 from __future__ import annotations
 
+import struct
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,9 +18,11 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray
 
-from benchmarks.graph.bare_examples import TYPES, Example, Examples
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
@@ -31,11 +35,13 @@ from hapticmech_ros.nodes.messages import (
     COMMAND_SUBSCRIBER,
     LATCHED,
     STREAM_PUBLISHER,
+    message_class,
     set_stamp,
     stamp_ns,
 )
 from hapticmech_ros.nodes.node_time import DurationHistogram, NodeTime, PeriodClock
 from hapticmech_ros.numerics.times import NANOSECONDS
+from hapticmech_ros.wire.cdr import array_stamp, decode
 from hapticmech_ros.wire.topics import (
     ANALYSER,
     ARRAY,
@@ -56,6 +62,10 @@ PHASES = {DEVICE: 0.0, MECHANISM: 0.5}
 QUESTIONS = {ANALYSER: STATE, CONTROLLER: DEVICE_STATE}
 # A message older than this is not heard any more; says no more than diagnostics' first word.
 SILENCE_NS = NANOSECONDS // 4
+# s of the scene in which the actors engage, and send every message that is published.
+ENGAGES_S = 0.3
+# What is published at a time, ns: a message, or one already serialized.
+Example = Callable[[int], Any]
 
 
 class BareNode(Node):
@@ -72,7 +82,10 @@ class BareNode(Node):
         scene = load_scene(self._scene_name)
         self._period_s = scene.simulation.period
         self._view_every = max(1, round(1.0 / (view_rate * self._period_s)))
-        self._samples = Examples(scene)
+        self._points = [point.name for point in scene.operational_points]
+        actors = FakeGraph(self._scene_name, actors=ACTORS[:4])
+        actors.run(ENGAGES_S)
+        self._sent = actors.last
         self._deadlines: PeriodClock | None = None
         self._said = 0
         self._received_ns = 0
@@ -119,12 +132,15 @@ class BareNode(Node):
 
     def _names(self, topic: Topic) -> list[str]:
         """Return a topic's name, or the mechanism's for each operational point."""
-        points = self._samples.points if self.get_name() == MECHANISM else self._samples.points[:1]
+        points = self._points if self.get_name() == MECHANISM else self._points[:1]
         return list(dict.fromkeys(topic.of(point) for point in points))
 
     def _outputs_at(self, rate: str) -> list[tuple[Publisher, Example]]:
         return [
-            (self.create_publisher(TYPES[topic.type], name, _qos(topic)), self._samples.of(topic))
+            (
+                self.create_publisher(message_class(topic.type), name, _qos(topic)),
+                example(message_class(topic.type), self._sent.get(f"/{name}")),
+            )
             for topic in TOPICS
             if topic.publisher == self.get_name() and topic.rate == rate
             for name in self._names(topic)
@@ -133,7 +149,7 @@ class BareNode(Node):
     def _listen_to(self, topic: Topic) -> None:
         for name in self._names(topic):
             self.create_subscription(
-                TYPES[topic.type],
+                message_class(topic.type),
                 name,
                 self._hearer(topic),
                 COMMAND_SUBSCRIBER,
@@ -141,9 +157,7 @@ class BareNode(Node):
             )
 
     def _hearer(self, topic: Topic) -> Callable[[Any], None]:
-        stamp_of = _header_stamp
-        if topic in self._samples.arrays:
-            stamp_of = self._samples.arrays[topic].stamp_ns
+        stamp_of: Callable[[Any], int] = array_stamp if topic.type == ARRAY else _header_stamp
         if topic.rate != "control":
             return lambda message: None
         answers = QUESTIONS.get(self.get_name()) == topic
@@ -227,6 +241,34 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def example(kind: Any, sent: Any) -> Example:
+    """Return what publishes a message again and again, with the stamp of the time, if it has one.
+
+    Args:
+        kind: its type.
+        sent: message or bytes; None: an empty one.
+    """
+    message = deserialize_message(sent, kind) if isinstance(sent, bytes) else sent or kind()
+    if hasattr(message, "header"):
+
+        def at(stamp_ns: int) -> Any:
+            set_stamp(message.header.stamp, stamp_ns)
+            return message
+
+        return at
+    # Flat arrays have one dimension and begin with their stamp; matrices have two and none.
+    if kind is Float64MultiArray and len(message.layout.dim) == 1:
+        written = bytearray(sent)
+        offset = len(sent) - decode(sent).nbytes
+
+        def encoded_at(stamp_ns: int) -> bytes:
+            struct.pack_into("<dd", written, offset, *divmod(stamp_ns, NANOSECONDS))
+            return bytes(written)
+
+        return encoded_at
+    return lambda stamp_ns: message
 
 
 def _qos(topic: Topic) -> Any:

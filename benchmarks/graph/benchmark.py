@@ -4,32 +4,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, cast
 
 import typer
-from matplotlib.figure import Figure
+from rclpy.utilities import get_rmw_implementation_identifier
 
-from benchmarks.children import ReportingProcess
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.graph.checks import Expected, expected
-from benchmarks.graph.comparison import Comparison, compare
-from benchmarks.graph.goals import verdicts
+from benchmarks.graph.comparison import Comparison, compare, verdicts
 from benchmarks.graph.plan import VIEW_HZ, Layout, Plan, scene_at_rate
-from benchmarks.graph.report import configuration_sheets, drawn
-from benchmarks.graph.run import SETTLES_S, Run, graph_environment, measure, probe_command
+from benchmarks.graph.run import SETTLES_S, Run, measure
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption, SceneArgument, words
 from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.system.discovery import Transport
-from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
-
-# Node that answers -> the clocked one whose samples it answers.
-ANSWERING = {CONTROLLER: DEVICE, ANALYSER: MECHANISM}
 
 
 @dataclass(frozen=True)
@@ -62,13 +55,8 @@ class GraphResults(MachineResults):
     def sheets(self) -> Iterator[Sheet]:
         """Yield the tables of each configuration, and the goals."""
         for comparison in self.comparisons:
-            yield from configuration_sheets(comparison)
+            yield comparison.sheet()
         yield goal_sheet(self.goals)
-
-    def figures(self) -> Mapping[str, Figure]:
-        """Return latency over rate, real and bare, and CPU time by node."""
-        figure = drawn(self.comparisons, self.plan.seconds, self.plan.repeats)
-        return {"bench_graph.png": figure}
 
 
 def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
@@ -79,7 +67,6 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
 
     Raises:
         SceneError: no such scene, or it refuses a rate.
-        BenchError: ROS does not start.
     """
     scene = load_scene(plan.scene)
     point = scene.operational_point().name
@@ -87,7 +74,7 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
     (out / "nodes.log").unlink(missing_ok=True)
     show("simulating the same without ROS")
     session = expected(scene, plan.seconds + SETTLES_S)
-    facts = {**machine(), "rmw": _middleware()}
+    facts = {**machine(), "rmw": get_rmw_implementation_identifier()}
     runs: list[Run] = []
     for step in plan.steps():
         show(f"{step.configuration}: {step.kind} graph, run {step.repeat} of {plan.repeats}")
@@ -96,7 +83,7 @@ def run_benchmark(plan: Plan, out: Path, show: Show = silent) -> GraphResults:
         if runs[-1].failure:
             show(f"  no figures: {runs[-1].failure}")
     comparisons = tuple(
-        compare(configuration, runs, ANSWERING, point) for configuration in plan.configurations()
+        compare(configuration, runs, point) for configuration in plan.configurations()
     )
     return GraphResults(facts, plan, session, tuple(runs), comparisons, verdicts(comparisons))
 
@@ -129,8 +116,3 @@ def graph(
     views_hz = tuple(numbers("--view-rates", view_rates, float))
     plan = Plan(scene, rates_hz, layouts, recorded, seconds, repeats, transports, views_hz)
     carry_out(lambda show: run_benchmark(plan, out, show), out, json_only)
-
-
-def _middleware() -> str:
-    with ReportingProcess(probe_command(), graph_environment()) as probe:
-        return str(probe.of("ready")[0].get("rmw"))

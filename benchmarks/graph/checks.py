@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.graph.recorded import Recorded, steady_topics
-from benchmarks.graph.statuses import ANSWERS, Status, gained
+from benchmarks.graph.statuses import ANSWERS, RATE, Ends, Figures, Status, gained
 from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
@@ -74,7 +74,7 @@ def expected(scene: Scene, seconds: float) -> Expected:
 
 def check_run(
     kind: str,
-    ends: Mapping[str, tuple[Status, Status]],
+    ends: Ends,
     within: Sequence[Status],
     session: Expected,
 ) -> tuple[Check, ...]:
@@ -90,18 +90,20 @@ def check_run(
     return (*passing, *_right(ends, within, session)) if kind == "real" else passing
 
 
-def check_sizes(real: Recorded, bare: Recorded, point: str) -> Check:
-    """Return whether both graphs had the same topics with messages of the same size."""
+def check_sizes(real: Mapping[str, int], bare: Mapping[str, int], point: str) -> Check:
+    """Return whether both graphs had the same topics with messages of the same size.
+
+    Args:
+        real: bytes of its messages, by topic.
+        bare: the same.
+        point: operational point that is held.
+    """
     steady = steady_topics(point)
     # A column for each constraint: one more or less with the count.
     varying = full_name(CONSTRAINT_WRENCHES, point)
     one, other = (
-        {
-            name: 0 if name == varying else size
-            for name, size in side.sizes.items()
-            if name in steady
-        }
-        for side in (real, bare)
+        {name: 0 if name == varying else size for name, size in sizes.items() if name in steady}
+        for sizes in (real, bare)
     )
     differing = sorted(n for n in one.keys() | other.keys() if one.get(n) != other.get(n))
     seen = ", ".join(f"{n}: {one.get(n, 'none')} and {other.get(n, 'none')}" for n in differing)
@@ -109,20 +111,18 @@ def check_sizes(real: Recorded, bare: Recorded, point: str) -> Check:
     return Check(rule, not differing and bool(one), seen or f"{len(one)} topics alike")
 
 
-def check_recording(
-    found: Recorded, samples_hz: Mapping[str, float], window_s: float, point: str
-) -> Check:
+def check_recording(found: Recorded, figures: Figures, window_s: float, point: str) -> Check:
     """Return whether the recorder heard device and mechanism all through the window.
 
     Args:
         found: what the bag tells.
-        samples_hz: samples that each published per second, by its own count.
+        figures: of the run, by the nodes' own counts.
         window_s: length of the window, s.
         point: operational point that is held.
     """
     shares = {
         node: found.published.get(full_name(topic, point), 0)
-        / max(samples_hz[node] * window_s, 1.0)
+        / max(figures[f"{node}: {RATE}"] * window_s, 1.0)
         for node, topic in ((DEVICE, DEVICE_STATE), (MECHANISM, STATE))
     }
     return Check(
@@ -132,16 +132,14 @@ def check_recording(
     )
 
 
-def _passing_messages(
-    ends: Mapping[str, tuple[Status, Status]], within: Sequence[Status]
-) -> tuple[Check, ...]:
+def _passing_messages(ends: Ends, within: Sequence[Status]) -> tuple[Check, ...]:
     lapses = [
         status.message
         for status in within
         if status.node == CONTROLLER and status.message != ENGAGED
     ]
     anew = gained(ends[CONTROLLER], "engagements")
-    answers = {node: gained(ends[node], figure) for node, figure in ANSWERS.items()}
+    answers = {node: gained(ends[node], counter) for node, (counter, _) in ANSWERS.items()}
     samples = {
         node: gained(ends[node], "periods") - gained(ends[node], "missed_deadlines")
         for node in (DEVICE, MECHANISM)
@@ -162,9 +160,7 @@ def _passing_messages(
     )
 
 
-def _right(
-    ends: Mapping[str, tuple[Status, Status]], within: Sequence[Status], session: Expected
-) -> tuple[Check, ...]:
+def _right(ends: Ends, within: Sequence[Status], session: Expected) -> tuple[Check, ...]:
     counts = [number for s in within if s.node == ANALYSER for number in _numbers(s.message)]
     closed = [_listed(s.message) for s in within if s.node == MECHANISM]
     errors = [s.figures.get("closure_error", 0.0) for s in within if s.node == MECHANISM]

@@ -1,177 +1,213 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The real graph beside the bare one, configuration by configuration."""
+"""The real graph beside the bare one, configuration by configuration, and the graph's goals."""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from benchmarks.goals import Verdict, unknown, verdict
 from benchmarks.graph.checks import Check, check_sizes
 from benchmarks.graph.plan import KINDS, Configuration
-from benchmarks.graph.recorded import Losses, total
-from benchmarks.graph.run import Run
-from benchmarks.graph.statuses import Percentiles, median_of, ratios
+from benchmarks.graph.recorded import ANSWERED, ASKED, LOST, RECORDED_TRIP, UNSEEN
+from benchmarks.graph.run import STOLEN, Run, processor_share
+from benchmarks.graph.statuses import DROPPED, MISSED, RATE, ROUND_TRIP, Figures, latency
+from hapticmech_ros.analysis.study import NOTHING, Sheet, judged
+from hapticmech_ros.wire.topics import DEVICE
 
-
-@dataclass(frozen=True, slots=True)
-class Latency:
-    """A hop in both graphs: medians over the runs of each percentile, and real to bare.
-
-    Attributes:
-        hop: from where to where.
-        by: who measured: ``nodes``, or the ``recorder``.
-        real, bare: None where no run has it.
-        ratio: by percentile, ``p50`` and so on.
-    """
-
-    hop: str
-    by: str
-    real: Percentiles | None
-    bare: Percentiles | None
-    ratio: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """How a clocked node kept its deadlines over all runs.
-
-    Attributes:
-        worst_hz: rate of the run that was furthest from the rate wanted.
-        missed_share: missed of all periods, all runs together.
-        dropped: periods never simulated, all runs together.
-    """
-
-    worst_hz: float
-    missed_share: float
-    dropped: int
+# Of the rate wanted; 1000 ± 1 Hz.
+RATE_TOLERANCE = 1e-3
+MISSED_LIMIT, CPU_LIMIT = 0.5, 70.0
+RATIO_LIMITS = {"p50": 0.4, "p99": 0.6}
+SEPARATE_HZ, COMPOSED_HZ = 1000.0, 2000.0
+# What is not a median over the runs: counts are added up, and the worst run counts.
+OVER_RUNS: dict[str, Callable[[Sequence[float]], float]] = {
+    **dict.fromkeys((ASKED, LOST, UNSEEN, DROPPED), sum),
+    RATE: min,
+    MISSED: statistics.mean,
+    STOLEN: max,
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One graph, over its runs in a configuration.
+    """One graph in a configuration.
 
     Attributes:
-        runs: number of runs that gave figures; ``sound`` of them passed every check.
-        failures: why runs gave none, and checks that did not hold.
-        kept: by clocked node.
-        answered_share: answers to samples, by node, median over the runs; to a sample or two.
-        losses: by loss, all runs together; empty without a recorder.
-        cpu: share of one core by process, median over the runs.
-        stolen: largest share of the machine that the host gave to others.
+        runs: all of them.
+        failures: why runs gave no figures, and checks that did not hold.
+        figures: over the runs that gave some.
     """
 
-    runs: int
-    sound: int
+    runs: tuple[Run, ...]
     failures: tuple[str, ...]
-    kept: Mapping[str, Kept]
-    answered_share: Mapping[str, float]
-    losses: Mapping[str, Losses]
-    cpu: Mapping[str, float]
-    stolen: float
+    figures: Figures
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Both graphs in one configuration."""
+    """Both graphs in one configuration.
+
+    Attributes:
+        configuration: of both.
+        real, bare: each.
+        alike: whether both had the same messages; None without a recorder.
+    """
 
     configuration: Configuration
     real: Side
     bare: Side
-    latencies: tuple[Latency, ...]
     alike: Check | None
 
-    def latency(self, hop: str) -> Latency | None:
-        """Return a hop's latency, or None if no run has it."""
-        return next((latency for latency in self.latencies if latency.hop == hop), None)
+    def ratio(self, name: str) -> float | None:
+        """Return a figure of the real graph over the bare one's; None if one of them has none."""
+        real, bare = (side.figures.get(name) for side in (self.real, self.bare))
+        return None if real is None or not bare else real / bare
+
+    def sheet(self) -> Sheet:
+        """Return all figures, and what failed."""
+        sides = (self.real, self.bare)
+        rows: list[tuple[str, ...]] = [
+            ("runs that passed all checks", *(_passed(side) for side in sides))
+        ]
+        for name in {**self.real.figures, **self.bare.figures}:
+            cells = [_cell(side.figures.get(name)) for side in sides]
+            ratio = self.ratio(name)
+            rows.append((name, *cells, "" if ratio is None else f"{ratio:.2f}"))
+        if self.alike is not None:
+            rows.append(("same topics and sizes", judged(self.alike.seen, self.alike.held)))
+        rows += [("check failed", judged(failure, False)) for failure in self.real.failures]
+        rows += [("check failed", "", judged(failure, False)) for failure in self.bare.failures]
+        headings = ("", "real", "bare", "real / bare")
+        return Sheet(str(self.configuration), headings, tuple(rows), ("real", "bare"))
 
 
-def compare(
-    configuration: Configuration, runs: Sequence[Run], answering: Mapping[str, str], point: str
-) -> Comparison:
+def _passed(side: Side) -> str:
+    return f"{sum(run.sound for run in side.runs)} of {len(side.runs)}"
+
+
+def _cell(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:.4g}" if value < 1e4 else f"{value:.0f}"
+
+
+def compare(configuration: Configuration, runs: Sequence[Run], point: str) -> Comparison:
     """Return the comparison of a configuration's runs.
 
     Args:
         configuration: which runs to take.
         runs: of any configuration.
-        answering: node that answers -> clocked node whose samples it answers.
         point: operational point that is held.
     """
     mine = [run for run in runs if run.step.configuration == configuration]
     real, bare = ([run for run in mine if run.step.kind == kind] for kind in KINDS)
-    shown = [[run for run in side if not run.failure] for side in (real, bare)]
-    bags = [[run.recorded for run in side if run.recorded is not None] for side in shown]
-    return Comparison(
-        configuration,
-        _side(real, configuration.rate_hz, answering),
-        _side(bare, configuration.rate_hz, answering),
-        (
-            *_latencies("nodes", *([run.said for run in side] for side in shown)),
-            *_latencies("recorder", *([bag.hops for bag in side] for side in bags)),
-        ),
-        check_sizes(bags[0][0], bags[1][0], point) if all(bags) else None,
+    bags = [[run.sizes for run in side if run.sizes] for side in (real, bare)]
+    alike = check_sizes(bags[0][0], bags[1][0], point) if all(bags) else None
+    return Comparison(configuration, _side(real), _side(bare), alike)
+
+
+def _side(runs: Sequence[Run]) -> Side:
+    broken = tuple(f"run {run.step.repeat}: {why}" for run in runs for why in run.faults)
+    found: dict[str, list[float]] = {}
+    for run in runs:
+        for name, value in run.figures.items():
+            found.setdefault(name, []).append(value)
+    figures = {name: over_runs(name, values) for name, values in found.items()}
+    return Side(tuple(runs), broken, figures)
+
+
+def over_runs(name: str, values: Sequence[float]) -> float:
+    """Return a figure of several runs."""
+    return float(OVER_RUNS.get(name.rpartition(": ")[2], statistics.median)(values))
+
+
+def verdicts(comparisons: Sequence[Comparison]) -> tuple[Verdict, ...]:
+    """Return a verdict for each goal; one that no run is about is ``not measured``."""
+    # As shipped: other transports and settings are for comparison.
+    known = {one.configuration: one for one in comparisons}
+
+    def named(configuration: Configuration) -> tuple[str, Comparison | None]:
+        return str(configuration), known.get(configuration)
+
+    separate = named(Configuration(SEPARATE_HZ, "separate", True))
+    # What a recorder needs besides is its own; with it if it was never left out.
+    composed = named(Configuration(COMPOSED_HZ, "composed", False))
+    if composed[1] is None:
+        recording = named(Configuration(COMPOSED_HZ, "composed", True))
+        composed = composed if recording[1] is None else recording
+    return (
+        _sound(*separate),
+        _lost(*separate),
+        *_kept(*separate, SEPARATE_HZ),
+        *_latencies(*separate),
+        _sound(*composed),
+        *_kept(*composed, COMPOSED_HZ),
+        _processor(*composed),
     )
 
 
-def _latencies(
-    by: str, real: Sequence[Mapping[str, Percentiles]], bare: Sequence[Mapping[str, Percentiles]]
-) -> list[Latency]:
-    found = []
-    for name in dict.fromkeys(hop for run in (*real, *bare) for hop in run):
-        one = median_of([run[name] for run in real if name in run])
-        other = median_of([run[name] for run in bare if name in run])
-        both = ratios(one, other) if one is not None and other is not None else {}
-        found.append(Latency(name, by, one, other, both))
-    return found
+def _figures(found: Comparison | None) -> Figures:
+    return {} if found is None else found.real.figures
 
 
-def _side(runs: Sequence[Run], rate_hz: float, answering: Mapping[str, str]) -> Side:
-    shown = [run for run in runs if not run.failure]
-    broken = [
-        f"run {run.step.repeat}: {reason}"
-        for run in runs
-        for reason in (
-            [run.failure]
-            if run.failure
-            else [f"{check.rule}: {check.seen}" for check in run.checks if not check.held]
-        )
+def _sound(where: str, found: Comparison | None) -> Verdict:
+    goal = f"{where}: every run passes its checks"
+    if found is None:
+        return unknown(goal)
+    broken = [*found.real.failures, *(f"bare, {reason}" for reason in found.bare.failures)]
+    if found.alike is not None and not found.alike.held:
+        broken.append(found.alike.seen)
+    return verdict(goal, broken[0] if broken else "all", not broken)
+
+
+def _lost(where: str, found: Comparison | None) -> Verdict:
+    goal, figures = f"{where}: no control message lost", _figures(found)
+    lost, asked, unseen = (
+        sum(figures.get(f"{name}: {what}", 0.0) for name in ANSWERED)
+        for what in (LOST, ASKED, UNSEEN)
+    )
+    if not asked:
+        return unknown(goal)
+    seen = f"{lost:.0f} of {asked:.0f} lost"
+    seen += f"; the recorder itself lost {unseen:.0f}" if unseen else ""
+    return verdict(goal, seen, lost == 0)
+
+
+def _kept(where: str, found: Comparison | None, rate_hz: float) -> list[Verdict]:
+    tolerance, name = RATE_TOLERANCE * rate_hz, f"{DEVICE}: {RATE}"
+    goals = (
+        f"{where}: device at {rate_hz:g} ± {tolerance:g} Hz in every run",
+        f"{where}: at most {MISSED_LIMIT:g} % of the device's deadlines missed",
+    )
+    runs = () if found is None else found.real.runs
+    rates = [run.figures[name] for run in runs if name in run.figures]
+    if not rates:
+        return [unknown(goal) for goal in goals]
+    worst = max(rates, key=lambda rate: abs(rate - rate_hz))
+    missed = _figures(found)[f"{DEVICE}: {MISSED}"]
+    return [
+        verdict(goals[0], f"{worst:.2f} Hz", abs(worst - rate_hz) <= tolerance),
+        verdict(goals[1], f"{missed:.3f} %", missed <= MISSED_LIMIT),
     ]
-    loads = [run.load for run in shown if run.load is not None]
-    bags = [run.recorded for run in shown if run.recorded is not None]
-    return Side(
-        len(shown),
-        sum(run.sound for run in shown),
-        tuple(broken),
-        {node: _kept(shown, node, rate_hz) for node in _names([run.clocked for run in shown])},
-        {
-            node: statistics.median(
-                run.answers_hz[node] / max(run.clocked[asking].rate_hz, 1e-9) for run in shown
-            )
-            for node, asking in answering.items()
-            if shown
-        },
-        {
-            name: total([bag.losses[name] for bag in bags])
-            for name in _names([bag.losses for bag in bags])
-        },
-        {
-            name: statistics.median(load.cpu[name] for load in loads if name in load.cpu)
-            for name in _names([load.cpu for load in loads])
-        },
-        max((load.stolen for load in loads), default=0.0),
-    )
 
 
-def _kept(runs: Sequence[Run], node: str, rate_hz: float) -> Kept:
-    found = [run.clocked[node] for run in runs]
-    periods = sum(one.periods for one in found)
-    return Kept(
-        max((one.rate_hz for one in found), key=lambda rate: abs(rate - rate_hz)),
-        sum(one.missed for one in found) / periods if periods else 1.0,
-        sum(one.dropped for one in found),
-    )
+def _latencies(where: str, found: Comparison | None) -> list[Verdict]:
+    verdicts = []
+    for share, limit in RATIO_LIMITS.items():
+        goal = f"{where}: {share} of {ROUND_TRIP} at most {limit:g} x bare"
+        ratio = None if found is None else found.ratio(latency(ROUND_TRIP, share))
+        if found is None or ratio is None:
+            verdicts.append(unknown(goal))
+            continue
+        seen, beside = f"{ratio:.2f} x", found.ratio(latency(RECORDED_TRIP, share))
+        if beside is not None:
+            seen += f"; {RECORDED_TRIP} at the recorder {beside:.2f} x"
+        verdicts.append(verdict(goal, seen, ratio <= limit))
+    return verdicts
 
 
-def _names(mappings: Sequence[Mapping[str, object]]) -> list[str]:
-    return list(dict.fromkeys(name for mapping in mappings for name in mapping))
+def _processor(where: str, found: Comparison | None) -> Verdict:
+    goal = f"{where}: at most {CPU_LIMIT:g} % of one core"
+    share = _figures(found).get(processor_share("composed"))
+    return unknown(goal) if share is None else verdict(goal, f"{share:.1f} %", share <= CPU_LIMIT)

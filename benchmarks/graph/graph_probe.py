@@ -11,7 +11,6 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.utilities import get_rmw_implementation_identifier
 
 from hapticmech_ros.nodes.loop import watch, write_progress
 from hapticmech_ros.nodes.messages import RECORDER_SUBSCRIBER, stamp_ns
@@ -39,4 +38,4 @@ class GraphProbe(Node):
 
 
 if __name__ == "__main__":
-    sys.exit(watch(GraphProbe, sys.argv[1:], rmw=get_rmw_implementation_identifier()))
+    sys.exit(watch(GraphProbe, sys.argv[1:]))

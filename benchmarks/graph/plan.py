@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ruamel.yaml import YAML
-
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading import load_scene
-from hapticmech_ros.scene import document_of, scene_from_document
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.system.discovery import Transport
 
 Layout = Literal["separate", "composed"]
@@ -100,13 +97,14 @@ class Plan:
             for rate in rates:
                 if not low <= rate <= high:
                     raise InvalidInputError(what, rate, f"must be {low:g} to {high:g}")
-        for layout in self.layouts:
-            if layout not in LAYOUTS:
-                raise InvalidInputError("layout", layout, f"must be one of {', '.join(LAYOUTS)}")
-        for transport in self.transports:
-            if transport not in TRANSPORTS:
-                rule = f"must be one of {', '.join(TRANSPORTS)}"
-                raise InvalidInputError("transport", transport, rule)
+        known: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+            ("layout", self.layouts, LAYOUTS),
+            ("transport", self.transports, TRANSPORTS),
+        )
+        for what, chosen, possible in known:
+            for one in chosen:
+                if one not in possible:
+                    raise InvalidInputError(what, one, f"must be one of {', '.join(possible)}")
         given = (self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)
         if not all(given):
             rule = "must have a rate, a layout, a transport, a view rate, and record or not"
@@ -141,11 +139,8 @@ def scene_at_rate(scene: str, rate_hz: float, folder: Path) -> Path:
     Raises:
         SceneError: no such scene, a bad one, or one that refuses the rate.
     """
-    document = document_of(load_scene(scene))
-    document["simulation"]["period"] = 1.0 / rate_hz
-    found = scene_from_document(document, f"{scene} at {rate_hz:g} Hz")
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{found.name}_{rate_hz:g}_hz.yaml"
-    with path.open("w", encoding="utf-8") as file:
-        YAML(typ="safe", pure=True).dump(document, file)
+    path = folder / f"{Path(scene).stem}_{rate_hz:g}_hz.yaml"
+    path.unlink(missing_ok=True)
+    copy_scene(scene, path, [f"simulation.period={1.0 / rate_hz!r}"])
     return path

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.graph.statuses import Percentiles, percentiles_of
+from benchmarks.graph.statuses import Figures, latency_of
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.experiment.from_bag import full_name
 from hapticmech_ros.wire.cdr import array_stamp, header_stamp
@@ -27,12 +28,23 @@ from hapticmech_ros.wire.topics import (
 
 WATCHED = (DEVICE_STATE, DEVICE_COMMAND, POINT_COMMAND, STATE, POINT_MODEL)
 RECORDED_TRIP = "device's deadline → servo_cf"
-# Loss -> what is answered, by what.
+# Hop -> from which message to which; None: from the deadline, which is the message's stamp.
+HOPS: dict[str, tuple[Topic | None, Topic]] = {
+    "device's deadline → device/state": (None, DEVICE_STATE),
+    "device/state → servo_cf": (DEVICE_STATE, DEVICE_COMMAND),
+    RECORDED_TRIP: (None, DEVICE_COMMAND),
+    "mechanism's deadline → mechanism/state": (None, STATE),
+    "mechanism/state → operational_model": (STATE, POINT_MODEL),
+    "mechanism's deadline → operational_model": (None, POINT_MODEL),
+}
+# What is answered, by what.
 ANSWERED = {
     "device/state → servo_cf": (DEVICE_STATE, DEVICE_COMMAND),
     "device/state → mechanism's servo_cf": (DEVICE_STATE, POINT_COMMAND),
     "mechanism/state → operational_model": (STATE, POINT_MODEL),
 }
+# Names of figures, behind what is answered by what.
+ASKED, LOST, UNSEEN = "messages", "lost", "lost by the recorder"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +52,12 @@ class Recorded:
     """A bag, evaluated.
 
     Attributes:
-        hops: latencies by hop, of the window's messages; times are the recorder's.
-        losses: what was not answered, by loss.
+        figures: latencies by hop, by the recorder's times, and what was lost, in the window.
         published: messages of the window by topic.
         sizes: bytes of the smallest message by topic, of the whole bag.
     """
 
-    hops: Mapping[str, Percentiles]
-    losses: Mapping[str, Losses]
+    figures: Figures
     published: Mapping[str, int]
     sizes: Mapping[str, int]
 
@@ -58,30 +68,26 @@ def recorded(bag: Path, point: str, window: tuple[int, int]) -> Recorded:
     Raises:
         BagError: no bag, or damaged.
     """
-    arrivals: dict[str, dict[int, int]] = {full_name(topic, point): {} for topic in WATCHED}
-    readers = {
-        full_name(topic, point): array_stamp if topic.type == ARRAY else header_stamp
-        for topic in WATCHED
-    }
-    published: dict[str, int] = {}
+    names = {full_name(topic, point): topic for topic in WATCHED}
+    # Of each topic, stamp -> time of reception, ns.
+    arrivals: dict[Topic, dict[int, int]] = {topic: {} for topic in WATCHED}
+    published: Counter[str] = Counter()
     sizes: dict[str, int] = {}
     with BagReader(bag) as reader:
         for name, time_ns, data in reader.serialized():
             sizes[name] = min(len(data), sizes.get(name, len(data)))
-            if window[0] <= time_ns < window[1]:
-                published[name] = published.get(name, 0) + 1
-            if name in arrivals:
-                arrivals[name].setdefault(readers[name](data), time_ns)
-    by_topic = {topic: arrivals[full_name(topic, point)] for topic in WATCHED}
-    return Recorded(
-        _hops(by_topic, window),
-        {
-            name: losses(by_topic[asked], by_topic[answer], window)
-            for name, (asked, answer) in ANSWERED.items()
-        },
-        published,
-        sizes,
-    )
+            published[name] += window[0] <= time_ns < window[1]
+            if (topic := names.get(name)) is not None:
+                stamp_ns = array_stamp(data) if topic.type == ARRAY else header_stamp(data)
+                arrivals[topic].setdefault(stamp_ns, time_ns)
+    figures: Figures = {}
+    for hop, (before, after) in HOPS.items():
+        asked = arrivals[after] if before is None else arrivals[before]
+        since = {stamp: stamp for stamp in asked} if before is None else asked
+        figures |= latency_of(hop, waits_us(since, arrivals[after], window))
+    for name, (question, answer) in ANSWERED.items():
+        figures |= losses(name, arrivals[question], arrivals[answer], window)
+    return Recorded(figures, +published, sizes)
 
 
 def steady_topics(point: str) -> set[str]:
@@ -93,46 +99,13 @@ def steady_topics(point: str) -> set[str]:
     }
 
 
-def _hops(
-    arrivals: Mapping[Topic, Mapping[int, int]], window: tuple[int, int]
-) -> dict[str, Percentiles]:
-    device, command = arrivals[DEVICE_STATE], arrivals[DEVICE_COMMAND]
-    state, rendering = arrivals[STATE], arrivals[POINT_MODEL]
-    found = {
-        "device's deadline → device/state": delay(device, window),
-        "device/state → servo_cf": hop(device, command, window),
-        RECORDED_TRIP: delay(command, window),
-        "mechanism's deadline → mechanism/state": delay(state, window),
-        "mechanism/state → operational_model": hop(state, rendering, window),
-        "mechanism's deadline → operational_model": delay(rendering, window),
-    }
-    return {name: latency for name, latency in found.items() if latency is not None}
-
-
-@dataclass(frozen=True, slots=True)
-class Losses:
-    """Questions and answers of one node within a window, in a bag.
-
-    Attributes:
-        asked: messages that were to be answered.
-        answered: those whose answer is there.
-        strays: answers to messages that are not there: the recorder lost those, not the node.
-    """
-
-    asked: int
-    answered: int
-    strays: int
-
-    @property
-    def lost(self) -> int:
-        """Messages without an answer."""
-        return self.asked - self.answered
-
-
-def losses(asked: Collection[int], answers: Collection[int], window: tuple[int, int]) -> Losses:
+def losses(
+    name: str, asked: Collection[int], answers: Collection[int], window: tuple[int, int]
+) -> Figures:
     """Return what was lost between stamps of ``window``, first included and last not.
 
     Args:
+        name: of what is answered by what.
         asked: stamps of the messages to be answered, ns.
         answers: stamps of the answers, ns.
         window: ns; to end a little before recording does, or the last answers are missing.
@@ -140,22 +113,18 @@ def losses(asked: Collection[int], answers: Collection[int], window: tuple[int, 
     first, last = window
     questions = {stamp for stamp in asked if first <= stamp < last}
     found = {stamp for stamp in answers if first <= stamp < last}
-    return Losses(len(questions), len(questions & found), len(found - questions))
+    return {
+        f"{name}: {ASKED}": len(questions),
+        f"{name}: {LOST}": len(questions - found),
+        # Answers to messages that are not there: the recorder lost those, not the node.
+        f"{name}: {UNSEEN}": len(found - questions),
+    }
 
 
-def total(parts: Collection[Losses]) -> Losses:
-    """Return the sum of several."""
-    return Losses(
-        sum(part.asked for part in parts),
-        sum(part.answered for part in parts),
-        sum(part.strays for part in parts),
-    )
-
-
-def hop(
+def waits_us(
     before: Mapping[int, int], after: Mapping[int, int], window: tuple[int, int]
-) -> Percentiles | None:
-    """Return how much later messages came than those they answer.
+) -> np.ndarray:
+    """Return how much later messages came than those that they answer, (n,) µs.
 
     Args:
         before: stamp -> time of reception, ns.
@@ -164,14 +133,4 @@ def hop(
     """
     first, last = window
     waits = [after[s] - time for s, time in before.items() if first <= s < last and s in after]
-    return percentiles_of(np.array(waits, dtype=float) / 1000.0)
-
-
-def delay(received: Mapping[int, int], window: tuple[int, int]) -> Percentiles | None:
-    """Return how long after its stamp each message came.
-
-    Args:
-        received: stamp -> time of reception, ns.
-        window: of stamps, ns.
-    """
-    return hop({stamp: stamp for stamp in received}, received, window)
+    return np.array(waits, dtype=float) / 1000.0

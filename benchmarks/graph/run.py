@@ -8,9 +8,12 @@ import shutil
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import psutil
 
 from benchmarks.children import (
     BenchError,
@@ -22,25 +25,14 @@ from benchmarks.children import (
 )
 from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, check_run
 from benchmarks.graph.plan import VIEW_HZ, Step
-from benchmarks.graph.recorded import Recorded, recorded
-from benchmarks.graph.statuses import (
-    ANSWERS,
-    Clocked,
-    Percentiles,
-    Status,
-    around,
-    clocked,
-    rate_hz,
-    said,
-    status_of,
-)
-from benchmarks.machine import MachineLoad, Usage, load_between, usage
+from benchmarks.graph.recorded import recorded
+from benchmarks.graph.statuses import Figures, Status, around, said, status_of
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.system.readiness import Readiness
-from hapticmech_ros.wire.topics import CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import CONTROLLER
 
 ENGAGES_WITHIN_S = 30.0
 # Between engagement and the window: caches fill, the controller's wrench comes in.
@@ -52,6 +44,8 @@ RECORDER = "hapticmech_ros.nodes.recorder"
 BARE = "benchmarks.graph.bare_node"
 # The benchmark ends the recorder itself.
 FOR_EVER_S = 1e6
+# Name of a figure: processor time that the host of a virtual machine gave to others.
+STOLEN = "stolen by the host, %"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,36 +55,64 @@ class Run:
     Attributes:
         step: what was run.
         failure: why there is nothing to see; empty if there is.
-        window_s: length of the window.
         checks: what had to hold.
-        clocked: device and mechanism, how they kept their deadlines.
-        answers_hz: answers per second, by node.
-        said: latencies that nodes measured themselves, by hop.
-        recorded: what the bag tells; None without a recorder.
-        load: CPU time and the machine's load.
+        figures: what was measured in the window, by what it is and its unit.
+        sizes: bytes of the smallest message in the bag, by topic; none without a recorder.
     """
 
     step: Step
     failure: str = ""
-    window_s: float = 0.0
     checks: tuple[Check, ...] = ()
-    clocked: Mapping[str, Clocked] = field(default_factory=dict)
-    answers_hz: Mapping[str, float] = field(default_factory=dict)
-    said: Mapping[str, Percentiles] = field(default_factory=dict)
-    recorded: Recorded | None = None
-    load: MachineLoad | None = None
+    figures: Figures = field(default_factory=dict)
+    sizes: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def faults(self) -> list[str]:
+        """Why there is nothing to see, or which checks did not hold."""
+        if self.failure:
+            return [self.failure]
+        return [f"{check.rule}: {check.seen}" for check in self.checks if not check.held]
 
     @property
     def sound(self) -> bool:
         """Whether there is something to see, and all checks held."""
-        return not self.failure and all(check.held for check in self.checks)
+        return not self.faults
 
 
-@dataclass(frozen=True, slots=True)
-class _Watched:
-    statuses: tuple[Status, ...]
-    window_ns: tuple[int, int]
-    usages: tuple[Usage, Usage]
+class Usage(NamedTuple):
+    """Counters at one time: s of a monotonic clock, CPU time (s) by process, and of all cores."""
+
+    time_s: float
+    processes: Mapping[str, float]
+    machine: Any
+
+
+def usage(processes: Mapping[str, int]) -> Usage:
+    """Return the counters now, of processes by name (ids); one that has ended is left out."""
+    taken = {}
+    for name, pid in processes.items():
+        with suppress(psutil.NoSuchProcess):
+            taken[name] = sum(psutil.Process(pid).cpu_times()[:2])
+    return Usage(time.monotonic(), taken, psutil.cpu_times())
+
+
+def processor_share(process: str) -> str:
+    """Return the name of a figure: the processor time that a process takes."""
+    return f"CPU of {process}, % of one core"
+
+
+def load_between(before: Usage, after: Usage) -> Figures:
+    """Return the processor time that was taken from one time to a later one."""
+    elapsed = max(after.time_s - before.time_s, 1e-9)
+    found = {
+        processor_share(name): 100.0 * (taken - before.processes[name]) / elapsed
+        for name, taken in after.processes.items()
+        if name in before.processes
+    }
+    # user nice system idle iowait irq softirq steal; guest time is within user and nice.
+    whole = sum(after.machine[:8]) - sum(before.machine[:8])
+    stolen = after.machine.steal - before.machine.steal
+    return {**found, STOLEN: 100.0 * stolen / max(whole, 1e-9)}
 
 
 def measure(
@@ -109,15 +131,16 @@ def measure(
     bag = folder / "bag"
     shutil.rmtree(bag, ignore_errors=True)
     try:
-        watched = _watch(step, str(scene), seconds, folder, bag)
-        return _evaluated(step, watched, bag, point, session)
+        return _run(step, str(scene), point, seconds, folder, bag, session)
     except HapticMechError as error:
         return Run(step, failure=str(error))
     finally:
         shutil.rmtree(bag, ignore_errors=True)
 
 
-def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _Watched:
+def _run(
+    step: Step, scene: str, point: str, seconds: float, folder: Path, bag: Path, session: Expected
+) -> Run:
     environment = graph_environment()
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
@@ -138,8 +161,26 @@ def _watch(step: Step, scene: str, seconds: float, folder: Path, bag: Path) -> _
             "every node's figures after the window",
             graph.check,
         )
-        statuses = tuple(_statuses(probe))
-    return _Watched(statuses, (begun_ns, ended_ns), (before, after))
+        statuses = _statuses(probe)
+    window, ends = (begun_ns, ended_ns), {}
+    for node in NODES:
+        pair = around(statuses, node, window)
+        if pair is None:
+            raise BenchError(f"{node} gave no figures before and after the window")
+        ends[node] = pair
+    within = [
+        status
+        for status in statuses
+        if status.node in ends
+        and ends[status.node][0].stamp_ns <= status.stamp_ns <= ends[status.node][1].stamp_ns
+    ]
+    figures, checks = said(ends), check_run(step.kind, ends, within, session)
+    load = load_between(before, after)
+    if not step.configuration.recorded:
+        return Run(step, "", checks, {**figures, **load})
+    found = recorded(bag, point, window)
+    heard = check_recording(found, figures, (ended_ns - begun_ns) / NANOSECONDS, point)
+    return Run(step, "", (*checks, heard), {**figures, **found.figures, **load}, found.sizes)
 
 
 def wait_until_engaged(graph: Graph, probe: ReportingProcess) -> None:
@@ -176,39 +217,6 @@ def _speaking(probe: ReportingProcess, since_ns: int) -> set[str]:
 
 def _statuses(probe: ReportingProcess) -> list[Status]:
     return [status_of(event) for event in probe.of("status")]
-
-
-def _evaluated(step: Step, watched: _Watched, bag: Path, point: str, session: Expected) -> Run:
-    window = watched.window_ns
-    ends = {}
-    for node in NODES:
-        pair = around(watched.statuses, node, window)
-        if pair is None:
-            raise BenchError(f"{node} gave no figures before and after the window")
-        ends[node] = pair
-    within = [
-        status
-        for status in watched.statuses
-        if status.node in ends
-        and ends[status.node][0].stamp_ns <= status.stamp_ns <= ends[status.node][1].stamp_ns
-    ]
-    window_s = (window[1] - window[0]) / NANOSECONDS
-    kept = {node: clocked(ends[node]) for node in (DEVICE, MECHANISM)}
-    checks = check_run(step.kind, ends, within, session)
-    found = recorded(bag, point, window) if step.configuration.recorded else None
-    if found is not None:
-        rates = {node: one.rate_hz for node, one in kept.items()}
-        checks = (*checks, check_recording(found, rates, window_s, point))
-    return Run(
-        step,
-        window_s=window_s,
-        checks=checks,
-        clocked=kept,
-        answers_hz={node: rate_hz(ends[node], figure) for node, figure in ANSWERS.items()},
-        said=said(ends),
-        recorded=found,
-        load=load_between(*watched.usages),
-    )
 
 
 class BareGraph(Graph):

@@ -1,13 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes say of themselves, what two of their statuses say of the time between, percentiles."""
+"""What nodes say of themselves, and what two of their statuses say of the time between."""
 
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,14 +15,20 @@ from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
 # What a node's own figures measure: each message's arrival less its stamp.
+ROUND_TRIP = "device → controller → device"
 SAID_HOPS: dict[str, tuple[str, str]] = {
-    "device → controller → device": (DEVICE, "loop_latency"),
+    ROUND_TRIP: (DEVICE, "loop_latency"),
     "device → controller → mechanism": (MECHANISM, "message_age"),
     "mechanism → analyser": (ANALYSER, "message_age"),
     "all that the controller hears": (CONTROLLER, "message_age"),
 }
-ROUND_TRIP = "device → controller → device"
-ANSWERS = {ANALYSER: "analyses", CONTROLLER: "answers"}
+# Node that answers -> its counter, and the clocked node whose samples it answers.
+ANSWERS = {ANALYSER: ("analyses", MECHANISM), CONTROLLER: ("answers", DEVICE)}
+PERCENTILES = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "max": 100.0}
+# Names of figures of a clocked node, behind its own.
+RATE, MISSED, DROPPED = "rate, Hz", "missed deadlines, %", "dropped periods"
+# A run's figures, by what they are and their unit.
+Figures = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,20 +41,8 @@ class Status:
     figures: Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Clocked:
-    """A clocked node within a window.
-
-    Attributes:
-        rate_hz: samples published per second.
-        periods: periods that began; ``missed`` of them had gone by when their turn came.
-        dropped: periods that were never simulated.
-    """
-
-    rate_hz: float
-    periods: int
-    missed: int
-    dropped: int
+# By node, the statuses around a window.
+Ends = Mapping[str, tuple[Status, Status]]
 
 
 def status_of(facts: Mapping[str, object]) -> Status:
@@ -93,70 +86,44 @@ def rate_hz(ends: tuple[Status, Status], figure: str) -> float:
     return gained(ends, figure) / elapsed if elapsed > 0.0 else 0.0
 
 
-def clocked(ends: tuple[Status, Status]) -> Clocked:
-    """Return how a node kept its deadlines between two statuses."""
-    return Clocked(
-        rate_hz(ends, "periods") - rate_hz(ends, "missed_deadlines"),
-        round(gained(ends, "periods")),
-        round(gained(ends, "missed_deadlines")),
-        round(gained(ends, "dropped_periods")),
-    )
+def said(ends: Ends) -> Figures:
+    """Return what nodes say of a window: rates, deadlines, answers, and latencies by hop.
 
-
-def said(ends: Mapping[str, tuple[Status, Status]]) -> dict[str, Percentiles]:
-    """Return the latencies that nodes give at a window's end, by hop.
-
-    A node counts from its first message on, so what came before the window is in them.
+    A node counts latencies from its first message on, so what came before the window is in them.
     """
-    found = {}
-    for hop, (node, figure) in SAID_HOPS.items():
-        if node in ends and (latency := percentiles_said(ends[node][1].figures, figure)):
-            found[hop] = latency
+    found: Figures = {}
+    for node in (DEVICE, MECHANISM):
+        periods, missed = (gained(ends[node], one) for one in ("periods", "missed_deadlines"))
+        rate = rate_hz(ends[node], "periods") - rate_hz(ends[node], "missed_deadlines")
+        found[f"{node}: {RATE}"] = rate
+        found[f"{node}: {MISSED}"] = 100.0 * missed / periods if periods else 100.0
+        found[f"{node}: {DROPPED}"] = gained(ends[node], "dropped_periods")
+    for node, (counter, asking) in ANSWERS.items():
+        share = rate_hz(ends[node], counter) / max(found[f"{asking}: {RATE}"], 1e-9)
+        found[f"{node}: samples answered, %"] = 100.0 * share
+    for hop, (node, name) in SAID_HOPS.items():
+        found |= latency_said(hop, ends[node][1].figures, name)
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Percentiles:
-    """Percentiles of a latency, µs."""
-
-    p50_us: float
-    p90_us: float
-    p99_us: float
-    max_us: float
+def latency(hop: str, percentile: str) -> str:
+    """Return the name of a figure: a percentile of a hop's latency."""
+    return f"{hop}: {percentile}, µs"
 
 
-def percentiles_of(samples_us: Array) -> Percentiles | None:
-    """Return percentiles of samples (n,), each one of them; None if there are none."""
+def latency_of(hop: str, samples_us: Array) -> Figures:
+    """Return percentiles of samples (n,), each one of them; none if there are none."""
     if samples_us.size == 0:
-        return None
-    found = np.percentile(samples_us, (50.0, 90.0, 99.0, 100.0), method="inverted_cdf")
-    return Percentiles(*map(float, found))
+        return {}
+    values = np.percentile(samples_us, list(PERCENTILES.values()), method="inverted_cdf")
+    return {latency(hop, one): float(x) for one, x in zip(PERCENTILES, values, strict=True)}
 
 
-def percentiles_said(figures: Mapping[str, float], name: str) -> Percentiles | None:
-    """Return the percentiles ``<name>_p50_us`` and so on that a node gives; None without any."""
-    values = [figures.get(f"{name}_{field.name}") for field in fields(Percentiles)]
-    known = [value for value in values if value is not None]
-    if len(known) < len(values) or known[-1] == 0.0:
-        return None
+def latency_said(hop: str, figures: Mapping[str, float], name: str) -> Figures:
+    """Return the percentiles ``<name>_p50_us`` and so on that a node gives; none without all."""
+    values = [figures.get(f"{name}_{one}_us", 0.0) for one in PERCENTILES]
+    longest = values[-1]
+    if 0.0 in values:
+        return {}
     # A node counts in bins and says their upper edge, but its longest to the last digit.
-    p50, p90, p99, longest = known
-    return Percentiles(min(p50, longest), min(p90, longest), min(p99, longest), longest)
-
-
-def median_of(runs: Sequence[Percentiles]) -> Percentiles | None:
-    """Return the median over runs of each percentile; None without runs."""
-    if not runs:
-        return None
-    return Percentiles(
-        *(statistics.median(getattr(run, field.name) for run in runs) for field in fields(runs[0]))
-    )
-
-
-def ratios(real: Percentiles, bare: Percentiles) -> dict[str, float]:
-    """Return real to bare by percentile: ``p50``, ``p90``, ``p99``, ``max``."""
-    return {
-        field.name.removesuffix("_us"): getattr(real, field.name) / getattr(bare, field.name)
-        for field in fields(Percentiles)
-        if getattr(bare, field.name) > 0.0
-    }
+    return {latency(hop, one): min(x, longest) for one, x in zip(PERCENTILES, values, strict=True)}

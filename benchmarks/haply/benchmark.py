@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import random
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -18,17 +19,15 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
-import rclpy
 import typer
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from std_msgs.msg import Float64MultiArray
 
-from benchmarks.children import BenchError
+from benchmarks.children import BenchError, ReportingProcess, wait_until
 from benchmarks.haply.emulated import Emulator, Trace, emulated
 from benchmarks.machine import MachineResults, machine
 from benchmarks.push import WAY, time_alone
+from benchmarks.reliability.rig import FOLDER
+from benchmarks.reliability.sample import DEVICE as WATCHED
+from benchmarks.reliability.sample import Ring
 from hapticmech_ros import load_scene
 from hapticmech_ros.analysis.study import Sheet, Show, silent
 from hapticmech_ros.cli.console import OutOption
@@ -40,8 +39,6 @@ from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.wire.messages import DeviceStateMessage
-from hapticmech_ros.wire.topics import DEVICE_STATE
 
 DRIVER, CONTROLLER, SERVICE = "haply_device", "teleoperation_controller", "service"
 VICTIMS = (DRIVER, CONTROLLER, SERVICE)
@@ -59,7 +56,7 @@ SWINGING = (
 # door's knob).
 PUSH_N, PUSH_AFTER_S = 1.0, 2.0
 PUSHED = {"five_bar": (-1.0, 0.0, 0.0), "door": (-0.1739, 0.9848, 0.0)}
-APPLIED = DeviceStateMessage.layout.slice("applied")
+WATCH = [sys.executable, "-u", str(FOLDER / "watch.py")]
 
 
 @dataclass(frozen=True)
@@ -124,51 +121,17 @@ class HaplyResults(MachineResults):
         )
 
 
-class _Listener:
-    """Hears the driver's samples."""
-
-    def __init__(self, domain: int) -> None:
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = Node("bench_haply", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self.received = 0
-        # Stamp of the newest sample with a force, s of the machine's clock.
-        self.last = 0.0
-        self._node.create_subscription(Float64MultiArray, DEVICE_STATE.name, self._receive, 10)
-
-    def _receive(self, message: Float64MultiArray) -> None:
-        self.received += 1
-        values = np.asarray(message.data)
-        if np.linalg.norm(values[APPLIED]) > NONE_N:
-            self.last = float(values[0] + values[1] / NANOSECONDS)
-
-    def spin(self, seconds: float) -> None:
-        """Hear for a while."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=min(left, 0.05))
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-
 class _Rig:
-    """A graph with the driver, an emulated service, and who listens."""
+    """A graph with the driver, an emulated service, and a watcher of the driver's samples."""
 
     def __init__(self, scene: Path, folder: Path, domain: int) -> None:
         self._scene, self._folder, self._number = scene, folder, 0
         self.emulator, self.trace = self._serve(0)
-        self.graph = Graph(
-            str(scene),
-            nodes=NODES,
-            parameters={f"{DRIVER}.uri": self.emulator.uri},
-            environment=private_environment(domain),
-        )
-        self.listener = _Listener(domain)
+        environment = private_environment(domain)
+        parameters = {f"{DRIVER}.uri": self.emulator.uri}
+        self.graph = Graph(str(scene), nodes=NODES, parameters=parameters, environment=environment)
+        self.ring = Ring(folder / "ring", fresh=True)
+        self._watch = ReportingProcess([*WATCH, str(folder / "ring")], environment)
 
     def _serve(self, port: int) -> tuple[Emulator, Trace]:
         self._number += 1
@@ -185,17 +148,17 @@ class _Rig:
         Raises:
             BenchError: it does not.
         """
-        end, since = time.monotonic() + PATIENCE_S, time.monotonic()
-        while True:
-            self.listener.spin(0.05)
+        since = time.monotonic()
+
+        def given() -> bool:
             times, forces = self.trace.force_since(since)
-            if len(times) > 700 and (forces[-500:] > NONE_N).all() and forces[-5:].min() > FELT_N:
-                return
-            if time.monotonic() > end:
-                raise BenchError("nothing is rendered through the driver")
+            lasting = len(times) > 700 and (forces[-500:] > NONE_N).all()
+            return bool(lasting and forces[-5:].min() > FELT_N)
+
+        wait_until(given, PATIENCE_S, "a force through the driver", look_again_s=0.05)
 
     def close(self) -> None:
-        self.listener.close()
+        self._watch.stop()
         self.graph.stop()
         self.emulator.close()
 
@@ -204,16 +167,17 @@ def _ends(rig: _Rig, victim: str) -> float:
     """Kill somebody, and return how long there was a force, s; start him again."""
     rig.wait_for_force()
     if victim == SERVICE:
-        killed = time.time()
+        before, killed_ns = rig.ring.count, time.time_ns()
         rig.emulator.kill()
-        rig.listener.spin(0.3)
+        time.sleep(0.3)
         # Its device has gone with it: what counts is what the driver tells.
-        took = max(rig.listener.last - killed, 0.0)
+        found = rig.ring.since(before)
+        told_ns = found["stamp_ns"][found["force"] > NONE_N].max(initial=killed_ns)
         rig.renew_service()
-        return took
+        return float(told_ns - killed_ns) / NANOSECONDS
     killed = time.monotonic()
     rig.graph.kill(victim)
-    rig.listener.spin(0.3)
+    time.sleep(0.3)
     times, forces = rig.trace.force_since(killed)
     given = times[forces > NONE_N]
     rig.graph.restart(victim)
@@ -295,9 +259,10 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
         rig = _Rig(scene, folder, domain)
         try:
             rig.wait_for_force()
-            before, begun = rig.listener.received, time.monotonic()
-            rig.listener.spin(5.0)
-            rate = (rig.listener.received - before) / (time.monotonic() - begun)
+            before, begun = rig.ring.count, time.monotonic()
+            time.sleep(5.0)
+            received = int((rig.ring.since(before)["topic"] == WATCHED).sum())
+            rate = received / (time.monotonic() - begun)
             show(f"{rate:.1f} samples/s")
             for number in range(kills):
                 for victim in VICTIMS:

@@ -21,7 +21,7 @@ from benchmarks.children import busy_programs
 from benchmarks.graph.checks import expected
 from benchmarks.graph.plan import Configuration, Step, scene_at_rate
 from benchmarks.graph.run import SETTLES_S, measure
-from benchmarks.graph.statuses import ROUND_TRIP, Percentiles
+from benchmarks.graph.statuses import MISSED, ROUND_TRIP, Figures, latency
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
@@ -31,6 +31,11 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.topics import DEVICE
 
 SCENE, RATE_HZ = "five_bar", 1000.0
+# Figures of a run that are shown, and with how many digits.
+SHOWN = {
+    **{latency(ROUND_TRIP, one): ".0f" for one in ("p50", "p99", "max")},
+    f"{DEVICE}: {MISSED}": ".2f",
+}
 # How often somebody starts a program meanwhile.
 COMMAND_PERIOD_S = 0.5
 
@@ -54,16 +59,14 @@ class Watched:
     Attributes:
         way: by name; ``busy`` programs ran beside the graph.
         failure: why there are no figures, or which check did not hold.
-        latency: from a device's sample to its answer; None without figures.
-        missed: share of the device's deadlines.
+        figures: of the run; none where there are none.
         command_s: median and longest time that starting a program took.
     """
 
     way: str
     busy: int
     failure: str
-    latency: Percentiles | None
-    missed: float | None
+    figures: Figures
     command_s: tuple[float, float]
 
 
@@ -90,19 +93,17 @@ class RealtimeResults(MachineResults):
             groups.setdefault((run.busy, run.way), []).append(run)
         rows = []
         for (busy, way), runs in sorted(groups.items(), key=lambda item: item[0][0]):
-            seen = [run.latency for run in runs if run.latency is not None]
-            missed = [run.missed for run in runs if run.missed is not None]
+            seen = [
+                (_median([run.figures[name] for run in runs if name in run.figures]), style)
+                for name, style in SHOWN.items()
+            ]
             middle = [statistics.median(run.command_s[0] for run in runs)]
             rows.append(
                 (
                     str(busy),
                     way,
                     f"{sum(not run.failure for run in runs)} of {len(runs)}",
-                    *(
-                        number(_median([getattr(one, name) for one in seen]), ".0f")
-                        for name in ("p50_us", "p99_us", "max_us")
-                    ),
-                    number(_median([100.0 * share for share in missed]), ".2f"),
+                    *(number(value, style) for value, style in seen),
                     *(f"{1e3 * one:.0f}" for one in (*middle, max(r.command_s[1] for r in runs))),
                 )
             )
@@ -149,15 +150,12 @@ def run_benchmark(
                 with _beside(busy) as commands:
                     step = Step(configuration, repeat, "bare" if settings is None else "real")
                     run = measure(step, place, point, seconds, out, session)
-                failed = ", ".join(check.rule for check in run.checks if not check.held)
-                kept = run.clocked.get(DEVICE)
                 runs.append(
                     Watched(
                         way,
                         busy,
-                        run.failure or failed,
-                        run.said.get(ROUND_TRIP),
-                        None if kept is None else kept.missed / max(1, kept.periods),
+                        ", ".join(run.faults),
+                        run.figures,
                         (statistics.median(commands), max(commands)),
                     )
                 )

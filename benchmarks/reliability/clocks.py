@@ -7,14 +7,21 @@ from __future__ import annotations
 import re
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
-from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
+from benchmarks.reliability.trial import (
+    Fault,
+    Trial,
+    carried_out,
+    observe,
+    report_delays,
+    summarised,
+)
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE
 
@@ -63,10 +70,7 @@ def try_step(rig: Rig, clock: SteppedClock, seconds: float, words: str) -> Trial
     since = rig.ready()
     stepped_ns = clock.step(seconds)
     fault = Fault(f"{words} {seconds:+g} s", since, stepped_ns, stepped_ns)
-    trial = observe(rig, fault, about_clock)
-    if not trial.came_back:
-        rig.renew()
-    return trial
+    return observe(rig, fault, about_clock)
 
 
 def try_wrong_host(
@@ -84,67 +88,58 @@ def try_wrong_host(
     righted_ns = clock.step(-seconds)
     kind = f"{words} {seconds:+g} s for {WRONG_S:g} s"
     fault = Fault(kind, since, stepped_ns, righted_ns, offset_ns=offset_ns)
-    trial = observe(rig, fault, about_clock)
-    if not trial.came_back:
-        rig.renew()
-    return trial
+    return observe(rig, fault, about_clock)
+
+
+@contextmanager
+def _stepped(*names: str) -> Iterator[list[SteppedClock]]:
+    """Yield clocks that can be stepped, by name."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        yield [stack.enter_context(SteppedClock(folder, name)) for name in names]
 
 
 def _machine(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        clock = stack.enter_context(SteppedClock(folder))
-        rig = Rig(out, "clocks_machine", [(tuple(NODES), clock)])
-        stack.enter_context(rig)
-        trials = []
-        for seconds in steps(number, STEPS_S):
-            trials.append(try_step(rig, clock, seconds, "machine's clock"))
-            told(trials[-1].log(rig.clean_max))
-        figures = report_delays(PART, rig)
-        figures += summarised(PART, "machine's clock", trials, rig.clean_max)
+    hosted, words = tuple(NODES), "machine's clock"
+    with _stepped("day") as (clock,), Rig(out, "clocks_machine", [(hosted, clock)]) as rig:
+        sizes = steps(number, STEPS_S)
+        trials = carried_out((try_step(rig, clock, size, words) for size in sizes), rig, told)
+        figures = report_delays(PART, rig) + summarised(PART, words, trials, rig.clean_max)
     return figures + _emergency_stops(number, out, told)
 
 
 def _one_host(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        near = stack.enter_context(SteppedClock(folder, "near"))
-        far = stack.enter_context(SteppedClock(folder, "far"))
-        rest = tuple(name for name in NODES if name != DEVICE)
+    rest = tuple(name for name in NODES if name != DEVICE)
+    with _stepped("near", "far") as (near, far):
         hosts = [((DEVICE,), near), (rest, far)]
-        rig = stack.enter_context(Rig(out, "clocks_host", hosts))
-        trials = []
-        for index, seconds in enumerate(steps(number, STEPS_S)):
-            at_device = _by_turns(index)
-            clock, words = (near, "device's host") if at_device else (far, "other host")
-            trials.append(try_wrong_host(rig, clock, seconds, at_device, words))
-            told(trials[-1].log(rig.clean_max))
-        return summarised(PART, "one host's clock", trials, rig.clean_max)
+        with Rig(out, "clocks_host", hosts) as rig:
+
+            def wrong(index: int, seconds: float) -> Trial:
+                at_device = _by_turns(index)
+                clock, words = (near, "device's host") if at_device else (far, "other host")
+                return try_wrong_host(rig, clock, seconds, at_device, words)
+
+            sizes = enumerate(steps(number, STEPS_S))
+            trials = carried_out((wrong(*one) for one in sizes), rig, told)
+            return summarised(PART, "one host's clock", trials, rig.clean_max)
 
 
 def _simulated(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        clock = stack.enter_context(SteppedClock(folder))
-        given = {"use_sim_time": True}
+    given, words = {"use_sim_time": True}, "/clock"
+    with (
+        _stepped("day") as (clock,),
         # Each process that hears 1 kHz of /clock takes a fifth of a core for it alone.
-        rig = Rig(out, "clocks_sim", parameters=given, clock=clock, composed=True)
-        stack.enter_context(rig)
-        trials = []
-        for seconds in steps(number, SIMULATED_STEPS_S):
-            trials.append(try_step(rig, clock, seconds, "/clock"))
-            told(trials[-1].log(rig.clean_max))
-        return summarised(PART, "/clock", trials, rig.clean_max)
+        Rig(out, "clocks_sim", parameters=given, clock=clock, composed=True) as rig,
+    ):
+        sizes = steps(number, SIMULATED_STEPS_S)
+        trials = carried_out((try_step(rig, clock, size, words) for size in sizes), rig, told)
+        return summarised(PART, words, trials, rig.clean_max)
 
 
 def _emergency_stops(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
     from benchmarks.reliability.emergency import summarised_stops, try_stop
 
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        clock = stack.enter_context(SteppedClock(folder))
-        rig = Rig(out, "clocks_stop", [(tuple(NODES), clock)])
-        stack.enter_context(rig)
+    with _stepped("day") as (clock,), Rig(out, "clocks_stop", [(tuple(NODES), clock)]) as rig:
         stops = []
         for index, seconds in enumerate(steps(number, STEPS_S)):
             stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))

@@ -16,20 +16,16 @@ from pathlib import Path
 from benchmarks.children import wait_until
 from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
-from benchmarks.reliability.rig import Rig, pushing
-from benchmarks.reliability.sample import Samples
+from benchmarks.reliability.rig import Rig
+from benchmarks.reliability.soak import growth, render
 from benchmarks.reliability.trial import GOAL_PEAK
-from benchmarks.reliability.usage import Usage, grown, usage
 from hapticmech_ros.graph import stop_process
-from hapticmech_ros.nodes.entry import NODES
 
 PART = "disk"
 FULL_S, QUICK_FULL_S = 600.0, 10.0
 MEGABYTES = 4
 FILLS_WITHIN_S = 120.0
 LOOKS = 200
-MEBI = float(1 << 20)
-MOST_MEBI = 1.0
 HAPTICMECH = [sys.executable, "-m", "hapticmech_ros"]
 
 
@@ -58,55 +54,31 @@ def _on(disk: FullDisk, seconds: float, out: Path) -> list[Figure]:
         finally:
             stop_process(recorder)
         disk.fill()
-        held: dict[str, list[Usage]] = {node: [] for node in NODES}
-        times: list[float] = []
-        before, begun = rig.settle(), time.monotonic()
-        largest, breaks, samples, pushed = 0.0, 0, 0, 0
-        while (passed := time.monotonic() - begun) < seconds:
-            rig.check()
-            times.append(passed)
-            for node in NODES:
-                held[node].append(usage(rig.pid(node)))
-            time.sleep(seconds / LOOKS)
-            count = rig.ring.count
-            found = rig.samples(before)
-            before = count
-            peak, ended, some = _of(found)
-            largest, breaks = max(largest, peak), breaks + ended
-            samples, pushed = samples + len(found), pushed + some
+        found = render(rig, seconds, LOOKS)
     sentence = told.read_text(encoding="utf-8")
     plain = "No space left on device" in sentence and "Traceback" not in sentence
     return [
-        Figure(PART, "rendered on a full disk for", passed, "s", trials=1),
-        Figure(PART, "largest force, of a clean run's", largest / rig.clean_max, "", GOAL_PEAK),
-        Figure(PART, "share of samples with force", pushed / max(samples, 1), "", None, 0.99),
-        Figure(PART, "samples", samples / passed, "Hz"),
-        Figure(PART, "rendering broke off", float(breaks), "times"),
+        Figure(PART, "rendered on a full disk for", found.seconds, "s", trials=1),
+        Figure(PART, "largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK),
+        Figure(
+            PART,
+            "share of samples with force",
+            found.pushed / max(found.samples, 1),
+            "",
+            None,
+            0.99,
+        ),
+        Figure(PART, "samples", found.samples / found.seconds, "Hz"),
+        Figure(PART, "rendering broke off", float(found.breaks), "times"),
         Figure(PART, "recorder: says that the disk is full", float(plain), "", None, 1.0, 1),
         Figure(PART, "recorder: exit code", float(recorder.returncode), "", 1.0, 1.0, 1),
         Figure(PART, "messages repaired of its bag", _repaired(bag, out), "", None, 1.0, 1),
         *(
-            Figure(
-                PART,
-                f"{node}: growth of resident memory",
-                grown(times, [one.resident for one in found]) / MEBI,
-                "MiB",
-                MOST_MEBI,
-                None,
-                len(times),
-            )
-            for node, found in held.items()
+            figure
+            for node, held in found.held.items()
+            for figure in growth(PART, node, found.times, held, "resident memory")
         ),
     ]
-
-
-def _of(samples: Samples) -> tuple[float, int, int]:
-    """Return the largest force, how often force ended, and how many samples have force."""
-    if not len(samples):
-        return 0.0, 0, 0
-    pushes = pushing(samples)
-    ended = int((pushes[:-1] & ~pushes[1:]).sum())
-    return float(samples["force"].max()), ended, int(pushes.sum())
 
 
 def _repaired(bag: Path, out: Path) -> float:

@@ -23,7 +23,14 @@ from benchmarks.children import BenchError, ReportingProcess, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import POINT, Rig, pushing
 from benchmarks.reliability.sample import COMMAND, DEVICE, MECHANISM, POINT_MODEL
-from benchmarks.reliability.trial import Fault, Trial, observe, report_delays, summarised
+from benchmarks.reliability.trial import (
+    Fault,
+    Trial,
+    carried_out,
+    observe,
+    report_delays,
+    summarised,
+)
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
@@ -150,11 +157,9 @@ def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Fig
     with Rig(out, PART, all_topics=True) as rig:
         figures += report_delays(PART, rig)
         for kind in KINDS:
-            trials, shares = [], rig.shares()
-            for index in range(number):
-                before, killed = index % 2 == 0, index % 4 >= 2
-                trials.append(try_double(rig, kind, before, killed))
-                told(trials[-1].log(rig.clean_max))
+            shares = rig.shares()
+            ways = [(index % 2 == 0, index % 4 >= 2) for index in range(number)]
+            trials = carried_out((try_double(rig, kind, *way) for way in ways), rig, told)
             figures += summarised(PART, kind.name, trials, rig.clean_max)
             rig.ready()
             figures.append(grown(kind.name, shares, rig.shares()))
@@ -202,10 +207,7 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         fault = Fault(f"{order}{', killed' if killed else ''}", since, cause_ns, left_ns)
         fault = replace(fault, topics=kind.outputs)
         names = (kind.name, kind.original)
-        trial = observe(rig, fault, lambda text: _names(text, names))
-        if not trial.came_back:
-            rig.renew()
-        return trial
+        return observe(rig, fault, lambda text: _names(text, names))
 
 
 def _names(text: str, names: tuple[str, str]) -> bool:

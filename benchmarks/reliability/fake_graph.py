@@ -7,19 +7,15 @@ Time goes on when it is told to, and every message that an actor sends is looked
 
 from __future__ import annotations
 
-import math
-import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import WrenchStamped
-from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import Float64MultiArray
+from rclpy.serialization import serialize_message
 
+from benchmarks.reliability.outputs import Outputs
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.actor import Actor, ClockedActor
 from hapticmech_ros.nodes.exchange import Exchange
@@ -31,9 +27,6 @@ from hapticmech_ros.nodes.teleoperation_controller import TeleoperationControlle
 from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.wire.cdr import decode
-from hapticmech_ros.wire.messages import DeviceStateMessage
-from hapticmech_ros.wire.topics import DEVICE_STATE
 
 ACTORS: tuple[type[Actor[Any]], ...] = (
     HapticDevice,
@@ -57,23 +50,6 @@ class Subscription:
     def get_publisher_count(self) -> int:
         """One speaks."""
         return 1
-
-
-@dataclass
-class Seen:
-    """What was wrong with what actors sent.
-
-    Attributes:
-        not_finite: messages with a number that is not finite.
-        beyond: samples in which actuators gave more than they may.
-        sent: messages.
-        examples: of what was wrong.
-    """
-
-    not_finite: int = 0
-    beyond: int = 0
-    sent: int = 0
-    examples: list[str] = field(default_factory=list)
 
 
 class Log:
@@ -239,7 +215,7 @@ class FakeGraph:
         namespace: as given.
         now_ns: the time.
         hosts: by actor's name.
-        seen: what was wrong with what was sent.
+        seen: what was sent.
         last: topic -> the last message sent, as bytes where it is sent so.
     """
 
@@ -257,18 +233,17 @@ class FakeGraph:
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
         self.within: dict[str, list[Listener]] = defaultdict(list)
         self.pushing = tuple(pushing)
-        self.seen = Seen()
+        self.seen = Outputs()
         self.last: dict[str, Any] = {}
         self._numbers: dict[str, int] = defaultdict(int)
-        self._limits = math.inf, math.inf
         self.hosts: dict[str, Host] = {}
         for kind in actors:
             host = self.hosts[kind.name] = Host(self, kind.name)
             given: dict[str, Any] = {"scene": scene, **(parameters or {}).get(kind.name, {})}
             host.actor = kind(host, kind.parameters_type(**given))
-        device = next(iter(self.hosts.values())).actor.scene.device
-        self._limits = device.force_limit * (1 + 1e-9), device.torque_limit * (1 + 1e-9)
-        self.period_ns = next(iter(self.hosts.values())).actor.scene.simulation.period * 1e9
+        scene_of_first = next(iter(self.hosts.values())).actor.scene
+        self.seen.device = scene_of_first.device
+        self.period_ns = scene_of_first.simulation.period * 1e9
         for host in self.hosts.values():
             host.begin()
 
@@ -300,18 +275,8 @@ class FakeGraph:
 
     def sent(self, topic: str, kind: Any, message: Any) -> None:
         """Look at what an actor sends, and bring it to those who do not hear it otherwise."""
-        self.seen.sent += 1
+        self.seen.look(topic, kind, message)
         self.last[topic] = message
-        wrong = [value for value in numbers_of(kind, message) if not math.isfinite(value)]
-        if wrong:
-            self.seen.not_finite += 1
-            self._example(f"{topic}: {wrong[:3]}")
-        if topic.endswith(DEVICE_STATE.name):
-            applied = applied_in(message)
-            force, torque = np.linalg.norm(applied[:3]), np.linalg.norm(applied[3:])
-            if not (force <= self._limits[0] and torque <= self._limits[1]):
-                self.seen.beyond += 1
-                self._example(f"{topic}: {applied.tolist()}")
         received = list(self.subscriptions.get(topic, ()))
         if received:
             given = message if isinstance(message, bytes) else serialize_message(message)
@@ -325,38 +290,3 @@ class FakeGraph:
             one.callback(message, info)
         else:
             one.callback(message)
-
-    def _example(self, text: str) -> None:
-        if len(self.seen.examples) < 20:
-            self.seen.examples.append(text)
-
-
-def applied_in(message: bytes) -> np.ndarray:
-    """Return what actuators apply (6,) by a whole ``device/state`` message."""
-    values = np.frombuffer(message[-8 * DeviceStateMessage.layout.size :])
-    return values[DeviceStateMessage.layout.slice("applied")]
-
-
-def numbers_of(kind: Any, message: Any) -> Iterable[float]:
-    """Return all numbers of a message or its bytes, those of an array at once."""
-    if isinstance(message, bytes):
-        if kind is Float64MultiArray:
-            values = decode(message)
-            return () if np.isfinite(values).all() else values.tolist()
-        if kind is WrenchStamped:
-            return struct.unpack("<6d", message[-48:])
-        message = deserialize_message(message, kind)
-    return _numbers(message)
-
-
-def _numbers(value: Any) -> Iterable[float]:
-    if isinstance(value, float):
-        yield value
-    elif hasattr(value, "get_fields_and_field_types"):
-        for name in value.get_fields_and_field_types():
-            yield from _numbers(getattr(value, name))
-    elif hasattr(value, "typecode"):
-        yield from map(float, value)
-    elif isinstance(value, list | tuple | np.ndarray):
-        for one in value:
-            yield from _numbers(one)

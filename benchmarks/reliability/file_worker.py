@@ -1,27 +1,28 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes mutants and reads each as the package would; a parent tells which, and watches.
+"""Makes mutants and reads each as the package would, in a process that a parent may lose.
 
-A line of standard input is a number; the answer is a line of JSON. Which file is changed, and how,
-follows from the number and the seed: a mutant that ended this process is made again by its number.
+Which file is changed, and how, follows from the number and the seed: a mutant that ended its
+process is made again by its number.
 """
 
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import importlib.util
-import json
 import os
 import random
 import resource
 import shutil
-import sys
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 
 from benchmarks.reliability.file_seeds import sidecar, write_seeds
 from benchmarks.reliability.mutants import mutated
@@ -172,51 +173,57 @@ def _queued_s() -> float:
         return 0.0
 
 
-def _resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * resource.getpagesize() / 1e6
+class Case(NamedTuple):
+    """A mutant, made in a folder by its number and a seed, and how long (s) it may take."""
+
+    folder: Path
+    seed: int
+    number: int
+    patience_s: float
+
+    @property
+    def hang(self) -> Path:
+        """Where it is written what this process did when patience ended."""
+        return self.folder / f"hang_{self.number}"
 
 
-def main() -> None:
-    """Read mutants until standard input ends."""
-    folder, seed = Path(sys.argv[1]), int(sys.argv[2])
-    # What libraries print goes nowhere; answers go where the parent reads.
-    answers = os.fdopen(os.dup(1), "w")
+@cache
+def _prepared(folder: Path, seed: int) -> tuple[Mutants, int]:
+    """Prepare this process once; return mutants, and the most memory that it had until then, kB."""
+    # What libraries print goes nowhere.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    mutants = Mutants(folder, seed)
+    mutants = Mutants(folder / str(os.getpid()), seed)
     read_scene(Path("five_bar"))
     # Libraries are loaded by the first file that needs one: no growth of this process.
     mutants.read_seeds()
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    limit = pages * resource.getpagesize() + MEMORY_LIMIT
+    limit = psutil.Process().memory_info().vms + MEMORY_LIMIT
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    answers.write("ready\n")
-    answers.flush()
-    for line in sys.stdin:
-        number = int(line)
-        kind, path = mutants.make(number)
+    return mutants, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def read_mutant(case: Case) -> dict[str, Any]:
+    """Make a mutant and read it as the package would; return what became of it."""
+    mutants, before = _prepared(case.folder, case.seed)
+    kind, path = mutants.make(case.number)
+    with case.hang.open("w") as told:
+        faulthandler.dump_traceback_later(case.patience_s, exit=True, file=told)
         begun, since, queued = _processor_s(), time.monotonic(), _queued_s()
         found = outcome(kind, path)
         real, queued = time.monotonic() - since, _queued_s() - queued
         seconds = _processor_s() - begun
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-        said = {
-            "kind": kind,
-            "outcome": found,
-            "seconds": seconds,
-            "real_s": real,
-            "blocked_s": max(0.0, real - seconds - queued),
-            "memory_mb": max(own, child) / 1e3,
-            "resident_mb": _resident_mb(),
-            "process": os.getpid(),
-        }
-        answers.write(json.dumps(said) + "\n")
-        answers.flush()
-
-
-if __name__ == "__main__":
-    main()
+        faulthandler.cancel_dump_traceback_later()
+    case.hang.unlink()
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    return {
+        "kind": kind,
+        "outcome": found,
+        "seconds": seconds,
+        "real_s": real,
+        "blocked_s": max(0.0, real - seconds - queued),
+        "memory_mb": max(own, child) / 1e3,
+        "resident_mb": psutil.Process().memory_info().rss / 1e6,
+        "process": os.getpid(),
+    }

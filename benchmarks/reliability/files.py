@@ -1,32 +1,23 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory.
-
-python -m benchmarks.reliability.files [NUMBER] [OUT]
-"""
+"""Mutants of every kind of file that the package reads: crashes, hangs, tracebacks, memory."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import shutil
-import subprocess
-import sys
 import tempfile
-import threading
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchmarks.children import next_line
-from benchmarks.reliability.figure import Figure, save, table
-from benchmarks.reliability.file_seeds import ROOT
-from benchmarks.reliability.file_worker import Mutants
+from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.file_worker import Case, Mutants, read_mutant
 from benchmarks.reliability.usage import blocks, grown
 from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.system.workers import Lost, WorkerPool
 
 QUICK, FULL = 300, 100_000
 WORKERS = 2
@@ -41,7 +32,6 @@ BLOCKED_S = 10.0
 MOST_MB, GROWTH_MB = 1000.0, 20.0
 # Medians of so many parts of a worker's life are compared; it needs so many files to tell.
 PARTS, LEAST_FILES = 400, 40
-START_S = 300.0
 PART = "files"
 
 
@@ -98,87 +88,19 @@ class Tally:
         return max((grown(range(len(one)), one.tolist()) for one in medians), default=math.nan)
 
 
-class Worker:
-    """A process that reads mutants; it is started anew when it ends."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._process: subprocess.Popen[str] | None = None
-
-    def read(self, number: int) -> dict[str, Any] | str:
-        """Return what the process says of a mutant, or ``hang``, or how it ended."""
-        process = self._process or self._start()
-        if process.stdin is None:
-            raise RuntimeError("a worker without input")
-        # One that has ended says so where it is read.
-        with contextlib.suppress(BrokenPipeError):
-            process.stdin.write(f"{number}\n")
-            process.stdin.flush()
-        line = next_line(process, PATIENCE_S)
-        if line:
-            return dict(json.loads(line))
-        found = "hang" if line is None else f"exit code {process.wait()}"
-        self.close()
-        return found
-
-    def close(self) -> None:
-        """End the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.communicate()
-            self._process = None
-
-    def _start(self) -> subprocess.Popen[str]:
-        shutil.rmtree(self._folder, ignore_errors=True)
-        command = [sys.executable, "-m", "benchmarks.reliability.file_worker"]
-        self._process = subprocess.Popen(
-            [*command, str(self._folder), str(SEED)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-        )
-        if next_line(self._process, START_S) != "ready\n":
-            raise RuntimeError(f"no worker starts: {self._process.communicate()[1][-2000:]}")
-        return self._process
-
-
-def read_mutants(number: int, folder: Path, workers: int = WORKERS) -> Tally:
-    """Read so many mutants, shared by workers that write into a folder."""
-    tally, lock = Tally(), threading.Lock()
-    numbers = iter(range(number))
-
-    def work(index: int) -> None:
-        worker = Worker(folder / str(index))
-        try:
-            for mine in _shared(numbers, lock):
-                said = worker.read(mine)
-                with lock:
-                    if isinstance(said, dict):
-                        tally.add(mine, said)
-                    elif said == "hang":
-                        tally.silent(mine)
-                    else:
-                        tally.crashes[mine] = said
-        finally:
-            worker.close()
-
-    threads = [threading.Thread(target=work, args=(index,)) for index in range(workers)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+def read_mutants(number: int, folder: Path, patience_s: float = PATIENCE_S) -> Tally:
+    """Read so many mutants, shared by processes that write into a folder."""
+    tally = Tally()
+    cases = [Case(folder, SEED, index, patience_s) for index in range(number)]
+    with WorkerPool(WORKERS) as pool:
+        for index, said in pool.completed(read_mutant, cases):
+            if not isinstance(said, Lost):
+                tally.add(index, said)
+            elif cases[index].hang.exists() and cases[index].hang.stat().st_size:
+                tally.silent(index)
+            else:
+                tally.crashes[index] = "its process ended, twice"
     return tally
-
-
-def _shared(numbers: Iterator[int], lock: threading.Lock) -> Iterator[int]:
-    while True:
-        with lock:
-            number = next(numbers, None)
-        if number is None:
-            return
-        yield number
 
 
 def run(quick: bool, out: Path) -> list[Figure]:
@@ -230,11 +152,3 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
         if mutants is not None:
             _, path = mutants.make(number)
             shutil.copy(path, out / f"{number}{path.suffix}")
-
-
-if __name__ == "__main__":
-    COUNT = int(sys.argv[1]) if len(sys.argv) > 1 else QUICK
-    OUT = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("reliability")
-    FIGURES = measured(COUNT, OUT)
-    save(FIGURES, OUT / "files.json")
-    print(table(FIGURES))

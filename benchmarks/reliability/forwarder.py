@@ -23,6 +23,7 @@ import time
 from dataclasses import dataclass, field
 
 from benchmarks.reliability.ahead import run_ahead_of_nodes
+from benchmarks.reliability.emulated_network import Path
 
 ETH_P_IP = 0x0800
 LARGEST_FRAME = 65_536
@@ -39,32 +40,28 @@ class Direction:
 
     Attributes:
         source, target: packet sockets.
-        delay, jitter, loss, reordered, held, out: as :class:`.emulated_network.Path` has them.
+        path: what happens to packets.
         counts: packets that came, were lost, and were held back so that others overtake them.
     """
 
     source: socket.socket
     target: socket.socket
-    delay: float = 0.0
-    jitter: float = 0.0
-    loss: float = 0.0
-    reordered: float = 0.0
-    held: float = 0.005
-    out: bool = False
+    path: Path = field(default_factory=Path)
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(COUNTED, 0))
 
     def late(self, draw: random.Random) -> float | None:
         """Return how late (s) the next packet is; None if it is lost."""
+        path = self.path
         self.counts["came"] += 1
-        if self.out or (self.loss and draw.random() < self.loss):
+        if path.out or (path.loss and draw.random() < path.loss):
             self.counts["lost"] += 1
             return None
-        late = self.delay
-        if self.jitter:
-            late *= 1.0 + self.jitter * draw.uniform(-1.0, 1.0)
-        if self.reordered and draw.random() < self.reordered:
+        late = path.delay
+        if path.jitter:
+            late *= 1.0 + path.jitter * draw.uniform(-1.0, 1.0)
+        if path.reordered and draw.random() < path.reordered:
             self.counts["held_back"] += 1
-            late += self.held
+            late += path.held
         return late
 
 
@@ -103,8 +100,7 @@ def forward(ends: tuple[str, str], seed: int = 1) -> None:
                 *lines, text = (text + more).split(b"\n")
                 for line in lines:
                     for name, values in json.loads(line).items():
-                        for key, value in values.items():
-                            setattr(ways[name], key, value)
+                        ways[name].path = Path(**values)
                     counts = {name: way.counts for name, way in ways.items()}
                     print(json.dumps({"set_s": time.time(), "counts": counts}), flush=True)
                 continue

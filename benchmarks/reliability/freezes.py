@@ -14,20 +14,11 @@ from pathlib import Path
 from benchmarks.children import BenchError
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.trial import (
-    Fault,
-    Trial,
-    observe,
-    report_delays,
-    report_sockets,
-    summarised,
-)
-from hapticmech_ros.nodes.entry import NODES
+from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.wire.topics import DEVICE
 
 PART = "freezes"
-TRIALS, QUICK_TRIALS = 100, 2
 SHORTEST, LONGEST_S = ByRate(50, 0.05), 2.0
 STOPS_WITHIN_S = 2.0
 SEED = 0
@@ -40,22 +31,14 @@ def run(
 
     For fifty periods, at least 50 ms, to 2 s: all that a loop at that rate must not overlook.
     """
-    number = QUICK_TRIALS if quick else TRIALS
     chance = random.Random(SEED)
-    trials: dict[str, list[Trial]] = {node: [] for node in NODES}
-    with Rig(out, PART, rate=rate) as rig:
+
+    def freeze(rig: Rig, node: str) -> Trial:
+        # As many short ones as long ones: even on a logarithmic scale.
         shortest_s = SHORTEST.at(rig.period_s)
-        for _ in range(number):
-            for node in NODES:
-                # As many short ones as long ones: even on a logarithmic scale.
-                seconds = shortest_s * (LONGEST_S / shortest_s) ** chance.random()
-                trials[node].append(try_freeze(rig, node, seconds))
-                told(trials[node][-1].log(rig.clean_max))
-        rig.ready()
-        figures = [*report_delays(PART, rig), report_sockets(PART, rig)]
-        for node, found in trials.items():
-            figures += summarised(PART, node, found, rig.clean_max)
-    return figures
+        return try_freeze(rig, node, shortest_s * (LONGEST_S / shortest_s) ** chance.random())
+
+    return each_node(PART, quick, out, rate, freeze, told)
 
 
 def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
@@ -79,10 +62,7 @@ def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
         fault = Fault(kind, before, stopped_ns, released_ns, first_output=True)
     else:
         fault = Fault(kind, since, frozen_ns, released_ns)
-    trial = observe(rig, fault, bool)
-    if not trial.came_back:
-        rig.renew()
-    return trial
+    return observe(rig, fault, bool)
 
 
 def _stopped(pid: int) -> int:

@@ -10,19 +10,10 @@ from pathlib import Path
 
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
-from benchmarks.reliability.trial import (
-    Fault,
-    Trial,
-    observe,
-    report_delays,
-    report_sockets,
-    summarised,
-)
-from hapticmech_ros.nodes.entry import NODES
+from benchmarks.reliability.trial import Fault, Trial, each_node, observe
 from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 PART = "kills"
-TRIALS, QUICK_TRIALS = 100, 2
 # Gone for so long: others have noticed by then.
 GONE_S = 0.3
 # The moment of a kill is to be known so well.
@@ -33,26 +24,20 @@ def run(
     quick: bool, out: Path, told: Callable[[str], None] = print, rate: float = 0.0
 ) -> list[Figure]:
     """Kill each node 100 times (quick: twice), in turn, at a control rate (Hz; 0: the scene's)."""
-    number = QUICK_TRIALS if quick else TRIALS
-    trials: dict[str, list[Trial]] = {node: [] for node in NODES}
     missed = 0
-    with Rig(out, PART, rate=rate) as rig:
-        for _ in range(number):
-            for node in NODES:
-                while (trial := try_kill(rig, node)) is None:
-                    missed += 1
-                trials[node].append(trial)
-                told(trial.log(rig.clean_max))
-        rig.ready()
-        figures = [*report_delays(PART, rig), report_sockets(PART, rig)]
-        note = (
-            "the watcher met the new device later than the controller did, or the moment of the "
-            "kill is not known to a millisecond"
-        )
-        figures.append(Figure(PART, "kills that are left out", missed, note=note))
-        for node, found in trials.items():
-            figures += summarised(PART, node, found, rig.clean_max)
-    return figures
+
+    def kill(rig: Rig, node: str) -> Trial:
+        nonlocal missed
+        while (trial := try_kill(rig, node)) is None:
+            missed += 1
+        return trial
+
+    figures = each_node(PART, quick, out, rate, kill, told)
+    note = (
+        "the watcher met the new device later than the controller did, or the moment of the "
+        "kill is not known to a millisecond"
+    )
+    return [*figures, Figure(PART, "kills that are left out", missed, note=note)]
 
 
 def try_kill(rig: Rig, node: str) -> Trial | None:
@@ -77,8 +62,6 @@ def try_kill(rig: Rig, node: str) -> Trial | None:
     else:
         fault = Fault(f"{node} killed", since, killed_ns, restarted_ns)
     trial = observe(rig, fault, bool, alive)
-    if not trial.came_back:
-        rig.renew()
     unseen = node == DEVICE and _missed_first(rig, begun, restarted_ns)
     return trial if known and not unseen else None
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.memory.growth import LEAST_SAMPLES, WARM_UP_SHARE
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.usage import grown
+from benchmarks.reliability.usage import LEAST_SAMPLES, WARM_UP_SHARE, grown
 
 MEBI = float(1 << 20)
 # What is kept of a message takes 16 bytes at least: the smallest that malloc and Python give. What

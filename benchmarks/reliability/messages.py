@@ -10,7 +10,6 @@ real processes, as bytes.
 from __future__ import annotations
 
 import gc
-import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -21,11 +20,11 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 
-from benchmarks.memory.growth import resident
 from benchmarks.reliability.fake_graph import FakeGraph
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
+from benchmarks.reliability.usage import resident
 from benchmarks.reliability.wire_messages import run_wire
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
@@ -115,7 +114,7 @@ class Trial:
                 self._timed(self.graph.tick)
                 if self.memory.due(self.sent, count):
                     gc.collect()
-                    self.memory.add(self.sent, resident_bytes())
+                    self.memory.add(self.sent, resident(os.getpid()))
             self._look()
 
     def defects(self) -> int:
@@ -124,7 +123,8 @@ class Trial:
 
     def lines(self) -> list[str]:
         """Return what there is to read."""
-        told = [f"{self.scene.name}: {self.sent} sent, {self.graph.seen}"]
+        seen = self.graph.seen
+        told = [f"{self.scene.name}: {self.sent} sent, {seen.messages} outputs", *seen.examples]
         for host in self.graph.hosts.values():
             failures = host.actor.failures
             told.append(
@@ -210,9 +210,3 @@ def frames(scene: Scene) -> list[str]:
     points = [point.name for point in scene.operational_points]
     links = [link.name for link in scene.links]
     return [*points, *links, *(f"{name}_world" for name in points), "device", "device_world"]
-
-
-def resident_bytes() -> float:
-    """Return this process's memory; NaN where Linux does not tell."""
-    found = resident(os.getpid())
-    return math.nan if found is None else found.resident

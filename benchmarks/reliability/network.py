@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.reliability.emulated_network import EmulatedNetwork, Path, not_permitted
-from benchmarks.reliability.figure import Figure, save, table, unmeasured
+from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.split_graph import SplitGraph, Watched, of_one_user, run_for
 from hapticmech_ros.analysis.passivity import Trial, scene_of
 from hapticmech_ros.loading import load_scene
@@ -182,17 +181,3 @@ def _clocks(delay: float, seconds: float, out: FilePath) -> Iterator[Figure]:
     name = f"{1e3 * delay:g} ms, the device's clock {-CLOCK_AHEAD_S:g} s behind"
     yield Figure(PART, f"{name}: engaged", seen.engaged(), "", None, ENGAGED, 1)
     yield Figure(PART, f"{name}: largest force", float(seen.force.max()), "N", most, None, 1)
-
-
-def main() -> None:
-    """Run this part alone: ``python -m benchmarks.reliability.network [--quick] [FOLDER]``."""
-    arguments = [text for text in sys.argv[1:] if text != "--quick"]
-    out = FilePath(arguments[0] if arguments else tempfile.mkdtemp(prefix="network_"))
-    out.mkdir(parents=True, exist_ok=True)
-    figures = run("--quick" in sys.argv, out)
-    save(figures, out / "network.json")
-    print(table(figures), end="")
-
-
-if __name__ == "__main__":
-    main()

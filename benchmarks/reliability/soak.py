@@ -1,93 +1,151 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Part ``soak``: the graph renders for an hour; nothing of its processes grows."""
+"""Part ``soak``: a session ticks, and the graph renders, for an hour; nothing of them grows."""
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.rig import Rig, pushing
+from benchmarks.reliability.rig import SCENE, Rig, pushing
 from benchmarks.reliability.trial import GOAL_PEAK
 from benchmarks.reliability.usage import Usage, grown, usage
+from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.session import Session
 
 PART = "soak"
 SOAK_S, QUICK_SOAK_S = 3600.0, 60.0
-SAMPLES = 600
+LOOKS = 600
 MEBI = float(1 << 20)
 # 256 pages, of what may take an hour: 8 bytes leaked in each tick at 1 kHz are 29 MB.
 MOST_MEBI = 1.0
-# The watcher's ring holds a quarter of an hour.
-LOOK_S = 60.0
+# s between lines that tell how far it is.
+TELL_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """What a graph did for a while.
+
+    Attributes:
+        times: (n,) s, of looks at what its processes hold.
+        held: of each node, at these times.
+        seconds: s, how long it was watched.
+        peak: largest force, N.
+        breaks: how often force ended.
+        samples: of the device.
+        pushed: of these, how many have force.
+    """
+
+    times: Sequence[float]
+    held: Mapping[str, Sequence[Usage]]
+    seconds: float
+    peak: float
+    breaks: int
+    samples: int
+    pushed: int
+
+
+def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = print) -> Rendered:
+    """Let a graph render for so long, and look at it meanwhile.
+
+    Raises:
+        BenchError: it does not begin to, or a node ended.
+    """
+    times: list[float] = []
+    held: dict[str, list[Usage]] = {node: [] for node in NODES}
+    peak, breaks, samples, pushed, rendering = 0.0, 0, 0, 0, False
+    before, begun, said = rig.settle(), time.monotonic(), TELL_S
+    while (passed := time.monotonic() - begun) < seconds:
+        rig.check()
+        times.append(passed)
+        for node in NODES:
+            held[node].append(usage(rig.pid(node)))
+        time.sleep(seconds / looks)
+        count = rig.ring.count
+        found = rig.samples(before)
+        before = count
+        if len(found):
+            on = np.concatenate(([rendering], pushing(found)))
+            rendering = bool(on[-1])
+            breaks += int((on[:-1] & ~on[1:]).sum())
+            peak = max(peak, float(np.nan_to_num(found["force"], nan=np.inf).max()))
+            samples, pushed = samples + len(found), pushed + int(on[1:].sum())
+        if passed > said:
+            said += TELL_S
+            told(f"{passed:.0f} of {seconds:.0f} s, {breaks} breaks")
+    return Rendered(times, held, passed, peak, breaks, samples, pushed)
 
 
 def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let the graph render for an hour (quick: a minute)."""
+    """Let a session tick, and the graph render, for an hour (quick: a minute)."""
     return soak(QUICK_SOAK_S if quick else SOAK_S, out, told)
 
 
 def soak(seconds: float, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let the graph render for so long, and return what its processes hold, and the force.
+    """Let both go on for so long, and return what they hold, and the force.
 
     Raises:
         BenchError: a node ended.
     """
-    times: list[float] = []
-    held: dict[str, list[Usage]] = {node: [] for node in NODES}
-    largest, breaks = 0.0, 0
+    figures = growth(PART, "session", *session_held(seconds))
     with Rig(out, PART) as rig:
-        seen = rig.ready()
-        begun = looked = time.monotonic()
-        while (passed := time.monotonic() - begun) < seconds:
-            rig.check()
-            times.append(passed)
-            for node in NODES:
-                held[node].append(usage(rig.pid(node)))
-            time.sleep(seconds / SAMPLES)
-            if time.monotonic() - looked > min(LOOK_S, seconds / 2):
-                looked = time.monotonic()
-                peak, more, seen = _look(rig, seen)
-                largest, breaks = max(largest, peak), breaks + more
-                told(f"soak: {passed:.0f} of {seconds:.0f} s, {breaks} breaks")
-        peak, more, _ = _look(rig, seen)
-        largest, breaks = max(largest, peak), breaks + more
-        figures = [
-            Figure(PART, "watched for", passed, "s", trials=1),
-            Figure(PART, "largest force, of a clean run's", largest / rig.clean_max, "", GOAL_PEAK),
-            Figure(PART, "rendering broke off", float(breaks), "times"),
+        rig.ready()
+        found = render(rig, seconds, LOOKS, told)
+        figures += [
+            Figure(PART, "watched for", found.seconds, "s", trials=1),
+            Figure(
+                PART, "largest force, of a clean run's", found.peak / rig.clean_max, "", GOAL_PEAK
+            ),
+            Figure(PART, "rendering broke off", float(found.breaks), "times"),
         ]
-    for node, found in held.items():
-        figures += _figures(node, times, found)
+    for node, held in found.held.items():
+        figures += growth(PART, node, found.times, held)
     return figures
 
 
-def _look(rig: Rig, seen: int) -> tuple[float, int, int]:
-    """Return the largest force since a number of the ring, how often it ended, and the number."""
-    count = rig.ring.count
-    found = rig.samples(seen)
-    if not len(found):
-        return 0.0, 0, count
-    peak = float(np.nan_to_num(found["force"], nan=np.inf).max())
-    return peak, int((np.diff(pushing(found).astype(int)) < 0).sum()), count
+def session_held(seconds: float, looks: int = LOOKS) -> tuple[list[float], list[Usage]]:
+    """Return what this process holds while a session simulates so long: times, s, and usages."""
+    session, times, held = Session(load_scene(SCENE)), [], []
+    for look in range(1, looks + 1):
+        while session.time < seconds * look / looks:
+            session.tick()
+        times.append(session.time)
+        held.append(usage(os.getpid()))
+    return times, held
 
 
-def _figures(node: str, times: list[float], found: list[Usage]) -> list[Figure]:
-    columns = list(zip(*found, strict=True))
-    number = len(times)
+def growth(
+    part: str, process: str, times: Sequence[float], held: Sequence[Usage], what: str = ""
+) -> list[Figure]:
+    """Return by how much what a process holds has grown.
 
-    def figure(index: int, what: str, scale: float, unit: str, most: float) -> Figure:
-        note = f"{columns[index][-1] / scale:.4g} {unit} at the end".replace("  ", " ")
-        value = grown(times, columns[index]) / scale
-        return Figure(PART, f"{node}: growth of {what}", value, unit, most, None, number, note)
-
-    return [
-        figure(0, "resident memory", MEBI, "MiB", MOST_MEBI),
-        figure(1, "proportional memory", MEBI, "MiB", MOST_MEBI),
-        figure(2, "descriptors", 1.0, "", 0.0),
-        figure(3, "threads", 1.0, "", 0.0),
-    ]
+    Args:
+        part: of the campaign.
+        process: its name.
+        times: (n,) s, of looks.
+        held: at these times.
+        what: one kind alone; all if empty.
+    """
+    kinds = {
+        "resident memory": (MEBI, "MiB", MOST_MEBI),
+        "proportional memory": (MEBI, "MiB", MOST_MEBI),
+        "descriptors": (1.0, "", 0.0),
+        "threads": (1.0, "", 0.0),
+    }
+    figures = []
+    for (kind, (scale, unit, most)), values in zip(
+        kinds.items(), zip(*held, strict=True), strict=True
+    ):
+        if kind == what or not what:
+            note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
+            name, value = f"{process}: growth of {kind}", grown(times, values) / scale
+            figures.append(Figure(part, name, value, unit, most, None, len(times), note))
+    return figures

@@ -8,9 +8,9 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from types import MappingProxyType, TracebackType
@@ -18,14 +18,14 @@ from types import MappingProxyType, TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.children import ReportingProcess, output_to, wait_until
 from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
 from hapticmech_ros.wire.messages import DeviceStateMessage
 
 Array = NDArray[np.float64]
 START_TIMEOUT_S = 60.0
-# Starts a command with its standard error where its output goes.
-_JOINED = ("sh", "-c", 'exec "$0" "$@" 2>&1')
+_WATCH = (sys.executable, "-m", "benchmarks.reliability.device_watch")
 _NODE = (sys.executable, "-m", "hapticmech_ros.nodes.entry")
 _RUN = (sys.executable, "-m", "hapticmech_ros", "run")
 _NOT_DEVICE = ("mechanism_simulator", "nullspace_analyser", "teleoperation_controller")
@@ -155,57 +155,51 @@ class SplitGraph:
     ) -> None:
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        self._files = {name: folder / f"{_watcher(name)}.npz" for name in watched}
+        self._files = {name: folder / f"watch_{name}.npz" for name in watched}
         self._processes: dict[str, subprocess.Popen[str]] = {}
-        self._logs: dict[str, FilePath] = {}
-        self._rendered = {_watcher(name): threading.Event() for name in watched}
+        self._watchers: dict[str, ReportingProcess] = {}
+        self._stack = ExitStack()
         environment = private_environment(domain)
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
         environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-        watch = [sys.executable, "-m", "benchmarks.reliability.device_watch"]
-        watchers = {
-            _watcher(name): (side, [*watch, str(self._files[name]), name])
-            for name, side in watched.items()
-        }
+        # rclpy and transports as the nodes have them.
+        beside = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         try:
-            for name, (side, command) in {**watchers, **processes}.items():
-                self._start(name, network.command(side, command), environment)
+            for name, side in watched.items():
+                command = network.command(side, [*_WATCH, str(self._files[name]), name])
+                watcher = ReportingProcess(command, beside)
+                self._watchers[name] = self._stack.enter_context(watcher)
+            for name, (side, words) in processes.items():
+                self._log(name).unlink(missing_ok=True)
+                with output_to(self._log(name)):
+                    started = start_process(network.command(side, words), environment)
+                self._processes[name] = started
         except BaseException:
             self.stop()
             raise
 
-    def _start(self, name: str, command: list[str], environment: Mapping[str, str]) -> None:
-        self._logs[name] = self._folder / f"{name}.log"
-        if name in self._rendered:
-            # rclpy and transports as the nodes have them.
-            environment = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        process = start_process([*_JOINED, *command], environment, pipe_output=True)
-        self._processes[name] = process
-        threading.Thread(target=self._keep, args=(name, process), daemon=True).start()
+    def _check(self) -> None:
+        for watcher in self._watchers.values():
+            watcher.check()
 
-    def _keep(self, name: str, process: subprocess.Popen[str]) -> None:
-        with self._logs[name].open("w", encoding="utf-8") as log:
-            for line in process.stdout or ():
-                log.write(line)
-                log.flush()
-                if name in self._rendered and line.startswith("rendering"):
-                    self._rendered[name].set()
+    def _log(self, name: str) -> FilePath:
+        return self._folder / f"{name}.log"
 
     def wait(self) -> float:
         """Wait until the devices say that they render, from now on; return the time.
 
         Raises:
-            TimeoutError: one does not.
+            BenchError: one does not.
         """
-        end = time.monotonic() + START_TIMEOUT_S
         # Each says so again with all diagnostics.
-        for rendered in self._rendered.values():
-            rendered.clear()
-        for name, rendered in self._rendered.items():
-            if not rendered.wait(end - time.monotonic()):
-                raise TimeoutError(f"{name}: nothing is rendered within {START_TIMEOUT_S:g} s")
+        said = [(one, len(one.of("rendering"))) for one in self._watchers.values()]
+
+        def rendering() -> bool:
+            return all(len(one.of("rendering")) > before for one, before in said)
+
+        wait_until(rendering, START_TIMEOUT_S, "the devices to render", self._check)
         return time.time()
 
     def kill_nodes(self, name: str) -> float:
@@ -222,9 +216,10 @@ class SplitGraph:
             os.kill(int(pid), signal.SIGKILL)
         return time.time()
 
-    def stop(self) -> dict[str, int]:
-        """End every process; return exit codes."""
-        return stop_processes(self._processes)
+    def stop(self) -> None:
+        """End every process, those that watch first."""
+        self._stack.close()
+        stop_processes(self._processes)
 
     def watched(self) -> dict[str, Watched]:
         """End all, and return what the devices went through, by their namespaces.
@@ -232,7 +227,8 @@ class SplitGraph:
         Raises:
             RuntimeError: a process had ended by itself.
         """
-        ended = [name for name, process in self._processes.items() if process.poll() is not None]
+        started = {**self._processes, **{n: one.process for n, one in self._watchers.items()}}
+        ended = [name for name, process in started.items() if process.poll() is not None]
         self.stop()
         if ended:
             raise RuntimeError(f"{', '.join(ended)} ended by themselves: see {self._folder}")
@@ -241,7 +237,7 @@ class SplitGraph:
     def _read(self, file: FilePath) -> Watched:
         with np.load(file) as found:
             states, energies, said = found["states"], found["energies"], found["said"]
-        reports = {name: path.read_text(encoding="utf-8") for name, path in self._logs.items()}
+        reports = {name: self._log(name).read_text("utf-8") for name in self._processes}
         return Watched(
             states[:, 0] + 1e-9 * states[:, 1],
             states[:, _AT["position"]],
@@ -266,11 +262,6 @@ class SplitGraph:
         trace: TracebackType | None,
     ) -> None:
         self.stop()
-
-
-def _watcher(namespace: str) -> str:
-    """Return what the process is called that watches a device, and its file."""
-    return f"watch_{namespace}".rstrip("_")
 
 
 def _words(file: FilePath) -> list[str]:

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from benchmarks.children import BenchError, wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
+from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.node_time import wall_ahead_ns
 from hapticmech_ros.nodes.timeouts import ZERO_FORCE
 from hapticmech_ros.numerics.times import nanoseconds
@@ -29,6 +31,8 @@ STAMP_TRUSTED_NS = 500 * MS
 # largest force, the hand moved the device meanwhile: what brakes it then answers the machine's
 # pause, and not the fault. A longer pause is a step of a clock.
 PAUSE_PERIODS, CLOCK_STEP_NS = 2.5, 2_000 * MS
+# Of each node, in parts that do something to each.
+TRIALS, QUICK_TRIALS = 100, 2
 # So many changes of force go into a trace.
 MOST_TURNS = 50
 
@@ -56,33 +60,47 @@ class Fault:
     topics: tuple[int, ...] = (DEVICE,)
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """What followed.
+@dataclass(frozen=True)
+class Seen:
+    """What a device did after a fault; times are infinite while it has not.
 
     Attributes:
-        fault: in words.
         zero_s: from the fault to the device's first output without force, by its own stamps.
         heard_s: the same by the time of arrival at the watcher.
         back_s: from the fault's end to the first output with force after that.
         peak: largest force of any output, N.
-        said: a sentence that a node said about it; empty if there was none.
-        alive: whether all other nodes went on.
         stale: outputs with force before the first one without, of a device that was away.
         pause_s: longest time between the device's samples right before its largest force.
+    """
+
+    zero_s: float = math.inf
+    heard_s: float = math.inf
+    back_s: float = math.inf
+    peak: float = 0.0
+    stale: int = 0
+    pause_s: float = 0.0
+
+    @property
+    def came_back(self) -> bool:
+        """Whether the device let go, and pushes again."""
+        return math.isfinite(self.back_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial(Seen):
+    """What followed.
+
+    Attributes:
+        fault: in words.
+        said: a sentence that a node said about it; empty if there was none.
+        alive: whether all other nodes went on.
         trace: what nodes said meanwhile, and when force came and went.
         period_s: control period of the graph, s.
     """
 
     fault: str
-    zero_s: float
-    heard_s: float
-    back_s: float
-    peak: float
     said: str
     alive: bool = True
-    stale: int = 0
-    pause_s: float = 0.0
     trace: str = ""
     period_s: float = 0.001
 
@@ -90,11 +108,6 @@ class Trial:
     def zero_goal_s(self) -> float:
         """Within which (s) there is to be no force."""
         return ZERO_FORCE.at(self.period_s)
-
-    @property
-    def came_back(self) -> bool:
-        """Whether the device pushes again."""
-        return math.isfinite(self.back_s)
 
     @property
     def paused(self) -> bool:
@@ -126,6 +139,8 @@ class Trial:
 def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = True) -> Trial:
     """Wait until the device has let go and come back, or has not in 8 s, and return what it did.
 
+    A graph that does not come back is started again.
+
     Args:
         rig: where it happened.
         fault: what happened.
@@ -141,43 +156,59 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
 
     # What did not happen in time stays infinite.
     with suppress(BenchError):
-        wait_until(lambda: look().over, patience, "the device", rig.watch.check)
+        wait_until(lambda: look().came_back, patience, "the device", rig.watch.check)
         rig.settle(fault.released_ns)
     result, said = look(), _said(rig, fault.cause_ns, about)
-    times = (result.zero_s, result.heard_s, result.back_s)
-    going_on = alive and not rig.ended()
-    return Trial(
-        fault.kind,
-        *times,
-        result.peak,
-        said,
-        going_on,
-        result.stale,
-        result.pause_s,
-        _trace(rig, fault),
-        rig.period_s,
+    trial = Trial(
+        **vars(result),
+        fault=fault.kind,
+        said=said,
+        alive=alive and not rig.ended(),
+        trace=_trace(rig, fault),
+        period_s=rig.period_s,
     )
+    if not trial.came_back:
+        rig.renew()
+    return trial
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What a device did, s; infinite while it has not.
+def carried_out(
+    trials: Iterable[Trial], rig: Rig, told: Callable[[str], None] = print
+) -> list[Trial]:
+    """Return trials, and tell of each as it was done."""
+    done = []
+    for trial in trials:
+        told(trial.log(rig.clean_max))
+        done.append(trial)
+    return done
 
-    Attributes:
-        zero_s, heard_s, back_s, peak, stale, pause_s: as in :class:`Trial`.
+
+def each_node(
+    part: str,
+    quick: bool,
+    out: Path,
+    rate: float,
+    try_fault: Callable[[Rig, str], Trial],
+    told: Callable[[str], None] = print,
+) -> list[Figure]:
+    """Do something to each node 100 times (quick: twice), in turn, and return the figures.
+
+    Args:
+        part: of the campaign.
+        quick: a few trials.
+        out: folder for logs.
+        rate: control rate, Hz; 0: the scene's.
+        try_fault: what is done to a node.
+        told: called with a line for each.
     """
-
-    zero_s: float = math.inf
-    heard_s: float = math.inf
-    back_s: float = math.inf
-    peak: float = 0.0
-    stale: int = 0
-    pause_s: float = 0.0
-
-    @property
-    def over(self) -> bool:
-        """Whether it let go and came back."""
-        return math.isfinite(self.back_s)
+    nodes = list(NODES) * (QUICK_TRIALS if quick else TRIALS)
+    with Rig(out, part, rate=rate) as rig:
+        trials = carried_out((try_fault(rig, node) for node in nodes), rig, told)
+        rig.ready()
+        figures = [*report_delays(part, rig), report_sockets(part, rig)]
+    for index, node in enumerate(NODES):
+        figures += summarised(part, node, trials[index :: len(NODES)], rig.clean_max)
+    return figures
 
 
 def seen(found: Samples, fault: Fault, offset_ns: int = 0, period_s: float = 0.001) -> Seen:

@@ -1,27 +1,23 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a process holds, as Linux tells in /proc, and whether that grows."""
+"""What a process holds, and whether that grows."""
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Sequence
-from pathlib import Path
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import psutil
+from scipy.stats import theilslopes
 
 from benchmarks.children import BenchError
-from benchmarks.memory.growth import LEAST_SAMPLES, WARM_UP_SHARE
 
-PROC = Path("/proc")
-KILO = 1024
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-_RSS = re.compile(r"^VmRSS:\s+(\d+) kB$", re.MULTILINE)
-_THREADS = re.compile(r"^Threads:\s+(\d+)$", re.MULTILINE)
-_PSS = re.compile(r"^Pss:\s+(\d+) kB$", re.MULTILINE)
+# Before that caches fill, and allocators take what they will keep.
+WARM_UP_SHARE, LEAST_SAMPLES = 0.25, 8
 
 
 class Usage(NamedTuple):
@@ -45,20 +41,10 @@ def usage(pid: int) -> Usage:
     Raises:
         BenchError: there is no such process any more.
     """
-    try:
-        status = (PROC / str(pid) / "status").read_text("utf-8")
-        rollup = (PROC / str(pid) / "smaps_rollup").read_text("utf-8")
-        descriptors = sum(1 for _ in (PROC / str(pid) / "fd").iterdir())
-    except (FileNotFoundError, ProcessLookupError):
-        raise BenchError(f"process {pid} ended by itself") from None
-    resident, threads, shares = (
-        pattern.search(text)
-        for pattern, text in ((_RSS, status), (_THREADS, status), (_PSS, rollup))
-    )
-    if resident is None or threads is None or shares is None:
-        raise BenchError(f"process {pid} ended by itself")
-    sizes = float(KILO * int(resident[1])), float(KILO * int(shares[1]))
-    return Usage(*sizes, float(descriptors), float(threads[1]))
+    with _alive(pid):
+        process = psutil.Process(pid)
+        memory = process.memory_full_info()
+        return Usage(memory.rss, memory.pss, process.num_fds(), process.num_threads())
 
 
 def processor_s(pid: int) -> float:
@@ -67,13 +53,24 @@ def processor_s(pid: int) -> float:
     Raises:
         BenchError: there is no such process any more.
     """
+    with _alive(pid):
+        return float(sum(psutil.Process(pid).cpu_times()[:2]))
+
+
+def resident(pid: int) -> float:
+    """Return how much of a process is in memory, bytes; NaN if it is no more."""
     try:
-        said = (PROC / str(pid) / "stat").read_text("utf-8")
-    except (FileNotFoundError, ProcessLookupError):
+        return float(psutil.Process(pid).memory_info().rss) or math.nan
+    except psutil.NoSuchProcess:
+        return math.nan
+
+
+@contextmanager
+def _alive(pid: int) -> Iterator[None]:
+    try:
+        yield
+    except psutil.NoSuchProcess:
         raise BenchError(f"process {pid} ended by itself") from None
-    # Behind the name, which may hold anything: the 14th and 15th of all.
-    user, system = said.rpartition(")")[2].split()[11:13]
-    return (int(user) + int(system)) / TICKS_PER_S
 
 
 def blocks(values: Sequence[float], most: int) -> npt.NDArray[np.float64]:
@@ -98,11 +95,9 @@ def grown(times: Sequence[float], values: Sequence[float]) -> float:
     Raises:
         BenchError: fewer than 8 samples after the warm-up.
     """
-    at, found = np.asarray(times), np.asarray(values)
+    at, found = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
     after = at >= at[0] + WARM_UP_SHARE * (at[-1] - at[0])
     at, found = at[after], found[after]
     if at.size < LEAST_SAMPLES:
         raise BenchError(f"{at.size} samples: {LEAST_SAMPLES} or more are needed to see a trend")
-    first, second = np.triu_indices(at.size, 1)
-    slopes = (found[second] - found[first]) / (at[second] - at[first])
-    return float(np.median(slopes) * (at[-1] - at[0]))
+    return float(theilslopes(found, at)[0] * (at[-1] - at[0]))

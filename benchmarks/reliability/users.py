@@ -245,8 +245,7 @@ def watched(
         to_the_end: whether it is done again also where the near hand let go after the cut.
 
     Raises:
-        BenchError: rendering was interrupted, or late, in every try.
-        TimeoutError: a device does not render, or not again.
+        BenchError: rendering was interrupted, or late, in every try; or a device does not render.
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "held_body.yaml"
@@ -292,7 +291,7 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
         folder, path = f"users_{name.replace(' ', '_')}", Path(delay, **KINDS[kind])
         try:
             seen = watched(path, out / folder, slack=slack)
-        except (BenchError, TimeoutError) as error:
+        except BenchError as error:
             figures.append(unmeasured(PART, name, str(error)))
             continue
         if slack == SLACK_J:

@@ -9,7 +9,6 @@ once more on those that have none, while the graph renders.
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -29,13 +28,12 @@ from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.children import BenchError, output_to
-from benchmarks.memory.growth import resident
-from benchmarks.reliability.fake_graph import numbers_of
 from benchmarks.reliability.figure import Figure
-from benchmarks.reliability.force_seen import ForceSeen
 from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
+from benchmarks.reliability.outputs import Outputs
+from benchmarks.reliability.usage import resident
 from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import wait_for_messages
@@ -124,10 +122,10 @@ class Attack:
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         scene = load_scene(SCENE)
-        self.force = ForceSeen(scene.device)
+        self.seen = Outputs(scene.device)
         links = [link.name for link in scene.links]
         self._hostile = Hostile(SEED, [POINT, *links, "device", f"{POINT}_world"])
-        self.sent = self.not_finite = self.outputs = 0
+        self.sent = 0
         self.silence_s = 0.0
         self.memory = {name: MemoryGrowth() for name in graph.processes}
         self.back = False
@@ -225,8 +223,8 @@ class Attack:
             self.back = True
         except BenchError:
             self.back = False
-        if self.force.example:
-            self.told["beyond the limit"] = self.force.example
+        if self.seen.examples:
+            self.told["wrong"] = "; ".join(self.seen.examples)
         self.ended = self._graph.ended()
         for name in self.ended:
             self.told[f"ended: {name}"] = f"exit code {self._graph.processes[name].poll()}"
@@ -249,8 +247,8 @@ class Attack:
             figure("processes that ended", len(self.ended)),
             figure("longest silence of a node", self.silence_s, "s", HANG_S),
             figure("requests without a refusal", self.requests - self.answered),
-            figure("outputs not finite", self.not_finite),
-            *self.force.figures(PART, self._where, renders=self._free),
+            figure("outputs not finite", self.seen.not_finite),
+            *self.seen.figures(PART, self._where, renders=self._free),
             figure("graphs that did not come back", 0 if self.back else 1),
             Figure(
                 PART,
@@ -260,7 +258,7 @@ class Attack:
                 note=", ".join(sorted(warning)),
             ),
             worst_growth(PART, self._where, list(self.memory.values()), self.sent),
-            Figure(PART, f"{self._where}: outputs looked at", self.outputs, trials=self.sent),
+            Figure(PART, f"{self._where}: outputs looked at", self.seen.messages, trials=self.sent),
         ]
 
     def close(self) -> None:
@@ -292,13 +290,7 @@ class Attack:
             if _known(message) in self._own:
                 return
             self._samples.setdefault(topic, message)
-            self.outputs += 1
-            wrong = [value for value in numbers_of(kind, message) if not math.isfinite(value)]
-            if wrong:
-                self.not_finite += 1
-                self.told[f"not finite on {topic}"] = str(wrong[:5])
-            if topic == DEVICE_OUT:
-                self.force.look(message)
+            self.seen.look(topic, kind, message)
 
         self._node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
 
@@ -326,8 +318,7 @@ class Attack:
     def _look_at_memory(self, count: int) -> None:
         for name, process in self._graph.processes.items():
             if self.memory[name].due(self.sent, count):
-                found = resident(process.pid)
-                self.memory[name].add(self.sent, math.nan if found is None else found.resident)
+                self.memory[name].add(self.sent, resident(process.pid))
 
     def _spin(self, seconds: float) -> None:
         wait_for_messages(self._executor, seconds)

@@ -33,6 +33,7 @@ from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
 from benchmarks.robot.other_paths import Elsewhere, elsewhere, elsewhere_sheets
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
+from benchmarks.speed.contender import setting_text
 from hapticmech_ros.analysis.environment import INTERFACES as TAKEN
 from hapticmech_ros.analysis.environment import FeltEnvironment, felt_environment
 from hapticmech_ros.analysis.study import Sheet, Show, judged, number, silent
@@ -136,7 +137,7 @@ class RobotResults(MachineResults):
                 one.robot,
                 one.condition,
                 one.law,
-                "none" if one.values is None else _values(one.values),
+                "none" if one.values is None else setting_text(one.values),
                 str(one.tried),
             )
             for one in self.chosen
@@ -250,10 +251,6 @@ class RobotResults(MachineResults):
         return goals
 
 
-def _values(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in values.items())
-
-
 def _cells(found: Measured | None) -> tuple[str, ...]:
     if found is None:
         return ("lost",)
@@ -330,7 +327,7 @@ def choose(
             if score >= least:
                 break
         scores.append(score)
-        show(f"{robot}, {condition}, {law}, {_values(setting.values)}: {score:.4g}")
+        show(f"{robot}, {condition}, {law}, {setting_text(setting.values)}: {score:.4g}")
     # A law whose setting is not chosen is measured with it, whatever comes of it.
     counts = len(tried) == 1 or min(scores) < float("inf")
     best = tried[int(np.argmin(scores))] if counts else None

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -16,8 +15,7 @@ import typer
 
 from benchmarks.ablation.loop import PARTS, Loop
 from benchmarks.goals import Verdict, goal_sheet, unknown, verdict
-from benchmarks.machine import MachineResults, machine
-from benchmarks.speed.contender import initial_state
+from benchmarks.machine import MachineResults, cpu_times, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -137,24 +135,17 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
     step = _mj_step(scene)
     if step is not None:
         callers["mj_step"] = lambda: _times(step)
-    times: dict[str, list[float]] = {name: [] for name in callers}
-    parts = np.zeros((rounds, TICKS, len(PARTS)))
-    for number_of_round in range(-1, rounds):
-        for name, call in callers.items():
-            begun = time.process_time()
-            call()
-            taken = 1e6 * (time.process_time() - begun) / TICKS
-            if number_of_round >= 0:
-                times[name].append(taken)
-        for row in parts[number_of_round]:
-            parted.timed_tick(row)
+    times = {name: 1e6 * taken / TICKS for name, taken in cpu_times(callers, rounds).items()}
+    parts = np.zeros((rounds * TICKS, len(PARTS)))
+    for row in parts:
+        parted.timed_tick(row)
     medians = {name: float(np.median(taken)) for name, taken in times.items()}
     return TickCost(
         scene.name,
         medians["tick"],
         float(np.quantile(times["tick"], 0.9)),
         medians["run"],
-        dict(zip(PARTS, (1e-3 * np.median(parts, axis=(0, 1))).tolist(), strict=True)),
+        dict(zip(PARTS, (1e-3 * np.median(parts, axis=0)).tolist(), strict=True)),
         medians.get("mj_step"),
     )
 
@@ -184,17 +175,12 @@ def _mj_step(scene: Scene) -> Callable[[], None] | None:
         return None
     import mujoco
 
-    from benchmarks.speed.mujoco_peer import MujocoScene
+    from benchmarks.speed.mujoco_peer import MujocoScene, at_start
 
     try:
-        converted = MujocoScene(scene)
+        model, data = at_start(MujocoScene(scene), scene)
     except HapticMechError:
         return None
-    converted.spec.option.timestep = scene.simulation.period
-    converted.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model = converted.spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = converted.state(initial_state(scene))
     return lambda: mujoco.mj_step(model, data)
 
 

@@ -16,9 +16,7 @@ from matplotlib.figure import Figure
 from benchmarks.goals import Verdict
 from benchmarks.machine import MachineResults, machine
 from benchmarks.speed.contender import Peer
-from benchmarks.speed.drake_peer import DrakePeer
 from benchmarks.speed.equality import Check, check_all
-from benchmarks.speed.exudyn_peer import ExudynPeer
 from benchmarks.speed.fronts import Ratio, ratios
 from benchmarks.speed.goals import verdicts
 from benchmarks.speed.mujoco_peer import MujocoPeer
@@ -36,8 +34,8 @@ from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
 
-DISTRIBUTIONS = ("mujoco", "pin", "exudyn", "drake", "numpy", "numba")
-PEERS = ("mujoco", "pinocchio", "exudyn", "drake")
+DISTRIBUTIONS = ("mujoco", "pin", "numpy", "numba")
+PEERS = ("mujoco", "pinocchio")
 MOST_REPEATS = 1000
 
 
@@ -91,16 +89,12 @@ def plan(
     chosen = problems(scenes)
     if not scenes and (quick or smoke):
         chosen = tuple(problem for problem in chosen if not problem.large)
-    all_peers = {peer.name: peer for peer in _peers()}
+    all_peers: dict[str, Peer] = {peer.name: peer for peer in (MujocoPeer(), PinocchioPeer())}
     wanted = [all_peers[name] for name in peers or PEERS]
     absent = {peer.name: reason for peer in wanted if (reason := peer.missing())}
     ready = [peer for peer in wanted if peer.name not in absent]
     effort = Effort(repeats, 0.05, 1.0, True) if quick else Effort(repeats)
     return Plan(chosen, (OwnPeer(integrators), *ready), absent, effort, smoke, not scenes)
-
-
-def _peers() -> tuple[Peer, ...]:
-    return MujocoPeer(), PinocchioPeer(), ExudynPeer(), DrakePeer()
 
 
 @dataclass(frozen=True)
@@ -192,9 +186,7 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
 
 def speed(
     scenes: Annotated[str, typer.Option(help="by name; all if not given")] = "",
-    peers: Annotated[
-        str, typer.Option(help="of mujoco, pinocchio, exudyn, drake; all if not given")
-    ] = "",
+    peers: Annotated[str, typer.Option(help="of mujoco, pinocchio; all if not given")] = "",
     integrators: Annotated[
         str,
         typer.Option(help="of ours, each with steps in units of a scene if wished: rk4:10:5:2,rk2"),

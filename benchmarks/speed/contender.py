@@ -116,19 +116,17 @@ def initial_state(scene: Scene) -> State:
     return State(state.q, state.v)
 
 
-def refuse_what_no_peer_has(scene: Scene, peer: str, gears: bool = False) -> None:
+def refuse_what_no_peer_has(scene: Scene, peer: str) -> None:
     """Check that a scene holds only what simulators agree on.
 
     Args:
         scene: to check.
         peer: its name.
-        gears: whether the peer couples joints.
 
     Raises:
-        UnsuitableError: regularised friction, stops of Hunt and Crossley's kind, or gears for a
-            peer that does not couple joints.
+        UnsuitableError: regularised friction, stops of Hunt and Crossley's kind, or gears.
     """
-    if scene.couplings and not gears:
+    if scene.couplings:
         raise UnsuitableError(peer, scene.name, f"gear {scene.couplings[0].name}")
     for link in scene.links:
         if link.joint.friction:

@@ -10,10 +10,9 @@ from itertools import pairwise
 from math import exp, log
 
 from benchmarks.speed.result import RunResult
+from benchmarks.work_precision import SMALLEST
 
 TARGETS = (1e-4, 1e-6, 1e-8)
-# A logarithm has no place for an error of zero.
-SMALLEST = 1e-16
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from benchmarks.speed.contender import (
     Setting,
     State,
     UnsuitableError,
+    initial_state,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -132,6 +133,23 @@ class _Mujoco:
         else:
             values = self._data.site(POINT + output.name).xpos
         return tuple(float(values[k]) for k in output.components)
+
+
+def at_start(converted: MujocoScene, scene: Scene) -> tuple[Any, Any]:
+    """Return model and data of a scene at its start, for ``mj_step`` by ``implicitfast``.
+
+    Args:
+        converted: what is compiled, in steps of the scene's period.
+        scene: whose start it is.
+    """
+    import mujoco
+
+    converted.spec.option.timestep = scene.simulation.period
+    converted.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model = converted.spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = converted.state(initial_state(scene))
+    return model, data
 
 
 def _say_nothing(_text: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -24,85 +25,56 @@ PATH = Path(__file__).parent / "reference.json"
 SECONDS = (1.0, 2.0, 5.0, 10.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """A scene and what is compared of it, before there is a reference.
+@dataclass(frozen=True)
+class Problem:
+    """A scene, and what is compared of it.
 
     Attributes:
         name: short, for options and tables.
         title: for people.
-        scene: makes it.
+        build: makes the scene.
         times: s, of comparison; the last is the duration.
-        kind, outputs_of, components: of what is compared, as in ``Output``.
+        kind, compared, components: as ``kind``, ``name`` and ``components`` of ``Output``.
         unit: s; steps are multiples of it.
         large: whether a step costs as much as many of another scene.
         windows: N of A02, whose motion is one equation; 0 elsewhere.
+        values: of the reference: (outputs, times, components); empty where there is none yet.
     """
 
     name: str
     title: str
-    scene: Callable[[], Scene]
+    build: Callable[[], Scene]
     times: tuple[float, ...]
     kind: Literal["point", "joint"]
-    outputs_of: tuple[str, ...]
+    compared: tuple[str, ...]
     components: tuple[int, ...]
     unit: float = 1e-3
     large: bool = False
     windows: int = 0
+    values: tuple[tuple[tuple[float, ...], ...], ...] = ()
 
-    def outputs(
-        self, values: Sequence[Sequence[Sequence[float]]] | None = None
-    ) -> tuple[Output, ...]:
-        """Return outputs with values (outputs, times, components), or with none."""
-        return tuple(
-            Output(
-                self.kind,
-                name,
-                self.components,
-                self.times,
-                () if values is None else tuple(tuple(row) for row in values[index]),
-                0.0,
-            )
-            for index, name in enumerate(self.outputs_of)
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """A scene with its reference.
-
-    Attributes:
-        name, title, unit, large: as in ``Asked``.
-        scene: what moves.
-        outputs: what is compared, with the reference's values.
-    """
-
-    name: str
-    title: str
-    scene: Scene
-    outputs: tuple[Output, ...]
-    unit: float
-    large: bool
+    @cached_property
+    def scene(self) -> Scene:
+        """What moves."""
+        return self.build()
 
     @property
-    def times(self) -> tuple[float, ...]:
-        """Times of comparison, s."""
-        return self.outputs[0].times
+    def outputs(self) -> tuple[Output, ...]:
+        """What is compared, with the reference's values."""
+        values = self.values or ((),) * len(self.compared)
+        return tuple(
+            Output(self.kind, name, self.components, self.times, own, 0.0)
+            for name, own in zip(self.compared, values, strict=True)
+        )
 
     @property
     def length_unit(self) -> str:
         """Of errors: m or rad."""
-        return "m" if self.outputs[0].kind == "point" else "rad"
+        return "m" if self.kind == "point" else "rad"
 
     def shortened(self) -> Problem:
         """Return the problem up to the first time of comparison."""
-        return replace(
-            self,
-            outputs=tuple(
-                replace(output, times=output.times[:1], values=output.values[:1])
-                for output in self.outputs
-            ),
-        )
+        return replace(self, times=self.times[:1], values=tuple(one[:1] for one in self.values))
 
     def error(self, readings: Sequence[Sequence[Sequence[float]]]) -> float:
         """Return the largest difference from the reference, m or rad; (times, outputs, parts)."""
@@ -134,8 +106,8 @@ def _accuracy_scene(name: str) -> Callable[[], Scene]:
     return lambda: next(case.scene for case in accuracy_cases() if case.name == name)
 
 
-def _windows(windows: int, times: tuple[float, ...], large: bool) -> Asked:
-    return Asked(
+def _windows(windows: int, times: tuple[float, ...], large: bool) -> Problem:
+    return Problem(
         f"n_four_bar_{windows}",
         f"A02, N = {windows}",
         lambda: n_four_bar(windows),
@@ -150,10 +122,10 @@ def _windows(windows: int, times: tuple[float, ...], large: bool) -> Asked:
 
 ANGLES = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
 ASKED = (
-    Asked(
+    Problem(
         "pendulum", "A01 pendulum", _accuracy_scene("pendulum"), SECONDS, "point", ("p1",), (0, 1)
     ),
-    Asked(
+    Problem(
         "five_bar",
         "five-bar, swinging",
         swinging_five_bar,
@@ -163,10 +135,10 @@ ASKED = (
         (0, 1),
     ),
     _windows(2, SECONDS, large=False),
-    Asked(
+    Problem(
         "bricard", "A04 Bricard", _accuracy_scene("bricard"), SECONDS, "point", ("p3",), (0, 1, 2)
     ),
-    Asked(
+    Problem(
         "spatial_arm",
         "arm, falling",
         falling_arm,
@@ -176,7 +148,7 @@ ASKED = (
         (0, 1, 2),
         unit=2e-4,
     ),
-    Asked(
+    Problem(
         "stewart_platform",
         "platform on six legs",
         stewart_platform,
@@ -186,7 +158,7 @@ ASKED = (
         (0, 1, 2),
         unit=5e-4,
     ),
-    Asked(
+    Problem(
         "jansen_leg",
         "walking machine's leg, eight bars",
         jansen_leg,
@@ -196,7 +168,7 @@ ASKED = (
         (0, 1),
         unit=5e-4,
     ),
-    Asked(
+    Problem(
         "spatial_four_bar",
         "spatial four-bar, two balls",
         spatial_four_bar,
@@ -206,7 +178,7 @@ ASKED = (
         (0, 1, 2),
         unit=5e-4,
     ),
-    Asked(
+    Problem(
         "andrews",
         "A03 Andrews' squeezer",
         _accuracy_scene("andrews"),
@@ -242,8 +214,6 @@ def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
         entry = stored.get(asked.name)
         if entry is None or tuple(entry["times"]) != asked.times:
             raise InvalidInputError("reference.json", asked.name, "must hold it: compute it anew")
-        outputs = asked.outputs(entry["values"])
-        found.append(
-            Problem(asked.name, asked.title, asked.scene(), outputs, asked.unit, asked.large)
-        )
+        values = tuple(tuple(tuple(row) for row in output) for output in entry["values"])
+        found.append(replace(asked, values=values))
     return tuple(found)

@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import Reading, State, initial_state
 from benchmarks.speed.pinocchio_peer import PinocchioDynamics, local_rates
-from benchmarks.speed.problems import ASKED, PATH, Asked
+from benchmarks.speed.problems import ASKED, PATH, Problem
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
@@ -131,7 +131,7 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
     """
     stored = {one["name"]: one for one in json.loads(path.read_text(encoding="utf-8"))["cases"]}
 
-    def entry(asked: Asked) -> dict[str, Any]:
+    def entry(asked: Problem) -> dict[str, Any]:
         if names and asked.name not in names:
             kept: dict[str, Any] = stored[asked.name]
             return kept
@@ -139,7 +139,7 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
             ways = (parallelograms(asked.windows, asked.times, way[0]) for way in WAYS)
             values, apart = _agreed(asked.name, *ways)
         else:
-            values, apart = reference(asked.scene(), asked.outputs())
+            values, apart = reference(asked.scene, asked.outputs)
         per_output = [[list(reading[k]) for reading in values] for k in range(len(values[0]))]
         return {"name": asked.name, "times": asked.times, "values": per_output, "apart": apart}
 

@@ -8,44 +8,29 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
 
 from benchmarks.accuracy.benchmark import step_text
 from benchmarks.goals import Verdict, goal_sheet
 from benchmarks.speed.contender import setting_text
 from benchmarks.speed.equality import Check
-from benchmarks.speed.fronts import SMALLEST, TARGETS, cost, front, ratios
+from benchmarks.speed.fronts import TARGETS, cost, front, ratios
 from benchmarks.speed.own_peer import NAME as OWN
 from benchmarks.speed.problems import Problem
 from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import TITLES, Growth
 from benchmarks.speed.tick import TickTime
+from benchmarks.work_precision import SMALLEST, finish, panels
 from hapticmech_ros.analysis.study import Sheet, judged
-from hapticmech_ros.experiment.figure_style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    TEXT,
-    VERMILION,
-    dress,
-    new_figure,
-)
+from hapticmech_ros.experiment.figure_style import BLUE, GREEN, GREY, VERMILION
 
 # Columns of words, which stand to the left.
 WORDS = ("peer", "method", "outcome", "closures")
 NOT_REACHED = "not reached"
-COLUMNS = 3
 LOOKS = {
     "hapticmech": (BLUE, "o"),
     "mujoco": (VERMILION, "s"),
     "pinocchio": (GREEN, "D"),
-    "exudyn": (PURPLE, "^"),
-    "drake": (ORANGE, "v"),
 }
-OTHER = (GREY, "x")
 CAPTION = (
     "Largest error against the reference over the CPU time of a simulated second, both "
     "logarithmic: down and to the left is better. A line joins a peer's best runs, over all its "
@@ -164,48 +149,31 @@ def _milli(time: float | None) -> str:
 
 def drawn(results: Sequence[RunResult], known: Sequence[Problem]) -> Figure:
     """Return a figure of the runs that have an error."""
-    by_name = {problem.name: problem for problem in known}
-    names = list(dict.fromkeys(result.problem for result in results))
-    columns = max(1, min(COLUMNS, len(names)))
-    rows = max(1, -(-len(names) // columns))
-    figure = new_figure(4.2 * columns, 3.5 * rows, CAPTION)
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, name in zip(panels, names, strict=False):
-        _panel(axes, [result for result in results if result.problem == name], by_name[name])
-    for axes in panels[len(names) :]:
-        axes.set_axis_off()
-    handles = [
-        Line2D([], [], color=_look(peer)[0], marker=_look(peer)[1], label=peer)
-        for peer in dict.fromkeys(result.peer for result in results)
-    ]
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside upper left", ncols=5, fontsize=TEXT, frameon=False
-        )
+    looks = {peer: LOOKS[peer] for peer in dict.fromkeys(result.peer for result in results)}
+    shown = {result.problem for result in results}
+    problems = [problem for problem in known if problem.name in shown]
+    titles = {problem.name: problem.title for problem in problems}
+    figure, places = panels(titles, looks, CAPTION)
+    for problem in problems:
+        axes = places[problem.name]
+        members = [result for result in results if result.problem == problem.name]
+        for target in TARGETS:
+            axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
+        for peer in dict.fromkeys(result.peer for result in members):
+            _curve(axes, [result for result in members if result.peer == peer], *looks[peer])
+        finish(axes, problem.length_unit)
     return figure
 
 
-def _panel(axes: Axes, members: Sequence[RunResult], problem: Problem) -> None:
-    for target in TARGETS:
-        axes.axhline(target, color=GREY, linestyle=":", linewidth=1.0, zorder=1)
-    for peer in dict.fromkeys(result.peer for result in members):
-        colour, mark = _look(peer)
-        others = [
-            (result.median, max(result.error, SMALLEST))
-            for result in members
-            if result.peer == peer and result.median is not None and result.error is not None
-        ]
-        if others:
-            axes.plot(*zip(*others, strict=True), mark, color=colour, alpha=0.25, markersize=4)
-        points = front(members, peer)
-        times = [point.cpu_s_per_s for point in points]
-        axes.plot(times, [point.error for point in points], "-", color=colour, marker=mark)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_title(problem.title, fontsize=TEXT, loc="left")
-    dress(axes, "CPU time per simulated second (s)", f"error ({problem.length_unit})")
-
-
-def _look(peer: str) -> tuple[str, str]:
-    return LOOKS.get(peer, OTHER)
+def _curve(axes: Axes, members: Sequence[RunResult], colour: str, mark: str) -> None:
+    """Draw all runs of a peer, pale, and the best ones joined by a line."""
+    runs = [
+        (result.median, max(result.error, SMALLEST))
+        for result in members
+        if result.median is not None and result.error is not None
+    ]
+    if runs:
+        axes.plot(*zip(*runs, strict=True), mark, color=colour, alpha=0.25, markersize=4)
+    points = front(members, members[0].peer)
+    times = [point.cpu_s_per_s for point in points]
+    axes.plot(times, [point.error for point in points], "-", color=colour, marker=mark)

@@ -4,15 +4,14 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
 
+from benchmarks.machine import cpu_times
 from benchmarks.oracle import oracle
-from benchmarks.speed.contender import initial_state
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
@@ -59,17 +58,9 @@ def tick_times(rounds: int = 30) -> tuple[TickTime, ...]:
     if find_spec("mujoco"):
         callers[MJ_STEP] = _mj_step(scene, in_loop=False)
         callers[MJ_LOOP] = _mj_step(scene, in_loop=True)
-    for call in callers.values():
-        call()
-    times: dict[str, list[float]] = {name: [] for name in callers}
-    for _ in range(rounds):
-        for name, call in callers.items():
-            begun = time.process_time()
-            call()
-            times[name].append((time.process_time() - begun) / STATES)
     return tuple(
-        TickTime(name, *(float(np.quantile(one, share)) for share in (0.5, 0.9, 1.0)))
-        for name, one in times.items()
+        TickTime(name, *np.quantile(taken / STATES, (0.5, 0.9, 1.0)).tolist())
+        for name, taken in cpu_times(callers, rounds).items()
     )
 
 
@@ -134,14 +125,9 @@ def _both(
 def _mj_step(scene: Scene, in_loop: bool) -> Callable[[], None]:
     import mujoco
 
-    from benchmarks.speed.mujoco_peer import MujocoScene
+    from benchmarks.speed.mujoco_peer import MujocoScene, at_start
 
-    converted = MujocoScene(scene)
-    converted.spec.option.timestep = scene.simulation.period
-    converted.spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model = converted.spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = converted.state(initial_state(scene))
+    model, data = at_start(MujocoScene(scene), scene)
 
     def call() -> None:
         if in_loop:

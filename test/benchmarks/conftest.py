@@ -11,12 +11,11 @@ import pytest
 
 from benchmarks.accuracy import Case, Output
 from benchmarks.graph.plan import Configuration, Kind, Step
-from benchmarks.graph.recorded import RECORDED_TRIP, Losses, Recorded
-from benchmarks.graph.run import Run
-from benchmarks.graph.statuses import ROUND_TRIP, Clocked, Percentiles
-from benchmarks.machine import MachineLoad
+from benchmarks.graph.recorded import ASKED, LOST, RECORDED_TRIP, UNSEEN
+from benchmarks.graph.run import STOLEN, Run, processor_share
+from benchmarks.graph.statuses import MISSED, PERCENTILES, RATE, ROUND_TRIP, latency
 from hapticmech_ros.scene import scene_from_document
-from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
+from hapticmech_ros.wire.topics import DEVICE
 
 SEPARATE = Configuration(1000.0, "separate", True)
 COMPOSED = Configuration(2000.0, "composed", False)
@@ -67,30 +66,31 @@ def make_run() -> MakeRun:
         rate_hz: float | None = None,
         missed: int = 0,
         lost: int = 0,
-        cpu: float = 0.5,
+        cpu: float = 50.0,
         **changes: object,
     ) -> Run:
         rate = configuration.rate_hz if rate_hz is None else rate_hz
         if latency_us is None:
             latency_us = 40.0 if kind == "real" else 100.0
-        latency = Percentiles(latency_us, 2 * latency_us, 3 * latency_us, 4 * latency_us)
-        found = Recorded(
-            {RECORDED_TRIP: latency},
-            {"device/state → servo_cf": Losses(20000, 20000 - lost, 0)},
-            {"/device/state": 20000},
-            {"/device/state": 308},
-        )
         process = "composed" if configuration.layout == "composed" else DEVICE
-        clocked = Clocked(rate, round(20 * configuration.rate_hz), missed, 0)
-        run = Run(
-            Step(configuration, repeat, kind),
-            window_s=20.0,
-            clocked={DEVICE: clocked, MECHANISM: clocked},
-            answers_hz={CONTROLLER: rate, ANALYSER: rate},
-            said={ROUND_TRIP: latency},
-            recorded=found if configuration.recorded else None,
-            load=MachineLoad({process: cpu}, 0.5, 0.0, 1.0),
-        )
+        periods, answered = 20 * configuration.rate_hz, "device/state → servo_cf"
+        hops = [ROUND_TRIP, *([RECORDED_TRIP] if configuration.recorded else [])]
+        figures = {
+            f"{DEVICE}: {RATE}": rate,
+            f"{DEVICE}: {MISSED}": 100.0 * missed / periods,
+            **{
+                latency(hop, one): factor * latency_us
+                for hop in hops
+                for factor, one in enumerate(PERCENTILES, start=1)
+            },
+            processor_share(process): cpu,
+            STOLEN: 0.0,
+        }
+        if configuration.recorded:
+            counts = {ASKED: 20000.0, LOST: float(lost), UNSEEN: 0.0}
+            figures |= {f"{answered}: {what}": count for what, count in counts.items()}
+        sizes = {"/device/state": 308} if configuration.recorded else {}
+        run = Run(Step(configuration, repeat, kind), figures=figures, sizes=sizes)
         return replace(run, **changes)  # type: ignore[arg-type]
 
     return make

@@ -15,44 +15,17 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import HEADINGS, AccuracyResults, cells, drawn, run_accuracy
+from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.endurance import LongRun, lines
 from benchmarks.accuracy.run import (
-    INTEGRATOR_NAMES,
-    LARGE_MULTIPLES,
-    MULTIPLES,
     Run,
     settings,
 )
-from benchmarks.machine import machine, speed_line
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.experiment.figure_style import save
 
 from .conftest import falling
 
 LIBRARY = {case.name: case for case in cases()}
-
-
-def test_the_usual_plan_has_all_cases_and_integrators() -> None:
-    plan = settings()
-    assert {setting.case.name for setting in plan} == set(LIBRARY)
-    assert {setting.integrator for setting in plan} == set(INTEGRATOR_NAMES)
-    for name, case in LIBRARY.items():
-        steps = sorted({s.step for s in plan if s.case.name == name})
-        multiples = LARGE_MULTIPLES if "large" in case.tags else MULTIPLES
-        own = case.scene.simulation.period
-        assert steps == pytest.approx(sorted(m * own for m in multiples))
-    assert sum(setting.own for setting in plan) == len(LIBRARY) - 1
-
-
-def test_a_quick_plan_is_short_and_a_large_case_runs_if_named() -> None:
-    quick = settings(quick=True)
-    assert "n_four_bar_40" not in {setting.case.name for setting in quick}
-    assert len(quick) < len(settings()) / 2
-    assert any(setting.own for setting in quick)
-    (named,) = settings(["n_four_bar_40"], ["rk4"], [8.0], quick=True)
-    assert named.step == pytest.approx(8e-3)
-    assert named.scene.simulation.period == named.step
 
 
 @pytest.mark.parametrize(
@@ -100,55 +73,6 @@ def test_what_failed_is_said_once_with_its_reason() -> None:
     assert text.count("failed") == 2
     assert text.count("KeyError: [not] there") == 1
     assert "linearly_implicit, 1 ms; linearly_implicit, 500 µs" in text
-
-
-def test_a_line_says_all_that_was_found() -> None:
-    line = dict(zip(HEADINGS, cells(PASSED), strict=True))
-    assert line == {
-        "integrator": "rk4",
-        "step": "500 µs *",
-        "error": "2.0e-10",
-        "energy": "3.0e-09",
-        "closure": "1e-14",
-        "ranks": "3/2, 1 elsewhere",
-        "CPU": "0.1",
-        "faster": "10",
-    }
-
-
-def test_the_table_of_a_document_has_a_line_for_each_case_and_integrator() -> None:
-    steps = (4e-3, 1e-3, 2.5e-4)
-    runs = [replace(PASSED, step=step) for step in steps] + [replace(FAILED, step=2e-3)]
-    results = AccuracyResults(machine(), tuple(runs), (falling(),))
-    *text, blank, speed = results.markdown().splitlines()[2:]
-    assert (blank, speed) == ("", speed_line(results.machine))
-    assert {line.count("|") for line in text} == {len(HEADINGS) + 2}
-    assert [line.split("|")[2:4] for line in text[2:]] == [
-        [" rk4 ", " 1 ms * "],
-        [" linearly_implicit ", " 2 ms "],
-    ]
-
-
-def test_files_are_written_and_hold_every_run(tmp_path: Path) -> None:
-    chosen = settings(integrators=["rk4", "rk2"], multiples=(3.0, 1.0), known=[falling()])
-    told: list[str] = []
-    results = run_accuracy(chosen, told.append)
-    results.write(tmp_path / "out")
-    document = json.loads((tmp_path / "out" / "bench_accuracy.json").read_text("utf-8"))
-    assert [run["integrator"] for run in document["runs"]] == ["rk4", "rk4", "rk2", "rk2"]
-    assert document["sound"] is results.sound is True
-    assert document["runs"][1]["error"] == results.runs[1].error
-    assert (tmp_path / "out" / "bench_accuracy.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "out" / "bench_accuracy.md").read_text("utf-8").count("| stone |") == 2
-    assert sum("failed" in line for line in told) == 2
-
-
-@pytest.mark.parametrize("count", [0, 1, 5])
-def test_the_picture_is_drawn_of_any_number_of_cases(tmp_path: Path, count: int) -> None:
-    runs = [replace(PASSED, case=f"case{k}", errors={"p": 0.0}) for k in range(count)]
-    runs += [replace(FAILED, case="alone")] if count else []
-    path = save(drawn(runs, [falling()]), tmp_path / "picture.png")
-    assert path.read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.graph.checks import Check, Expected, check_recording, check_run, expected
 from benchmarks.graph.recorded import Recorded
-from benchmarks.graph.statuses import Status
+from benchmarks.graph.statuses import RATE, Status
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
 
@@ -108,11 +108,11 @@ def test_the_session_says_what_to_expect() -> None:
 
 
 def test_a_recorder_that_comes_late_or_leaves_early_is_found() -> None:
-    rates = {DEVICE: 1000.0, MECHANISM: 1000.0}
+    rates = {f"{node}: {RATE}": 1000.0 for node in (DEVICE, MECHANISM)}
 
     def received(device: int, mechanism: int) -> bool:
         published = {"/device/state": device, "/mechanism/state": mechanism}
-        return check_recording(Recorded({}, {}, published, {}), rates, 20.0, "handle").held
+        return check_recording(Recorded({}, published, {}), rates, 20.0, "handle").held
 
     assert received(20_000, 20_000)
     assert received(19_990, 20_010)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,13 +11,10 @@ from benchmarks.children import (
     BUSY,
     BenchError,
     ReportingProcess,
-    busy_programs,
     finding_benchmarks,
-    ids,
-    output_to,
     wait_until,
 )
-from hapticmech_ros.graph import start_process, stop_process
+from hapticmech_ros.graph import start_process
 
 # A module of the standard library that ends at once and says nothing in JSON.
 SILENT = [sys.executable, "-m", "this"]
@@ -41,19 +37,6 @@ def test_waiting_ends_with_a_reason() -> None:
     wait_until(lambda: True, 0.0, "nothing", check)
 
 
-def test_output_of_processes_started_within_goes_to_the_file(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    log = tmp_path / "log"
-    for words in ("first", "second"):
-        with output_to(log):
-            process = start_process([sys.executable, "-c", f"print('{words}')"], {})
-        process.wait(30.0)
-    subprocess.run([sys.executable, "-c", "print('here')"], check=True)
-    assert log.read_text() == "first\nsecond\n"
-    assert capfd.readouterr().out == "here\n"
-
-
 def busy_children(parent: int) -> set[int]:
     """Return the busy programs of a process."""
     children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
@@ -69,13 +52,6 @@ def command_of(pid: int) -> str:
         return ""
 
 
-def test_busy_programs_end_with_the_block() -> None:
-    before = busy_children(os.getpid())
-    with busy_programs(2):
-        wait_until(lambda: len(busy_children(os.getpid()) - before) == 2, 60.0, "two programs")
-    assert busy_children(os.getpid()) <= before
-
-
 def test_busy_programs_end_with_a_process_that_is_killed() -> None:
     program = "import benchmarks.children as c, time\nwith c.busy_programs(2): time.sleep(600)"
     environment = finding_benchmarks(os.environ)
@@ -87,12 +63,3 @@ def test_busy_programs_end_with_a_process_that_is_killed() -> None:
         process.kill()
         process.wait()
     wait_until(lambda: not any(map(command_of, busy)), 60.0, "their end")
-
-
-def test_a_process_of_several_nodes_is_called_composed() -> None:
-    process = start_process(SILENT, {})
-    try:
-        assert ids({"a,b": process}) == {"composed": process.pid}
-        assert ids({"a": process}) == {"a": process.pid}
-    finally:
-        stop_process(process)

@@ -86,16 +86,6 @@ def test_a_group_has_its_quota_and_is_gone_afterwards(hierarchy: Hierarchy) -> N
     assert hierarchy.groups == []
 
 
-def test_a_command_is_itself_the_process_that_enters(hierarchy: Hierarchy) -> None:
-    with cpu_group(0.6, [hierarchy.root]) as group:
-        words = ["a b", "$c", '"']
-        command = [sys.executable, "-c", "import os, sys; print(os.getpid(), sys.argv[1:])", *words]
-        process = start_process(group.within(command), os.environ, pipe_output=True)
-        said, _ = process.communicate(timeout=60.0)
-        assert said == f"{process.pid} {words}\n"
-        assert (group.folder / "cgroup.procs").read_text().split() == [f"{process.pid}"]
-
-
 def test_what_is_still_in_a_group_is_ended_with_it_also_after_an_error(
     hierarchy: Hierarchy,
 ) -> None:
@@ -115,19 +105,6 @@ def test_what_is_still_in_a_group_is_ended_with_it_also_after_an_error(
     process.communicate(timeout=60.0)
     assert process.returncode == -signal.SIGKILL
     assert hierarchy.groups == []
-
-
-def test_the_first_possible_place_is_taken_and_others_are_left_as_they_were(
-    hierarchy: Hierarchy, tmp_path: Path
-) -> None:
-    missing = tmp_path / "not" / "there"
-    with cpu_group(1.2, [missing, hierarchy.root]) as group:
-        assert group.folder.parent == hierarchy.root
-    with (
-        pytest.raises(NoGroupError, match=r"not/there: No such file or directory"),
-        cpu_group(1.2, [missing]),
-    ):
-        pytest.fail("there is no such group")
 
 
 def test_a_place_without_quota_or_entry_is_refused_in_words(

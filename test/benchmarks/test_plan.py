@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.graph.plan import Plan, scene_at_rate
-from hapticmech_ros.errors import InvalidInputError, SceneError
+from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import document_of
 
@@ -21,26 +21,6 @@ def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn()
     # Whoever is compared runs right after the other.
     for real, bare in zip(steps[::2], steps[1::2], strict=True):
         assert (real.configuration, real.repeat) == (bare.configuration, bare.repeat)
-
-
-def test_transports_are_configurations_of_their_own() -> None:
-    transports = ("auto", "middleware")
-    plan = Plan("five_bar", (1000.0,), ("separate",), (True,), 20.0, 2, transports)
-    assert [step.configuration.transport for step in plan.steps()] == [
-        way for way in transports for _ in range(4)
-    ]
-    assert [str(one) for one in plan.configurations()] == [
-        "1000 Hz, separate, recording",
-        "1000 Hz, separate, recording, middleware",
-    ]
-
-
-def test_view_rates_are_configurations_of_their_own() -> None:
-    plan = Plan("five_bar", (1000.0,), ("separate",), (True,), views_hz=(100.0, 1000.0))
-    assert [str(one) for one in plan.configurations()] == [
-        "1000 Hz, separate, recording",
-        "1000 Hz, separate, recording, views at 1000 Hz",
-    ]
 
 
 @pytest.mark.parametrize(
@@ -73,8 +53,3 @@ def test_a_scene_at_another_rate_differs_in_its_period_alone(name: str, tmp_path
     assert copy["simulation"].pop("period") == 1.0 / 2000.0
     assert document["simulation"].pop("period") != 1.0 / 2000.0
     assert copy == document
-
-
-def test_a_scene_refuses_a_rate_out_of_its_range(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="period"):
-        scene_at_rate("five_bar", 0.01, tmp_path)

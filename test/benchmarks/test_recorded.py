@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.graph.recorded import RECORDED_TRIP, recorded
+from benchmarks.graph.recorded import ASKED, LOST, RECORDED_TRIP, UNSEEN, losses, recorded
+from benchmarks.graph.statuses import latency
 from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.topics import (
@@ -29,7 +30,7 @@ DELAYS_US = {
     STATE: 120,
     POINT_MODEL: 500,
 }
-LOST = {DEVICE_COMMAND: {3, 50}, POINT_COMMAND: {3}, POINT_MODEL: {7}, STATE: {9}}
+UNANSWERED = {DEVICE_COMMAND: {3, 50}, POINT_COMMAND: {3}, POINT_MODEL: {7}, STATE: {9}}
 
 
 def wrench(stamp_ns: int) -> bytes:
@@ -51,7 +52,7 @@ def bag(tmp_path: Path) -> Path:
     for number in range(-10, COUNT + 10):
         stamp = BEGUN_NS + number * PERIOD_NS
         for topic, delay_us in DELAYS_US.items():
-            if number not in LOST.get(topic, ()):
+            if number not in UNANSWERED.get(topic, ()):
                 data = wrench(stamp) if "Wrench" in topic.type else array(stamp)
                 messages.append((stamp + 1000 * delay_us, topic, data))
     with BagWriter(path) as writer:
@@ -63,20 +64,28 @@ def bag(tmp_path: Path) -> Path:
 
 
 def test_latencies_are_those_put_in(bag: Path) -> None:
-    hops = recorded(bag, "handle", WINDOW).hops
-    assert hops[RECORDED_TRIP].p50_us == DELAYS_US[DEVICE_COMMAND]
-    assert hops["device/state → servo_cf"].p99_us == 350 - 100
-    assert hops["mechanism/state → operational_model"].max_us == 500 - 120
-    for latency in hops.values():
-        assert latency.p50_us == latency.max_us
+    found = recorded(bag, "handle", WINDOW).figures
+    for hop, delay_us in (
+        (RECORDED_TRIP, DELAYS_US[DEVICE_COMMAND]),
+        ("device/state → servo_cf", 350 - 100),
+        ("mechanism/state → operational_model", 500 - 120),
+    ):
+        assert {found[latency(hop, one)] for one in ("p50", "p90", "p99", "max")} == {delay_us}
 
 
 def test_losses_are_those_put_in(bag: Path) -> None:
-    found = recorded(bag, "handle", WINDOW).losses
-    assert [part.lost for part in found.values()] == [2, 1, 1]
-    assert [part.asked for part in found.values()] == [COUNT, COUNT, COUNT - 1]
+    found = recorded(bag, "handle", WINDOW).figures
+    assert [value for name, value in found.items() if name.endswith(LOST)] == [2, 1, 1]
+    asked = [value for name, value in found.items() if name.endswith(ASKED)]
+    assert asked == [COUNT, COUNT, COUNT - 1]
     # The state that is missing was answered: the recorder lost it.
-    assert [part.strays for part in found.values()] == [0, 0, 1]
+    assert [value for name, value in found.items() if name.endswith(UNSEEN)] == [0, 0, 1]
+
+
+def test_each_message_counts_once_and_in_the_window_alone() -> None:
+    asked = [*range(1000, 2000, 10), 999, 2000]
+    answers = [stamp for stamp in asked if stamp not in (1000, 1500, 1990)]
+    assert list(losses("it", asked, [*answers, *answers], (1000, 2000)).values()) == [100, 3, 0]
 
 
 def test_messages_are_counted_in_the_window_and_measured_in_the_whole_bag(bag: Path) -> None:
@@ -86,5 +95,5 @@ def test_messages_are_counted_in_the_window_and_measured_in_the_whole_bag(bag: P
     assert found.sizes["/device/servo_cf"] == len(wrench(0))
     empty = recorded(bag, "handle", (0, 1))
     assert empty.published == {}
-    assert empty.hops == {}
+    assert not any(empty.figures.values())
     assert empty.sizes == found.sizes

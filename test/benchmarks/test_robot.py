@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.robot.benchmark import EQUAL, choose, difference
 from benchmarks.robot.bilateral import felt
-from benchmarks.robot.laws import DAMPED, IMPEDANCE, OBSERVED, OURS, others, ours, settings
-from benchmarks.robot.other_paths import DESIGN, FAR, PATHS, UNKNOWN
+from benchmarks.robot.laws import IMPEDANCE, others, ours
+from benchmarks.robot.other_paths import FAR, PATHS, UNKNOWN
 from benchmarks.robot.tasks import PATH_S, TASKS, wrist_path
 from benchmarks.robot.trial import Measured, Stage
 from hapticmech_ros.errors import HapticMechError
@@ -34,43 +34,6 @@ def test_targets_have_the_twist_and_acceleration_of_their_motion(name):
         np.testing.assert_allclose(
             (after.twist - before.twist) / (2.0 * h), at.acceleration, atol=1e-5
         )
-
-
-@pytest.mark.parametrize("name", sorted(TASKS))
-def test_paths_go_through_a_singular_pose_and_begin_and_end_at_rest(name):
-    task = TASKS[name]()
-    for time in (0.0, PATH_S):
-        assert np.abs(task.path(time).twist).max() < 1e-12
-    law = OperationalLaw(Mechanism(task.scene))
-    start = task.path(0.0).pose.translation
-    pose = law.state(task.start, 0.0 * task.start).point.pose.translation
-    np.testing.assert_allclose(start, pose, atol=1e-12)
-
-
-@pytest.mark.parametrize(("start", "end"), PATHS)
-def test_every_other_path_turns_the_wrist_through_its_singular_pose(start, end):
-    """Joint 5 of a UR5e goes through 0, where the smallest s is that of rounding."""
-    start, end = np.array(start), np.array(end)
-    task = wrist_path(start, end)
-    assert start[4] * end[4] < 0.0
-    there = start + start[4] / (start[4] - end[4]) * (end - start)
-    law = OperationalLaw(Mechanism(task.scene))
-    assert law.state(there, 0.0 * there).analysis.spectrum.s[-1] < 1e-10
-    reached = law.state(end, 0.0 * end).point.pose
-    np.testing.assert_allclose(task.path(PATH_S).pose.homogeneous, reached.homogeneous, atol=1e-12)
-
-
-def test_half_of_the_other_paths_had_no_part_in_any_choice():
-    assert 2 * len(DESIGN) == len(PATHS)
-    assert set(DESIGN) < set(range(1, len(PATHS) + 1))
-
-
-def test_every_law_has_settings_with_and_without_the_observer_and_ours_one():
-    found = settings(TASKS["wrist"]())
-    assert set(found) == {n + o for n in (OURS, IMPEDANCE, DAMPED) for o in ("", OBSERVED)}
-    assert len(found[OURS]) == len(found[OURS + OBSERVED]) == 1
-    assert len(found[IMPEDANCE]) == 12
-    assert len(found[DAMPED]) == 9
 
 
 def test_what_is_worse_than_the_best_so_far_ends_early_and_alone():
@@ -115,7 +78,7 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     tried = [setting._replace(values={"kind": kind, "error": error}) for kind, error in kinds]
     shown = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.robot.benchmark._values", str)
+        patch.setattr("benchmarks.robot.benchmark.setting_text", str)
         found, best = choose(
             "robot", "as modelled", "law", tried, [Scripted(), Scripted()], shown.append
         )
@@ -123,7 +86,7 @@ def test_the_best_setting_is_chosen_and_failures_do_not_count():
     assert found.tried == 5
     assert len(shown) == 5
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.robot.benchmark._values", str)
+        patch.setattr("benchmarks.robot.benchmark.setting_text", str)
         assert (
             choose("robot", "as modelled", "law", tried[:3], [Scripted()], shown.append)[1] is None
         )

@@ -17,9 +17,8 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
-from benchmarks.children import BenchError
 from benchmarks.small_machine import benchmark
-from benchmarks.small_machine.benchmark import Loaded, Settings, run_small_machine
+from benchmarks.small_machine.benchmark import Settings, run_small_machine
 from benchmarks.small_machine.demo_run import FIGURES, DemoRun, faults, watch_demo
 from hapticmech_ros.errors import InvalidInputError
 
@@ -85,10 +84,6 @@ def demo(
     return [sys.executable, "-I", "-S", "-c", PROGRAM, str(out), *told]
 
 
-def test_a_run_that_is_right_has_no_faults() -> None:
-    assert list(faults(RIGHT)) == []
-
-
 @pytest.mark.parametrize(
     ("path", "value", "told"),
     [
@@ -150,19 +145,6 @@ def test_a_run_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     run = watch_demo(demo(out, seconds=600.0), out, 0.5)
     assert run.failures == ("not done within 0.5 s",)
     assert 0.5 <= run.seconds < 600.0
-
-
-def test_one_failed_run_is_a_failed_load_and_a_skipped_one_is_not_passed() -> None:
-    assert Loaded("alone", (PASSED, PASSED)).passed
-    assert not Loaded("alone", (PASSED, FAILED)).passed
-    skipped = Loaded("quota", skipped="no groups")
-    assert not skipped.passed
-    assert skipped.row("quota")[1] == "skipped"
-    row = Loaded("busy", (PASSED, FAILED)).row("busy")
-    assert row == ("busy", "1 of 2", "1000", "27.5", "35.0", "999.0", "4", "130", "900", "0", "-")
-    lockstep = DemoRun(40.0, (), "results: demo", lost=0)
-    assert Loaded("busy", (PASSED, lockstep)).row("busy")[1:3] == ("2 of 2", "1000, 1 in lockstep")
-    assert Loaded("busy", (FAILED,)).row("busy")[2:] == ("-", "35.0", "35.0", *["-"] * 6)
 
 
 def test_an_unknown_load_is_refused() -> None:
@@ -227,22 +209,6 @@ def test_a_program_that_reads_late_beside_the_graph_alone_gives_exit_code_1(
     code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
     assert code == 1
     assert document["loads"][0]["reads_s"] == [0.5, 0.5, 1.5]
-
-
-def test_runs_are_kept_where_no_program_reads(
-    runs: Callable[..., list[Path]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def deaf(*given: object) -> tuple[float, ...]:
-        raise BenchError("read nothing")
-
-    runs(PASSED)
-    monkeypatch.setattr(benchmark, "read_beside", deaf)
-    code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
-    assert code == 1
-    assert "read nothing" in printed
-    (alone,) = document["loads"]
-    assert alone["passed"]
-    assert not alone["read_in_time"]
 
 
 def test_a_signal_ends_it_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -19,10 +18,8 @@ from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
 from benchmarks.speed.own_peer import OwnPeer
 from benchmarks.speed.pinocchio_peer import PinocchioPeer
-from benchmarks.speed.problems import problems
-from benchmarks.speed.race import Effort, multiples_of, race
 from benchmarks.speed.result import RunResult
-from benchmarks.speed.scaling import Growth, growth, sized
+from benchmarks.speed.scaling import Growth, growth
 from benchmarks.speed.tick import (
     MJ_STEP,
     SEE,
@@ -30,8 +27,6 @@ from benchmarks.speed.tick import (
     tick_times,
 )
 from hapticmech_ros.errors import InvalidInputError
-
-CHEAP = Effort(repeats=2, budget_s=0.01, limit_s=0.2, quick=True)
 
 
 def result(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> RunResult:
@@ -81,13 +76,6 @@ def test_ratios_are_against_the_best_of_the_others() -> None:
     assert found[1e-8].ours == 2.0
 
 
-def test_growth_is_the_exponent_of_a_power() -> None:
-    sizes = (10, 20, 40, 80)
-    grown = Growth("chain", "a", "rk4", sizes, tuple(3e-6 * n**1.5 for n in sizes))
-    assert grown.exponent == pytest.approx(1.5)
-    assert Growth("chain", "a", "rk4", sizes, (1.0, None, 1.0, 1.0)).exponent is None
-
-
 def test_goals_are_met_missed_or_not_measured() -> None:
     nothing = verdicts((), (), ())
     assert {verdict.outcome for verdict in nothing} == {"not measured"}
@@ -130,24 +118,6 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
     assert seen["n_four_bar_40"] == "FAIL"
 
 
-def test_a_race_has_a_result_for_every_step_of_who_may_race() -> None:
-    (problem,) = problems(["pendulum"])
-    peers = (OwnPeer(), PinocchioPeer())
-    checks = [
-        Check("pendulum", "hapticmech", "rk4"),
-        Check("pendulum", "pinocchio", "rk4", reason="error 1 above 1e-8"),
-    ]
-    results = race(problem, peers, checks, CHEAP)
-    assert {found.peer for found in results} == {"hapticmech"}
-    steps = [found.step for found in results]
-    allowed = [m * problem.unit for m in multiples_of(problem, peers[0].methods[0], True)]
-    assert steps == pytest.approx(allowed[: len(steps)])
-    assert all(found.error is not None and found.cpu_s_per_s for found in results)
-    assert len(results[-1].cpu_s_per_s) == CHEAP.repeats
-    assert results[0].slowest >= results[0].p90 >= results[0].median > 0.0  # type: ignore[operator]
-    assert multiples_of(problem, OwnPeer({"rk4": (2.0, 8.0)}).methods[0], False) == (8.0, 2.0)
-
-
 def test_growth_is_timed_with_who_passes_the_check() -> None:
     sizes = {"windows": (3,), "chain": (3,), "platform": (6,)}
     grown, checks = growth((OwnPeer(), PinocchioPeer()), sizes, repeats=1, budget_s=0.01)
@@ -156,20 +126,13 @@ def test_growth_is_timed_with_who_passes_the_check() -> None:
     assert all(cpu is not None for one in grown for cpu in one.cpu_s_per_step)
 
 
-@pytest.mark.parametrize(("family", "size"), [("windows", 4), ("chain", 4), ("platform", 8)])
-def test_mechanisms_of_any_size_have_a_reference(family: str, size: int) -> None:
-    problem = sized(family, size)
-    assert np.linalg.norm(problem.outputs[0].values[0]) > 0.1
-
-
 def test_a_tick_is_timed_beside_others_that_agree() -> None:
-    names = [tick.name for tick in tick_times(rounds=1)]
-    assert {SEE, MJ_STEP} <= set(names)
+    assert {SEE, MJ_STEP} <= {tick.name for tick in tick_times(rounds=1)}
 
 
 def test_results_are_sound_if_each_peer_has_one_method_that_passes() -> None:
-    passed, failed = Check("a", "exudyn", "x"), Check("a", "exudyn", "y", reason="no")
-    unsuitable = Check("b", "exudyn", "x", reason="no", suitable=False)
+    passed, failed = Check("a", "mujoco", "x"), Check("a", "mujoco", "y", reason="no")
+    unsuitable = Check("b", "mujoco", "x", reason="no", suitable=False)
     assert SpeedResults({}, {}, (passed, failed, unsuitable)).sound
     assert not SpeedResults({}, {}, (failed,)).sound
     assert not SpeedResults({}, {}, (Check("a", "hapticmech", "rk4", reason="no"),)).sound

@@ -1,19 +1,28 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
+import os
+
+import numpy as np
 import pytest
 
+from benchmarks.graph.run import load_between, processor_share, usage
 from benchmarks.graph.statuses import (
+    DROPPED,
+    MISSED,
+    RATE,
     ROUND_TRIP,
     Status,
     around,
-    clocked,
-    rate_hz,
+    latency,
+    latency_of,
+    latency_said,
     said,
     status_of,
 )
+from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
-from hapticmech_ros.wire.topics import DEVICE
+from hapticmech_ros.wire.topics import CONTROLLER, DEVICE
 
 
 def spoken(seconds: float, node: str = DEVICE, **figures: float) -> Status:
@@ -31,15 +40,45 @@ def test_the_statuses_around_a_window_are_the_nearest_outside() -> None:
 
 
 def test_a_clocked_node_publishes_what_it_does_not_miss() -> None:
-    ends = (
-        spoken(10.0, periods=5000, missed_deadlines=100, dropped_periods=1),
-        spoken(14.0, periods=9000, missed_deadlines=104, dropped_periods=1),
-    )
-    kept = clocked(ends)
-    assert (kept.periods, kept.missed, kept.dropped) == (4000, 4, 0)
-    assert kept.rate_hz == pytest.approx((4000 - 4) / 4.0)
-    assert rate_hz(ends, "periods") == pytest.approx(1000.0)
-    assert rate_hz((ends[0], ends[0]), "periods") == 0.0
+    counted = [
+        {"periods": 5000, "missed_deadlines": 100, "dropped_periods": 1, "answers": 0},
+        {"periods": 9000, "missed_deadlines": 104, "dropped_periods": 1, "answers": 1998},
+    ]
+    counted[1] |= {f"loop_latency_{one}_us": 200.0 for one in ("p50", "p90", "p99", "max")}
+    ends = [
+        {node: spoken(at, node, **figures) for node in NODES}
+        for at, figures in zip((10.0, 14.0), counted, strict=True)
+    ]
+    found = said({node: (ends[0][node], ends[1][node]) for node in NODES})
+    assert found[f"{DEVICE}: {RATE}"] == pytest.approx((4000 - 4) / 4.0)
+    assert found[f"{DEVICE}: {MISSED}"] == pytest.approx(0.1)
+    assert found[f"{DEVICE}: {DROPPED}"] == 0
+    assert found[f"{CONTROLLER}: samples answered, %"] == pytest.approx(50.0)
+    # Those of the window's end.
+    assert found[latency(ROUND_TRIP, "p50")] == 200.0
+
+
+def test_percentiles_are_samples_and_nothing_has_none() -> None:
+    samples = np.arange(1.0, 101.0)
+    assert list(latency_of("it", samples[::-1]).values()) == [50.0, 90.0, 99.0, 100.0]
+    assert latency_of("it", np.array([])) == {}
+
+
+def test_what_a_node_says_is_read_whole_or_not_at_all() -> None:
+    told = {"age_p50_us": 110.0, "age_p90_us": 150.0, "age_p99_us": 200.0, "age_max_us": 195.5}
+    # The upper edge of the last bin lies above the longest.
+    assert list(latency_said("it", told, "age").values()) == [110.0, 150.0, 195.5, 195.5]
+    assert latency_said("it", {k: v for k, v in told.items() if "p90" not in k}, "age") == {}
+    assert latency_said("it", dict.fromkeys(told, 0.0), "age") == {}
+
+
+def test_processor_time_is_of_who_was_there_all_the_while() -> None:
+    before = usage({"self": os.getpid(), "nobody": 2**22 + 1})
+    sum(range(2_000_000))
+    after = usage({"self": os.getpid()})
+    load = load_between(before, after)
+    assert load[processor_share("self")] > 0.0
+    assert processor_share("nobody") not in load
 
 
 def test_lines_of_the_probe_become_figures_and_words_that_are_none_are_left_out() -> None:
@@ -53,19 +92,3 @@ def test_lines_of_the_probe_become_figures_and_words_that_are_none_are_left_out(
         }
     )
     assert status == Status(DEVICE, 7, "rendering", {"periods": 12.0, "share": 0.5})
-
-
-def test_latencies_are_those_of_the_windows_end() -> None:
-    first, second = (
-        spoken(
-            second,
-            loop_latency_p50_us=value,
-            loop_latency_p90_us=value,
-            loop_latency_p99_us=value,
-            loop_latency_max_us=value,
-        )
-        for second, value in ((1.0, 100.0), (2.0, 200.0))
-    )
-    found = said({DEVICE: (first, second)})
-    assert set(found) == {ROUND_TRIP}
-    assert found[ROUND_TRIP].p50_us == 200.0

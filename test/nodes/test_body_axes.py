@@ -11,7 +11,8 @@ import yaml
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.scene import document_of

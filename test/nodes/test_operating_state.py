@@ -15,7 +15,8 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.nodes import operating_state
 from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.wire.topics import (

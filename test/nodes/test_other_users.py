@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice

@@ -15,7 +15,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.device.safety import ANGULAR_STIFFNESS, STIFFNESS, PositionServo, safety_limits
 from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene

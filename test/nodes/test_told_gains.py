@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import LocalFeedbackGain

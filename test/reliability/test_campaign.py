@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +19,7 @@ from benchmarks.reliability.document import BEGIN, DOCUMENT, END, RESULTS, with_
 from benchmarks.reliability.figure import MACHINE, Figure, load, save, table
 from benchmarks.reliability.full_disk import NoDiskError
 from benchmarks.reliability.stepped_clock import NoCompilerError
-from benchmarks.reliability.usage import grown, usage
+from benchmarks.reliability.usage import grown
 from hapticmech_ros.errors import HapticMechError
 
 GOOD = Figure("kills", "zero", 12.0, "ms", most=20.0, trials=4)
@@ -107,14 +105,6 @@ def test_a_part_that_breaks_off_keeps_no_limit_and_says_why(
     assert math.isnan(found.value)
 
 
-def test_a_part_that_is_not_there_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(campaign.PARTS, "storms", "lightning")
-    (found,) = campaign.run_part("storms", True, Path())
-    assert math.isnan(found.value)
-    assert "not measured" in table([found])
-    assert campaign.broken(found)
-
-
 def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -136,23 +126,6 @@ def test_what_a_machine_cannot_measure_is_not_kept_and_the_exit_code_says_so(
     assert table(found).count("| **no** |") == 5
 
 
-def test_a_part_that_lacks_a_module_of_its_own_is_an_error(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def missing(name: str) -> None:
-        raise ModuleNotFoundError("no such module", name="something_else")
-
-    monkeypatch.setattr(campaign.importlib, "import_module", missing)
-    with pytest.raises(ModuleNotFoundError):
-        campaign.run_part("kills", True, Path())
-
-
-def test_an_unknown_part_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        campaign.main(["storms"])
-    assert "kills" in capsys.readouterr().err
-
-
 def test_the_document_has_one_place_for_the_table_which_holds_what_was_measured() -> None:
     text = DOCUMENT.read_text("utf-8")
     changed = with_table(text, [GOOD])
@@ -164,11 +137,6 @@ def test_the_document_has_one_place_for_the_table_which_holds_what_was_measured(
         assert with_table(text, load(RESULTS)) == text
     with pytest.raises(HapticMechError, match="once each"):
         with_table("no place", [GOOD])
-
-
-def test_the_document_names_every_part() -> None:
-    text = DOCUMENT.read_text("utf-8")
-    assert all(f"| `{name}` |" in text for name in campaign.PARTS)
 
 
 def test_growth_is_seen_through_single_samples_that_are_far_off() -> None:
@@ -183,18 +151,3 @@ def test_growth_is_seen_through_single_samples_that_are_far_off() -> None:
     assert grown(times, [min(value, 20.0) for value in times]) == 0.0
     with pytest.raises(BenchError, match="8 or more"):
         grown(times[:9], leak[:9])
-
-
-def test_usage_counts_descriptors_and_refuses_the_dead(tmp_path: Path) -> None:
-    before = usage(os.getpid())
-    with (tmp_path / "one").open("w"), (tmp_path / "two").open("w"):
-        assert usage(os.getpid()).descriptors == before.descriptors + 2
-    assert before.resident >= before.proportional > 1 << 20
-    assert before.threads >= 1
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
-    try:
-        with pytest.raises(BenchError, match="ended by itself"):
-            usage(ended.pid)
-    finally:
-        ended.wait()

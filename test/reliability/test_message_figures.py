@@ -13,15 +13,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from benchmarks.reliability import messages
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
-from benchmarks.reliability.force_seen import ForceSeen
-from benchmarks.reliability.free_topics import free_topics, gentler
+from benchmarks.reliability.free_topics import gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import SAMPLES, MemoryGrowth, worst_growth
 from benchmarks.reliability.messages import Trial
+from benchmarks.reliability.outputs import Outputs
 from benchmarks.reliability.wire_messages import GENTLE
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.wire.messages import DeviceStateMessage
-from hapticmech_ros.wire.topics import TOPICS
 
 ON_LINK, ON_HAND = "/mechanism/link2/external_cf/x", "/device/hand_cf/x"
 HELD = "/mechanism/link2/external_cf/persistent/x"
@@ -61,30 +59,10 @@ def test_growth_by_16_bytes_of_each_message_breaks_the_limit(leak, kept):
     assert found.kept == kept
 
 
-def test_memory_of_which_a_process_tells_nothing_was_not_measured():
-    good, dead = kept_of_each(6_000, 0.0), kept_of_each(6_000, 0.0)
-    dead.resident[-1] = np.nan
-    for found in ([], [MemoryGrowth()], [good, MemoryGrowth()], [good, dead]):
-        assert not worst_growth("messages", "somewhere", found, 6_000).kept
-    assert worst_growth("messages", "somewhere", [good], 6_000).kept
-    assert MemoryGrowth().due(0, 6_000)
-    assert good.due(6_100, 6_000)
-    assert not good.due(6_099, 6_000)
-
-
-def test_free_topics_are_those_of_pushes_and_of_the_point_and_none_has_an_owner():
-    found = free_topics(load_scene("five_bar"), "x")
-    assert found["mechanism/handle/set_operational_point"] is PoseStamped
-    pushed = {"device/hand_cf", "mechanism/handle/external_cf", "mechanism/link1/external_cf"}
-    assert {f"{name}{below}" for name in pushed for below in ("/x", "/persistent/x")} < set(found)
-    owned = [topic for topic in TOPICS if topic.publisher != "any"]
-    assert not [name for name in found for topic in owned if topic.names(f"/{name}")]
-
-
 def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
     graph = FakeGraph("five_bar", [ON_LINK, ON_HAND, HELD], ACTORS[:4])
     graph.run(0.3)
-    seen, hostile = ForceSeen(load_scene("five_bar").device), Hostile(5, ["link2", "device"])
+    hostile = Hostile(5, ["link2", "device"])
     received = dict(graph.listened())
     topics = [ON_LINK, ON_HAND, HELD, "/mechanism/handle/set_operational_point"]
     for _ in range(1000):
@@ -92,19 +70,16 @@ def test_a_stranger_on_free_topics_leaves_the_graph_rendering_up_to_its_limit():
         message = hostile.message(received[topic], b"", graph.now_ns)
         graph.put(topic, gentler(received[topic], message, *GENTLE))
         graph.tick()
-        seen.look(graph.last["/device/state"])
-    assert [one.name for one in seen.figures("messages", "here", True) if not one.kept] == []
+    figures = graph.seen.figures("messages", "here", True)
+    assert [one.name for one in figures if not one.kept] == []
     assert graph.seen.not_finite == 0
 
 
 def test_force_beyond_its_limit_or_none_at_all_is_seen():
     def figures(renders, *forces):
-        seen = ForceSeen(load_scene("five_bar").device)
+        seen = Outputs(load_scene("five_bar").device)
         for force in forces:
-            values = np.zeros(DeviceStateMessage.layout.size)
-            values[DeviceStateMessage.layout.slice("applied").start] = force
-            # Its numbers are a message's last.
-            seen.look(b"head" + values.tobytes())
+            seen.look_at(np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0]))
         found = seen.figures("messages", "here", renders)
         return [one.name.removeprefix("here: ") for one in found if not one.kept]
 

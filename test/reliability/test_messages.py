@@ -16,9 +16,10 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray, String
 
 from benchmarks.reliability import messages
-from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host, applied_in
+from benchmarks.reliability.fake_graph import ACTORS, START_NS, FakeGraph, Host
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.messages import Trial, run_in_process
+from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.actor import MOST_DEFECTS

@@ -11,10 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
-
-from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
-from hapticmech_ros.errors import HapticMechError
+from benchmarks.reliability.stepped_clock import SteppedClock
 
 # Says by how many minutes each clock differs from what it is told, or how a wait until then ends.
 CHILD = """
@@ -95,14 +92,3 @@ def test_a_step_ends_a_wait_until_a_time_of_day(tmp_path: Path) -> None:
         assert process.stdout is not None
         # Ten minutes early; it timed out.
         assert process.stdout.readline().strip() == "-1"
-
-
-def test_a_clock_that_was_not_entered_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(HapticMechError, match="must be entered"):
-        SteppedClock(tmp_path).step(1.0)
-
-
-def test_no_compiler_is_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(NoCompilerError, match="cc, gcc, clang"):
-        compiler()
