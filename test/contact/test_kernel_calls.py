@@ -136,7 +136,7 @@ def test_a_step_that_is_done_again_keeps_its_contacts(monkeypatch, substeps):
     document = on_floor("box", 0.0501, (0.3, 0.1, 0.0), law=law, substeps=substeps)
 
     def wary(*arguments):
-        *_, work, _, _, _, plan = arguments
+        *_, work, _, _, plan = arguments
         run = RunPlan(plan)
         run.steps, run.begins_with = 1, contact_stepping.EACH
         kept = work.copy()
