@@ -403,12 +403,6 @@ def test_the_largest_wrench_moves_all_by_finite_numbers():
             assert np.isfinite(sample.device.flat).all()
 
 
-def test_a_run_of_no_ticks_changes_nothing():
-    session = Session(load_scene("two_link"), control=ControlArchitecture(load_scene("two_link")))
-    assert len(session.run(0)) == 0
-    assert session.time == 0.0
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e160, -1.001e6])
 @pytest.mark.parametrize("name", ["external_wrench", "hand_wrench"])
 def test_wrenches_that_are_no_numbers_are_refused_and_move_nothing(name, bad):

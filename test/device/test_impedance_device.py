@@ -201,10 +201,3 @@ def test_others_push_besides_the_hand_and_are_no_part_of_its_wrench():
     alone = body.step(start, NOTHING, None, 0, others)
     assert np.abs(alone.twist - run(Device(), 1, pushing(others))[-1].twist).max() < 1e-15
     assert np.array_equal(alone.hand_wrench, np.zeros(6))
-
-
-def test_a_state_tells_what_the_actuators_gave():
-    device = Device(force_limit=2.0)
-    end = run(device, 1, command=np.array([30.0, 0, -40.0, 0.1, 0, 0]))[-1]
-    assert np.abs(end.applied - [1.2, 0, -1.6, 0.1, 0, 0]).max() < 1e-15
-    assert np.array_equal(run(device, 0)[-1].applied, np.zeros(6))

@@ -85,17 +85,3 @@ def test_bias_is_the_rate_of_the_jacobian_along_a_motion(kind, planar, seed, off
     scale = max(float(np.linalg.norm(expected)), float(v @ v))
     # eps/h = 2e-13 and h^4 |v|^6/30 = 1e-10 for |v| about 4.
     assert relative(terms.evaluation.closure_bias, expected, scale) < 1e-8
-
-
-@pytest.mark.parametrize(("kind", "rows"), [("spherical", 3), ("revolute", 5), ("weld", 6)])
-def test_rows_are_independent_on_a_free_body(kind, rows):
-    document = copy.deepcopy(random_mechanism(0, closed=False, links=1).document)
-    document["links"][0]["joint"]["type"] = "free"
-    document["operational_points"] = document["operational_points"][:1]
-    q = np.array([0.1, 0.2, -0.1, 0.0, 0.0, 0.0, 1.0])
-    a = {"link": "link0", "origin": random_origin(np.random.default_rng(1), planar=False)}
-    b = origin_in(link_poses(document, q)["world"], frame_pose(link_poses(document, q), a))
-    closure = {"name": "loop", "kind": kind, "a": a, "b": {"link": "world", "origin": b}}
-    terms = terms_of(document | {"closures": [closure]}, q)
-    assert terms.w.shape == (rows, 6)
-    assert terms.evaluation.space.rank == rows

@@ -121,10 +121,3 @@ def test_slopes_count_a_stop_that_is_met_within_the_horizon():
     assert damping == pytest.approx(8.0 * 0.025 / DEPTH)
     assert element.slopes(0.4, -1.0, 0.125) == (0.0, 0.0)
     assert element.slopes(0.7, -1.0, 0.125) == (STIFFNESS, 8.0)
-
-
-def test_energy_of_a_stop_is_that_of_its_spring():
-    element = Stop(8.0)
-    assert element.energy(0.7) == pytest.approx(0.5 * STIFFNESS * 0.04, rel=1e-12)
-    assert element.energy(-1.1) == pytest.approx(0.5 * STIFFNESS * 0.01, rel=1e-12)
-    assert element.energy(0.0) == 0.0

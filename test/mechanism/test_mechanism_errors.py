@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One test per error that mechanism and simulator promise."""
+"""Errors of mechanism and simulator that no other file asserts where it tests the rest."""
 
 import re
 
@@ -14,10 +14,7 @@ from hapticmech_ros.mechanism.kernels.factor_kernels import SINGULAR
 from hapticmech_ros.mechanism.refinement import step_error
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.scene import scene_from_document
-from oracles.planar_linkages import (
-    five_bar,
-    five_bar_bent,
-)
+from oracles.planar_linkages import five_bar, five_bar_bent
 from oracles.running import simulator, with_start
 
 

@@ -13,9 +13,8 @@ import pytest
 
 from benchmarks.accuracy import cases, n_four_bar
 from benchmarks.accuracy.run import read_output
-from hapticmech_ros import Mechanism, Simulator
+from hapticmech_ros import Simulator
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.scene import scene_from_document
 from oracles import bricard, governor, pendulum, squeezer
 from oracles.planar_loops import Loop
@@ -66,35 +65,6 @@ def test_windows_fall_in_line_when_it_is_written():
     # Times are rounded to 5e-9 s, and the tips pass at 4.9 m/s.
     assert np.abs(heights).max() < 5e-9 * 5.0
     assert len(case.singular_times) == 10
-
-
-# Rows and rank of the closures at the start, and the total mass in kg.
-@pytest.mark.parametrize(
-    ("name", "freedoms", "rows", "rank", "mass"),
-    [
-        ("pendulum", 1, 0, 0, 1.0),
-        ("n_four_bar_2", 5, 4, 4, 5.0),
-        ("n_four_bar_40", 81, 80, 80, 81.0),
-        ("andrews", 7, 6, 6, sum(squeezer.MASSES)),
-        ("bricard", 5, 5, 4, 5.0),
-        ("flyball_governor", 4, 0, 0, 3 * governor.ROD + governor.SLIDER + 2 * governor.BALL),
-    ],
-)
-def test_scene_is_the_mechanism_that_was_published(name, freedoms, rows, rank, mass):
-    scene = CASES[name].scene
-    mechanism = Mechanism(scene)
-    q, v = authored_state(scene, mechanism.tree)
-    closing = mechanism.closing_terms(q, mechanism.initially_active)
-    assert mechanism.nv == freedoms
-    assert closing.jacobian.shape == (rows, freedoms)
-    assert closing.space.rank == rank
-    # As authored, not as assembled: parts are 1 m long and rates 1 rad/s at most.
-    assert closing.error < 1e-15
-    assert np.abs(closing.jacobian @ v).max(initial=0.0) < 1e-15
-    assert sum(link.inertial.mass for link in scene.links) == pytest.approx(mass, rel=1e-12)
-    energy = CASES[name].energy
-    if energy is not None:
-        assert sum(mechanism.energy(q, v)) == pytest.approx(energy, rel=1e-12, abs=1e-14)
 
 
 def test_the_small_row_of_windows_is_the_same_from_the_file_and_made():

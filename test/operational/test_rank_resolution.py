@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ranks of X on the paper's five-bar, decided on S: right where eigenvalues of X are wrong."""
+"""Ranks of X on the paper's five-bar, decided on S."""
 
 import numpy as np
 import pytest

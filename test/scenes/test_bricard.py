@@ -9,13 +9,11 @@ import pytest
 
 from hapticmech_ros import Mechanism, analyse, load_scene
 from hapticmech_ros.mechanism.redundancy import redundancy
-from oracles.bricard import RODS, Pose
+from hapticmech_ros.scene import document_of
+from oracles.bricard import RODS
+from oracles.jacobians import Jacobians
 from oracles.sessions import whole
 
-LENGTH, MASS, SIDE = 0.15, 0.265, 0.015
-ALONG = MASS * SIDE**2 / 6.0
-ACROSS = MASS * (LENGTH**2 + SIDE**2) / 12.0
-CORNER = 2  # of the oracle's points: the second rod's end
 ANGLES = np.linspace(-0.5, 1.5, 9)
 
 
@@ -36,24 +34,11 @@ def way(angle):
 
 
 def twist_and_inertia(angle):
-    """Return the corner's twist (6,) and the inertia of all rods, per rad/s of the first hinge.
-
-    The oracle's rods are 1 m long.
-    """
-    q, rates = way(angle)
-    pose = Pose(q, rates)
-    corner = np.concatenate(
-        (LENGTH * pose.moving(1, pose.points[CORNER]) @ rates, pose.turning(1) @ rates)
-    )
-    inertia = 0.0
-    for rod in range(RODS):
-        direction = pose.points[rod + 1] - pose.points[rod]
-        speed = LENGTH * pose.moving(rod, pose.centres[rod]) @ rates
-        spin = pose.turning(rod) @ rates
-        lengthwise = direction @ spin
-        inertia += MASS * speed @ speed + ACROSS * (spin @ spin - lengthwise**2)
-        inertia += ALONG * lengthwise**2
-    return corner, inertia
+    """Return the corner's twist (6,) and the inertia of all rods, per rad/s of the first hinge."""
+    (q, rates), document = way(angle), document_of(load_scene("bricard"))
+    oracle = Jacobians(document, q)
+    corner = oracle.of_frame(document["operational_points"][0])
+    return corner @ rates, rates @ oracle.inertia() @ rates
 
 
 @pytest.mark.parametrize("angle", ANGLES)
