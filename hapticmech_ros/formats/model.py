@@ -254,7 +254,11 @@ class Imported:
 
 
 def from_z(axis: Array) -> pin.SE3:
-    """Return the rotation that turns z to an axis (3,)."""
+    """Return the rotation that turns z to an axis.
+
+    Args:
+        axis: The axis, (3,).
+    """
     turn = pin.SE3.Identity()
     turn.rotation = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), axis).matrix()
     return turn
