@@ -7,25 +7,21 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Bool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from benchmarks.reliability.outputs import applied_in
-from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.wrench import encode_wrench
+from ros.harness import scene_like
+
+IN_ITS_AXES = "device.servo_axes=body"
 
 
 def test_where_no_pose_was_heard_nothing_is_said_in_its_axes(tmp_path):
     """A device with ``device/state`` is not heard by its poses, and is commanded in the world's."""
-    document = document_of(load_scene("five_bar"))
-    document["device"]["servo_axes"] = "body"
-    path = tmp_path / "scene.yaml"
-    path.write_text(yaml.safe_dump(document))
-    graph = FakeGraph(str(path), actors=ACTORS[:4])
+    graph = FakeGraph(scene_like(tmp_path, "five_bar", IN_ITS_AXES), actors=ACTORS[:4])
     graph.run(0.5)
     assert np.linalg.norm(applied_in(graph.last["/device/state"])[:3]) > 0.1
     assert "/device/body/servo_cf" not in graph.last
@@ -51,8 +47,7 @@ def commanded(graph, topic, seconds=0.3):
     """Command a wrench until all limits let it through; return axes and actuators then."""
     for _ in range(round(1000 * seconds)):
         graph.put(topic, encode_wrench(WRENCH, graph.now_ns))
-        graph.tick()
-        graph.tick()
+        graph.run(1e-3)
         axes = pose_of(graph).rotation.copy()
     # What acts came with the sample before.
     return axes, applied_in(graph.last["/device/state"])
@@ -88,11 +83,7 @@ def test_one_form_is_obeyed_at_a_time(alone):
 
 
 def test_where_the_controller_speaks_both_forms_the_device_hears_one(tmp_path):
-    path = tmp_path / "scene.yaml"
-    document = document_of(load_scene("spatial_arm"))
-    document["device"]["servo_axes"] = "body"
-    path.write_text(yaml.safe_dump(document))
-    graph = FakeGraph(str(path), actors=[HapticDevice])
+    graph = FakeGraph(scene_like(tmp_path, "spatial_arm", IN_ITS_AXES), actors=[HapticDevice])
     names = [name for name, _ in graph.listened()]
     assert "/device/servo_cf" in names
     assert "/device/body/servo_cf" not in names

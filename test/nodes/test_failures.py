@@ -8,38 +8,25 @@ from types import SimpleNamespace
 
 import pytest
 
+from benchmarks.reliability.fake_graph import Log
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, OutputError
 from hapticmech_ros.nodes.actor import CALM_S, MOST_DEFECTS, SILENCE_NS, Failures, LastValidState
-
-
-class Node:
-    """What failures need of a host."""
-
-    def __init__(self) -> None:
-        self.active = True
-        self.ended = 0
-        self.said: list[tuple[str, str]] = []
-
-    def get_logger(self) -> SimpleNamespace:
-        levels = ("error", "fatal")
-        return SimpleNamespace(
-            **{level: lambda text, level=level: self.said.append((level, text)) for level in levels}
-        )
-
-    def end(self) -> None:
-        self.ended += 1
 
 
 class Bench:
     """Failures whose actor begins anew as often as it is told to."""
 
     def __init__(self, reset=None) -> None:
-        self.node = Node()
-        self.begun = 0
+        self.log = Log()
+        self.node = SimpleNamespace(active=True, end=self.end, get_logger=lambda: self.log)
+        self.begun = self.ended = 0
         self.failures = Failures(self.node, reset or self.reset)
 
     def reset(self) -> None:
         self.begun += 1
+
+    def end(self) -> None:
+        self.ended += 1
 
 
 def raising(error):
@@ -68,7 +55,7 @@ def test_nothing_escapes_and_the_actor_begins_anew(error):
     bench = Bench()
     bench.failures.run("tick", raising(error))
     assert (bench.failures.count, bench.begun, bench.node.active) == (1, 1, True)
-    level, text = bench.node.said[0]
+    level, text = bench.log.lines[0]
     assert level == "error"
     if isinstance(error, HapticMechError):
         assert str(error) in text
@@ -86,7 +73,7 @@ def test_what_goes_well_is_passed_through():
     bench.failures.run("tick", lambda *given: got.append(given), 1, "two")
     assert got == [(1, "two")]
     assert bench.failures.count == 0
-    assert bench.node.said == []
+    assert bench.log.lines == []
 
 
 def test_who_keeps_on_meeting_a_defect_gives_up_and_is_deactivated():
@@ -96,10 +83,10 @@ def test_who_keeps_on_meeting_a_defect_gives_up_and_is_deactivated():
     assert bench.node.active
     bench.failures.run("tick", raising(TypeError("x")))
     assert not bench.node.active
-    assert bench.node.ended == 1
+    assert bench.ended == 1
     assert bench.begun == MOST_DEFECTS - 1
-    assert bench.node.said[-1][0] == "fatal"
-    assert "deactivates itself" in bench.node.said[-1][1]
+    assert bench.log.lines[-1][0] == "fatal"
+    assert "deactivates itself" in bench.log.lines[-1][1]
 
 
 def test_what_was_foreseen_may_come_as_often_as_its_cause_does():
@@ -109,14 +96,14 @@ def test_what_was_foreseen_may_come_as_often_as_its_cause_does():
     assert bench.node.active
     assert bench.begun == bench.failures.count == 10 * MOST_DEFECTS
     # Said once in a while, not with every one.
-    assert len(bench.node.said) == 1
+    assert len(bench.log.lines) == 1
 
 
 def test_who_cannot_begin_anew_gives_up():
     bench = Bench(reset=raising(OverflowError("again")))
     bench.failures.run("tick", raising(OutputError("v", 1e9, "must be less")))
     assert not bench.node.active
-    assert bench.node.ended == 1
+    assert bench.ended == 1
     assert "cannot begin anew: OverflowError: 'again'" in bench.failures.last
 
 

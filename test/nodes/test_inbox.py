@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,6 +27,8 @@ class LateSystem:
         # As of a lane whose wait nothing else does.
         self.worked = False
         self.message_ns: int | None = None
+        # The middleware is looked at each time.
+        self.foreign_ns = -(1 << 62)
 
     def monotonic_ns(self) -> int:
         return self.now
@@ -59,6 +62,7 @@ def system(monkeypatch: pytest.MonkeyPatch) -> LateSystem:
     made = LateSystem(70 * US)
     monkeypatch.setattr(loop.time, "monotonic_ns", made.monotonic_ns)
     monkeypatch.setattr(loop.time, "monotonic", made.monotonic)
+    monkeypatch.setattr(loop.time, "sleep", made.sleep)
     return made
 
 
@@ -142,7 +146,6 @@ class Busy:
 def test_all_that_the_middleware_has_brought_is_taken_and_nothing_more(system: LateSystem) -> None:
     executor = Busy(system, 40 * US)
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
-    system.foreign_ns = -(1 << 62)  # type: ignore[attr-defined]
     for waiting in (3, 0, 1, 30, 7):
         executor.wait(waiting)
         system.now += 10_000 * US
@@ -157,7 +160,6 @@ def test_events_without_messages_keep_nobody_waiting(system: LateSystem) -> None
     """As of messages that were replaced before they were taken: as short as nothing at all."""
     executor = Busy(system, 40 * US)
     inbox = Inbox(executor, system)  # type: ignore[arg-type]
-    system.foreign_ns = -(1 << 62)  # type: ignore[attr-defined]
     executor.wait(1000, ns=0)
     received: list[int] = []
     executor.create_task(lambda: received.append(system.now))
@@ -170,20 +172,11 @@ def test_events_without_messages_keep_nobody_waiting(system: LateSystem) -> None
     assert received[0] - begun <= (1000 // loop.MOST_CALLBACKS + 2) * 1_100 * US
 
 
-class Lane:
-    """Of an exchange whose messages come by themselves."""
-
-    linked = True
-
-    def look(self) -> None:
-        """As of a lane."""
-
-
 class Gathered:
     """An exchange that notes how often it is asked for what has come."""
 
     def __init__(self) -> None:
-        self.lane, self.asked, self.delivered = Lane(), 0, 0
+        self.lane, self.asked, self.delivered = SimpleNamespace(linked=True, look=int), 0, 0
         self.foreign_ns = -(1 << 62)
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
@@ -209,13 +202,17 @@ class NoMessages:
             self._tasks.pop()()
 
 
+def gathering(system: LateSystem, callback_ns: int = 9 * US) -> tuple[Inbox, Busy]:
+    """Return an inbox of one who answers nobody, and its executor."""
+    executor = Busy(system, callback_ns)
+    return Inbox(executor, Gathered()), executor  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("waiting", [1, 100, 1000])
 def test_who_answers_nobody_takes_all_that_the_middleware_has_brought(
-    monkeypatch: pytest.MonkeyPatch, system: LateSystem, waiting: int
+    system: LateSystem, waiting: int
 ) -> None:
-    exchange, executor = Gathered(), Busy(system, 9 * US)
-    monkeypatch.setattr(loop.time, "sleep", system.sleep)
-    inbox = Inbox(executor, exchange)  # type: ignore[arg-type]
+    inbox, executor = gathering(system)
     inbox.gather()
     for _ in range(3):
         executor.wait(waiting)
@@ -226,12 +223,8 @@ def test_who_answers_nobody_takes_all_that_the_middleware_has_brought(
         assert executor.waiting <= max(0, before - most)
 
 
-def test_who_answers_nobody_stops_where_the_middleware_never_does(
-    monkeypatch: pytest.MonkeyPatch, system: LateSystem
-) -> None:
-    executor = Busy(system, 9 * US)
-    monkeypatch.setattr(loop.time, "sleep", system.sleep)
-    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+def test_who_answers_nobody_stops_where_the_middleware_never_does(system: LateSystem) -> None:
+    inbox, executor = gathering(system)
     inbox.gather()
     executor.wait(10_000)
     begun = system.now
@@ -239,25 +232,17 @@ def test_who_answers_nobody_stops_where_the_middleware_never_does(
     assert system.now - begun < 2.1e9 * loop.GATHER_S
 
 
-def test_callbacks_that_take_seconds_keep_nobody_from_his_clock(
-    monkeypatch: pytest.MonkeyPatch, system: LateSystem
-) -> None:
+def test_callbacks_that_take_seconds_keep_nobody_from_his_clock(system: LateSystem) -> None:
     """As a recorder's, on a machine with other work, where a lane has filled."""
-    executor = Busy(system, 2_000_000 * US)
-    monkeypatch.setattr(loop.time, "sleep", system.sleep)
-    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+    inbox, executor = gathering(system, 2_000_000 * US)
     executor.wait(1000)
     inbox.gather()
     assert system.now < 2.1e9
     assert executor.calls == 1
 
 
-def test_who_ends_takes_all_that_has_come_but_not_for_ever(
-    monkeypatch: pytest.MonkeyPatch, system: LateSystem
-) -> None:
-    executor = Busy(system, 9 * US)
-    monkeypatch.setattr(loop.time, "sleep", system.sleep)
-    inbox = Inbox(executor, Gathered())  # type: ignore[arg-type]
+def test_who_ends_takes_all_that_has_come_but_not_for_ever(system: LateSystem) -> None:
+    inbox, executor = gathering(system)
     executor.wait(10_000)
     inbox.drain(1.0)
     assert executor.waiting == 0

@@ -8,7 +8,6 @@ import pytest
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.local_loop import FRESH_NS, REMEMBERED, WAITING, LocalLoop
 from hapticmech_ros.nodes.teleoperation_controller import ZERO_AFTER_NS
-from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 GAIN = np.diag([2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
@@ -34,11 +33,17 @@ def message(stamp, times=1.0, answered=None, energy=0.25):
     return LocalFeedbackGain.answering(stamp, answered * PERIOD_NS, energy, gain).values
 
 
+def measured(numbers, periods=1, paired=False):
+    """Return a loop of so long a period (ms) that has measured F_h = k at each of periods k."""
+    loop = LocalLoop(1e-3 * periods, paired=paired)
+    for number in numbers:
+        loop.measured(sample(number), number * periods * PERIOD_NS)
+    return loop
+
+
 def filled(samples, lockstep=False):
     """Return a loop that has measured F_h = k at each period k, and was given G at time 0."""
-    loop = LocalLoop(1e-3)
-    for number in range(samples):
-        loop.measured(sample(number), number * PERIOD_NS)
+    loop = measured(range(samples))
     loop.take(message(7), 0, lockstep)
     return loop
 
@@ -59,9 +64,7 @@ def test_a_command_is_corrected_by_what_has_changed_since_its_sample():
 
 def test_samples_that_a_busy_machine_left_out_are_carried_on_by_their_own_time():
     """F_h rises by 1 in each period, also where no sample tells so."""
-    loop = LocalLoop(1e-3)
-    for number in (0, 1, 4, 6):
-        loop.measured(sample(number), number * PERIOD_NS)
+    loop = measured((0, 1, 4, 6))
     loop.take(message(7), 0, lockstep=False)
     assert loop.correct(COMMAND, 1 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 5)
 
@@ -113,19 +116,12 @@ def test_the_account_counts_from_when_the_device_obeys():
     assert loop.to_mechanism == -0.25
 
 
-def paired():
-    loop = LocalLoop(1e-3, paired=True)
-    for number in range(100):
-        loop.measured(sample(number), number * PERIOD_NS)
-    return loop
-
-
 def gain_of(command, times):
     return message(command * PERIOD_NS, times, answered=command)
 
 
 def test_over_a_network_a_command_is_corrected_by_its_own_gain():
-    loop = paired()
+    loop = measured(range(100), paired=True)
     loop.take(gain_of(90, 1.0), 0, lockstep=False)
     loop.take(gain_of(91, 5.0), 0, lockstep=False)
     assert loop.correct(COMMAND, 90 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 9)
@@ -135,7 +131,7 @@ def test_over_a_network_a_command_is_corrected_by_its_own_gain():
 
 
 def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
-    loop = paired()
+    loop = measured(range(100), paired=True)
     loop.take(gain_of(70, 1.0), 0, lockstep=False)
     assert loop.correct(COMMAND, 70 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 29)
     assert loop.correct(9.0 * COMMAND, 90 * PERIOD_NS, 100)[0] == corrected(0.5, 1.0, 29)
@@ -149,9 +145,7 @@ def test_a_command_that_lost_its_gain_gives_way_to_the_last_that_has_one():
 
 
 def test_a_slow_loop_waits_as_many_periods_for_a_command_with_its_gain():
-    loop = LocalLoop(4e-3, paired=True)
-    for number in range(100):
-        loop.measured(sample(number), number * 4 * PERIOD_NS)
+    loop = measured(range(100), periods=4, paired=True)
     loop.take(message(70 * 4 * PERIOD_NS, answered=70 * 4), 0, lockstep=False)
     obeyed = loop.correct(COMMAND, 70 * 4 * PERIOD_NS, 100)[0]
     assert loop.correct(9.0 * COMMAND, 90 * 4 * PERIOD_NS, 100)[0] == obeyed
@@ -159,7 +153,7 @@ def test_a_slow_loop_waits_as_many_periods_for_a_command_with_its_gain():
 
 
 def test_gains_that_wait_for_lost_commands_are_forgotten():
-    loop = paired()
+    loop = measured(range(100), paired=True)
     for number in range(1000, 1000 + 3 * WAITING):
         loop.take(gain_of(number, 1.0), 0, lockstep=False)
     assert len(loop._unpaired) == WAITING
@@ -194,15 +188,6 @@ def test_in_lockstep_the_gain_of_the_same_command_counts_and_names_its_sample():
     assert loop.to_mechanism == 0.5
 
 
-def test_a_message_is_what_was_packed():
-    rng = np.random.default_rng(4)
-    told = LocalFeedbackGain.answering(1_234_567_890_123, 987_654_321, 0.125, rng.normal(size=108))
-    found = read(LocalFeedbackGain, told.values)
-    assert (found.stamp_ns, found.answered_ns) == (1_234_567_890_123, 987_654_321)
-    assert found.to_mechanism == 0.125
-    assert np.array_equal(found.model, told.model)
-
-
 @pytest.mark.parametrize("data", [np.zeros(112), np.full(113, np.nan)])
 def test_gains_that_are_none_are_refused(data):
     with pytest.raises(InvalidInputError, match="gain message"):
@@ -232,9 +217,7 @@ def test_a_gain_whose_stamps_are_too_far_from_now_is_refused(which, sign):
 
 @pytest.mark.parametrize("paired", [False, True])
 def test_a_last_zero_is_obeyed_as_it_is_whatever_gain_stands(paired):
-    loop = LocalLoop(1e-3, paired=paired)
-    for number in range(10):
-        loop.measured(sample(number), number * PERIOD_NS)
+    loop = measured(range(10), paired=paired)
     answered = 6 * PERIOD_NS
     loop.take(LocalFeedbackGain.answering(answered, answered, 0.0, model(GAIN)).values, 0, False)
     assert loop.correct(COMMAND, answered, 100)[0] == corrected(0.5, 1.0, 3)

@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import io
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -39,23 +39,8 @@ def test_a_second_signal_does_not_kill_a_process_that_ends(name: str) -> None:
     assert done.returncode == 0, signal.Signals(-done.returncode)
 
 
-class Written(io.StringIO):
-    def __init__(self) -> None:
-        super().__init__()
-        self.pieces: list[str] = []
-
-    def write(self, text: str) -> int:
-        self.pieces.append(text)
-        return len(text)
-
-
-class Node:
-    def final_report(self) -> str:
-        return "device: rendered"
-
-
 def test_the_last_line_is_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = Written()
-    monkeypatch.setattr(sys, "stdout", terminal)
-    print_report(Node())
-    assert terminal.pieces == ["device: rendered\n"]
+    pieces: list[str] = []
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=pieces.append, flush=int))
+    print_report(SimpleNamespace(final_report=lambda: "device: rendered"))
+    assert pieces == ["device: rendered\n"]

@@ -5,23 +5,18 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from benchmarks.reliability.outputs import applied_in
-from hapticmech_ros.nodes import operating_state
 from hapticmech_ros.nodes.operating_state import COMMANDS
 from hapticmech_ros.wire.topics import (
-    DEVICE_OPERATING_STATE,
-    DEVICE_STATE_COMMAND,
     EMERGENCY_STOP,
     TEXT,
     crtk_type,
@@ -155,51 +150,6 @@ def test_a_state_is_published_when_it_is_another_or_answers_a_command(graph, nod
     # Who came late waits for the state that was there before.
     command(graph, node, "enable")
     assert sent.count(f"{PLACES[node]}/operating_state") == 1
-
-
-class StateMessage:
-    """As crtk_msgs/OperatingState."""
-
-    def __init__(self):
-        self.header = SimpleNamespace(stamp=Time())
-        self.state, self.is_homed, self.is_busy = "", False, True
-
-
-def test_crtks_own_messages_are_filled_and_read(monkeypatch):
-    received, sent = [], []
-    node = SimpleNamespace(
-        active=True,
-        keep=lambda entity: entity,
-        create_subscription=lambda kind, name, callback, qos, raw: received.append(callback),
-        refuse=lambda name, error: pytest.fail(str(error)),
-    )
-    actor = SimpleNamespace(
-        node=node,
-        point="handle",
-        lockstep=False,
-        now_ns=lambda: 1_500_000_000,
-        output=lambda topic, kind, qos: SimpleNamespace(publish=sent.append),
-        failures=SimpleNamespace(run=lambda what, call, *given: call(*given)),
-    )
-    classes = {"crtk_msgs/msg/OperatingState": StateMessage, "crtk_msgs/msg/StringStamped": None}
-    monkeypatch.setattr(operating_state, "message_class", classes.__getitem__)
-    monkeypatch.setattr(
-        operating_state, "deserialized", lambda data, kind: SimpleNamespace(string=data.decode())
-    )
-    topics = [
-        replace(topic, type=kind)
-        for topic, kind in zip((DEVICE_OPERATING_STATE, DEVICE_STATE_COMMAND), classes, strict=True)
-    ]
-    operating_state.OperatingState(actor, tuple(topics), fault=str, at_zero=lambda: None)
-    (obey,) = received
-    obey(b"pause")
-    obey(b"unhome")
-    told = [(m.state, m.is_homed, m.is_busy, m.header.stamp.nanosec) for m in sent]
-    assert told == [
-        ("DISABLED", True, False, 500_000_000),
-        ("PAUSED", True, False, 500_000_000),
-        ("PAUSED", False, False, 500_000_000),
-    ]
 
 
 def test_with_crtks_messages_installed_the_topics_have_their_types(monkeypatch):

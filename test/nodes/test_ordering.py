@@ -87,11 +87,17 @@ def test_without_a_network_the_clock_of_the_host_counts():
     assert way.received(reading(10 * S + 200 * MS), 10 * S + 300 * MS, 250 * MS)
 
 
-def device(count):
-    loop = LocalLoop(1e-3)
+def device(count, paired=False):
+    loop = LocalLoop(1e-3, paired=paired)
     for number in range(count):
         loop.measured(np.zeros(19), number * MS)
     return loop, Answers(loop)
+
+
+def obeys(answers, stamp_ns, now_ns, begins_ns=0):
+    """Return whether the answer to a sample is obeyed."""
+    answers.is_next(stamp_ns, now_ns)
+    return answers.begin(answers.answered_ns, begins_ns)
 
 
 def test_a_device_times_the_answers_to_its_own_samples():
@@ -108,34 +114,25 @@ def test_a_device_times_the_answers_to_its_own_samples():
 
 def test_what_answers_a_sample_from_before_the_device_let_go_is_not_obeyed():
     _, answers = device(200)
-    answers.is_next(50 * MS, 80 * MS)
-    assert answers.begin(answers.answered_ns, 0)
+    assert obeys(answers, 50 * MS, 80 * MS)
     answers.let_go(90 * MS)
     assert not answers.obeys
     for stamp in (60, 90):
-        answers.is_next(stamp * MS, (stamp + 40) * MS)
-        assert not answers.begin(answers.answered_ns, 0)
+        assert not obeys(answers, stamp * MS, (stamp + 40) * MS)
     answers.let_go(100 * MS)  # it does nothing anyway: the time of letting go stays
-    answers.is_next(91 * MS, 131 * MS)
-    assert answers.begin(answers.answered_ns, 0)
+    assert obeys(answers, 91 * MS, 131 * MS)
 
 
 def test_who_answers_no_sample_is_obeyed_again_at_once():
     _, answers = device(10)
-    answers.is_next(50 * MS + 7, 50 * MS + 8)
-    assert answers.begin(answers.answered_ns, 0)
+    assert obeys(answers, 50 * MS + 7, 50 * MS + 8)
     answers.let_go(70 * MS)
-    answers.is_next(60 * MS + 7, 71 * MS)
-    assert answers.begin(answers.answered_ns, 0)
+    assert obeys(answers, 60 * MS + 7, 71 * MS)
 
 
 def test_over_a_network_nothing_is_obeyed_that_lacks_its_correction():
-    loop = LocalLoop(1e-3, paired=True)
-    for number in range(200):
-        loop.measured(np.zeros(19), number * MS)
-    answers = Answers(loop)
-    answers.is_next(50 * MS, 60 * MS)
-    assert not answers.begin(answers.answered_ns, 60 * MS)
+    loop, answers = device(200, paired=True)
+    assert not obeys(answers, 50 * MS, 60 * MS, 60 * MS)
     none = np.zeros(108)
     loop.take(
         LocalFeedbackGain.answering(50 * MS, 50 * MS, 0.0, none).values, 61 * MS, lockstep=False

@@ -12,7 +12,6 @@ import pytest
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
@@ -20,6 +19,7 @@ from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 from hapticmech_ros.wire.wrench import encode_wrench
+from ros.harness import scene_like
 
 SECOND_NS = 1_000_000_000
 COMMANDS, FEEDBACK = "/left/device/servo_cf", "/left/device/local_feedback_gain"
@@ -46,11 +46,10 @@ class Left:
 
     def other(self, stamp_ns: int, force: float) -> bytes:
         """Return right's sample in bytes."""
-        values = np.zeros(DeviceStateMessage.layout.size)
-        values[:2] = divmod(stamp_ns, SECOND_NS)
-        values[DeviceStateMessage.layout.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
-        values[DeviceStateMessage.layout.slice("hand_wrench")] = force, 0.0, 0.0, 0.0, 0.0, 0.0
-        return bytes(FlatArray(DeviceStateMessage.layout).encode(values))
+        at_rest = np.zeros(3), (0.0, 0.0, 0.0, 1.0), np.zeros(6)
+        sample = np.concatenate((*at_rest, (force, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        told = DeviceStateMessage.of(stamp_ns, sample=sample)
+        return bytes(FlatArray(DeviceStateMessage.layout).encode(told.values))
 
     def gain(self, stamp_ns: int, gain: float = H) -> bytes:
         """Return a ``coupling_gain`` in bytes."""
@@ -59,8 +58,7 @@ class Left:
 
     def tick(self, *silent: str) -> None:
         """Let a period go by, and all but some topics be spoken on."""
-        self.graph.tick()
-        self.graph.tick()
+        self.graph.run(1e-3)
         self.speak(*silent)
 
     def speak(self, *silent: str) -> None:
@@ -113,9 +111,7 @@ class Left:
 @pytest.fixture
 def scene(tmp_path: Path) -> str:
     """Without passivity control: the mechanism's account is made up here."""
-    path = tmp_path / "two_users.yaml"
-    copy_scene("two_users", path, ("controller.passivity.control=false",))
-    return str(path)
+    return scene_like(tmp_path, "two_users", "controller.passivity.control=false")
 
 
 @pytest.fixture
@@ -249,8 +245,7 @@ def test_of_two_analysers_nothing_is_told_of_others_and_rendering_goes_on() -> N
             if second and number % 7 == 0:
                 for listener in graph.within[topic]:
                     listener(graph.last[topic], Origin(MIDDLEWARE, 7))
-            graph.tick()
-            graph.tick()
+            graph.run(1e-3)
             command = encode_wrench(np.zeros(6), graph.now_ns)
             graph.put("/left/mechanism/right/servo_cf", command)
             if graph.last.get(GAIN) is not last:

@@ -4,11 +4,8 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
-from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros.nodes.sources import INSIDE, MIDDLEWARE, Origin
 from hapticmech_ros.nodes.timeouts import (
     MINUTE_NS,
@@ -171,31 +168,3 @@ def test_nodes_of_one_process_share_the_remedy(process: Process) -> None:
         for losses in (process.losses, other):
             assert losses.explained(15 * MS, TIMEOUT_NS, process.now_ns)
     assert len(process.said) == 1
-
-
-@pytest.mark.parametrize("node", ["teleoperation_controller", "haptic_device"])
-def test_an_actor_says_that_its_process_had_no_processor(node: str) -> None:
-    graph = FakeGraph("five_bar", actors=ACTORS[:4])
-    graph.run(0.5)
-    pauses = (host := graph.hosts[node]).pauses
-    pauses.waits.append(lambda: -14 * MS)
-    pauses.look()
-    time.sleep(0.015)
-    pauses.look()
-    # Nobody acts for as long; then all go on.
-    graph.now_ns += 15 * MS
-    graph.run(0.1)
-    assert any("this process had no processor for 14 ms" in text for _, text in host.log.lines)
-    figures = host.actor.status()[2]
-    assert figures["losses"] == figures["lost_without_processor"] == "1"
-
-
-def test_a_peer_that_is_away_is_not_a_pause_of_this_process() -> None:
-    graph = FakeGraph("five_bar", actors=ACTORS[:4])
-    graph.run(0.5)
-    graph.hosts["haptic_device"].end()
-    graph.run(0.1)
-    host = graph.hosts["teleoperation_controller"]
-    assert ("warning", "disengaged: lost device/state") in host.log.lines
-    figures = host.actor.status()[2]
-    assert (figures["losses"], figures["lost_without_processor"]) == ("1", "0")

@@ -462,28 +462,48 @@ def moving(folder: Path) -> Iterator[Process]:
     process.close()
 
 
+WRENCH = np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
+
+
+def command(process: Process, wrench: Any = WRENCH) -> None:
+    """Command a wrench, stamped now as messages are."""
+    process.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000))
+
+
+@pytest.mark.parametrize("grasp", ["", "link1 0.02 0.01 0"], ids=["handle", "held_elsewhere"])
 def test_the_mechanism_moves_as_the_simulator_does(
-    moving: Process, monkeypatch: pytest.MonkeyPatch
+    moving: Process, monkeypatch: pytest.MonkeyPatch, grasp: str
 ) -> None:
-    actor, wrench = moving.actor, np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
+    actor = moving.actor
+    moving.settle(lambda: command(moving))
+    place = actor.place.copy()
+    actor.apply_parameters(actor.parameters.model_copy(update={"grasp": grasp}))
     actor.port.set_timeout(10_000 * MS)
-    moving.settle(lambda: moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000)))
-    codes, start = by_the_kernel(moving, monkeypatch), actor.state
+    codes = by_the_kernel(moving, monkeypatch)
+
+    def received() -> bool:
+        command(moving)
+        return bool(actor.port.command.stands(time.time_ns()) and codes)
+
+    moving.until(received)
+    begun = actor._ticks
+    moving.until(lambda: actor._ticks > begun + 10)
     moving.answers()
+    start = actor.state
     got = []
     for wanted_s in np.linspace(0.0, 0.1, 26):
-        moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000))
+        command(moving)
         got += moving.until(lambda wanted_s=wanted_s: actor.state.time - start.time >= wanted_s)
     got += moving.answers()
-    assert codes
+    assert (np.abs(actor.place - place).max() > 0.005) == bool(grasp)
     # Of those that were missed several are done in one tick.
     steps = round((actor.state.time - start.time) / actor.period_s)
-    simulator = Simulator(actor.scene)
-    expected = start
+    simulator, expected = Simulator(actor.simulator.scene), start
     for _ in range(steps):
-        expected = simulator.step(expected, wrench[None])
+        expected = simulator.step(expected, WRENCH[None])
     assert steps >= 100
     assert actor.state.q == pytest.approx(expected.q, abs=1e-12)
+    assert np.abs(actor.state.q - start.q).max() > 1e-6
     assert actor.state.account.work_in == pytest.approx(expected.account.work_in, rel=1e-9)
     layout = StateLayout(simulator.mechanism)
     last = layout.unpack(FlatArray(layout.fields).decode(got[-1]))
@@ -491,40 +511,9 @@ def test_the_mechanism_moves_as_the_simulator_does(
     assert last.stamp_ns % MS == MS // 2
 
 
-def test_held_elsewhere_the_mechanism_moves_as_the_simulator_does_there(
-    moving: Process, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    actor, wrench = moving.actor, np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
-
-    def speak() -> None:
-        moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000))
-
-    moving.settle(speak)
-    place = actor.place.copy()
-    actor.apply_parameters(actor.parameters.model_copy(update={"grasp": "link1 0.02 0.01 0"}))
-    actor.port.set_timeout(10_000 * MS)
-    codes = by_the_kernel(moving, monkeypatch)
-
-    def received() -> bool:
-        speak()
-        return bool(actor.port.command.stands(time.time_ns()) and codes)
-
-    moving.until(received)
-    begun = actor._ticks
-    moving.until(lambda: actor._ticks > begun + 10)
-    start = actor.state
-    moving.until(lambda: actor.state.time - start.time >= 0.05)
-    assert np.abs(actor.place - place).max() > 0.005
-    simulator, expected = Simulator(actor.simulator.scene), start
-    for _ in range(round((actor.state.time - start.time) / actor.period_s)):
-        expected = simulator.step(expected, wrench[None])
-    assert actor.state.q == pytest.approx(expected.q, abs=1e-12)
-    assert np.abs(actor.state.q - start.q).max() > 1e-6
-
-
 def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
-    actor, wrench = moving.actor, np.array((0.3, -0.2, 0.0, 0.0, 0.0, 0.01))
-    moving.settle(lambda: moving.speak(encode_wrench(wrench, time.time_ns() // 1000 * 1000)))
+    actor = moving.actor
+    moving.settle(lambda: command(moving))
     moving.until(lambda: not actor.port.command.stands(time.time_ns()))
     # A step is under what stood when it began.
     ended = actor._ticks
@@ -559,13 +548,10 @@ class Inputs:
         self.stamp_ns += MS
         # Slowly to and fro, and pushed.
         phase = 0.01 * self._tick
-        values = np.zeros(DeviceStateMessage.layout.size)
-        values[:2] = divmod(self.stamp_ns, 1000 * MS)
-        values[DeviceStateMessage.layout.slice("position")] = 0.001 * np.sin(phase), 0.0, 0.0
-        values[DeviceStateMessage.layout.slice("quaternion")] = 0.0, 0.0, 0.0, 1.0
-        values[DeviceStateMessage.layout.slice("twist")][0] = 0.01 * np.cos(phase)
-        values[DeviceStateMessage.layout.slice("hand_wrench")] = 0.1 * self._rng.normal(size=6)
-        values[DeviceStateMessage.layout.start("obeys")] = 1.0
+        position, quaternion = (0.001 * np.sin(phase), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        twist, push = (0.01 * np.cos(phase), *[0.0] * 5), 0.1 * self._rng.normal(size=6)
+        sample = np.concatenate((position, quaternion, twist, push))
+        device = DeviceStateMessage.of(self.stamp_ns, sample=sample, obeys=True)
         state = self._state
         told = WireState(
             self.stamp_ns - late * MS,
@@ -573,7 +559,7 @@ class Inputs:
             *(np.zeros((1, 6)), self._grasps, (True,)),
         )
         self._writer.evaluate(told)
-        return self._device.encode(values), self._model.encode(self._writer.message.values)
+        return self._device.encode(device.values), self._model.encode(self._writer.message.values)
 
 
 @pytest.fixture(params=[GAINS, ""], ids=["gains are read", "gains are not read"])
@@ -854,7 +840,7 @@ def test_a_gain_that_breaks_a_rule_is_refused_once_and_named(
 
 def test_a_loop_that_is_opened_is_announced(moving: Process) -> None:
     actor = moving.actor
-    moving.settle(lambda: moving.speak(encode_wrench(np.zeros(6), time.time_ns() // 1000 * 1000)))
+    moving.settle(lambda: command(moving, np.zeros(6)))
     moving.until(lambda: actor.steps_plainly)
     actor._switch("ground_pin", False)
     # By Python: nothing else says so.

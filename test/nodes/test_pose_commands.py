@@ -9,7 +9,6 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Empty
@@ -22,17 +21,13 @@ from hapticmech_ros.errors import SceneError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.numerics.quaternions import quaternion_of
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.scene.device import SERVO_ANGLE, Device, device_presets
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import EMERGENCY_STOP
 from hapticmech_ros.wire.wrench import encode_wrench
+from ros.harness import scene_like
 
 PUSH = np.array([1.0, -0.5, 0.0, 0.0, 0.0, 2e-3])
-
-
-def alone(scene="five_bar", **parameters):
-    return FakeGraph(scene, actors=[HapticDevice], parameters={"haptic_device": parameters})
 
 
 def pushed(graph, seconds, wrench=PUSH, command=None):
@@ -41,8 +36,7 @@ def pushed(graph, seconds, wrench=PUSH, command=None):
         graph.put("/device/hand_cf", encode_wrench(wrench, graph.now_ns))
         if command is not None:
             command()
-        graph.tick()
-        graph.tick()
+        graph.run(1e-3)
 
 
 def state(graph):
@@ -69,10 +63,17 @@ def applied(graph):
     return applied_in(graph.last["/device/state"])
 
 
+def begun(scene="five_bar", **parameters):
+    """Return a device without the other nodes, whose hand does what it is told."""
+    given = {"haptic_device": {"hand": "commanded", **parameters}}
+    graph = FakeGraph(scene, actors=[HapticDevice], parameters=given)
+    graph.run(0.1)
+    return graph
+
+
 @pytest.fixture
 def held():
-    graph = alone(hand="commanded")
-    graph.run(0.1)
+    graph = begun()
     say(graph, "hold")
     return graph
 
@@ -128,8 +129,7 @@ def test_a_second_hold_changes_nothing_and_a_hold_lasts(held):
 
 
 def test_a_commanded_pose_is_reached_and_published():
-    graph = alone(hand="commanded")
-    graph.run(0.1)
+    graph = begun()
     start = state(graph)
     goal = pin.SE3(start.rotation @ pin.exp3(np.array([0.0, 0.0, 0.3])), start.translation + 0.01)
     goal.translation[2] = start.translation[2]
@@ -145,8 +145,7 @@ def test_a_commanded_pose_is_reached_and_published():
 
 
 def test_no_pose_is_obeyed_while_wrenches_are_and_the_other_way_round():
-    graph = alone(hand="commanded")
-    graph.run(0.1)
+    graph = begun()
     host, here = graph.hosts["haptic_device"], state(graph)
     wrench = lambda: graph.put("/device/servo_cf", encode_wrench(PUSH, graph.now_ns))  # noqa: E731
     pushed(graph, 0.2, -PUSH, wrench)
@@ -202,8 +201,7 @@ def test_whatever_stops_the_device_ends_a_hold(held, how):
 
 @pytest.mark.parametrize("word", ["hold", "servo_cp"])
 def test_a_paused_device_refuses_poses_and_says_why(word):
-    graph = alone(hand="commanded")
-    graph.run(0.1)
+    graph = begun()
     host = graph.hosts["haptic_device"]
     host.actor._operating._pause()
     before = len(host.log.lines)
@@ -233,8 +231,7 @@ def test_a_paused_device_refuses_poses_and_says_why(word):
     ],
 )
 def test_a_pose_that_breaks_a_rule_is_refused_and_moves_nothing(message, rule):
-    graph = alone(hand="commanded")
-    graph.run(0.1)
+    graph = begun()
     graph.put("/device/servo_cp", message)
     graph.run(0.05)
     assert graph.hosts["haptic_device"].refused == 1
@@ -243,15 +240,13 @@ def test_a_pose_that_breaks_a_rule_is_refused_and_moves_nothing(message, rule):
 
 
 def test_forces_of_a_hold_keep_within_the_device_s_limits():
-    graph = alone(hand="commanded", force_limit=2.0, start_ramp=0.2)
-    graph.run(0.1)
+    graph = begun(force_limit=2.0, start_ramp=0.2)
     start = state(graph)
     far = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
     forces = []
     for _ in range(400):
         graph.put("/device/servo_cp", pose_message(far))
-        graph.tick()
-        graph.tick()
+        graph.run(1e-3)
         forces.append(np.linalg.norm(applied(graph)[:3]))
     assert max(forces) <= 2.0 + 1e-9
     # The limit opens with the ramp.
@@ -327,10 +322,7 @@ def test_the_stiffest_that_is_allowed_comes_to_rest_after_a_push(tmp_path, ratio
         f"device.servo.stiffness={rate**2 * device.mass}",
         f"device.servo.damping_ratio={ratio}",
     ]
-    path = tmp_path / "stiff.yaml"
-    path.write_text(yaml.safe_dump(document_of(load_scene("five_bar", changes=changes))))
-    graph = alone(str(path), hand="commanded")
-    graph.run(0.1)
+    graph = begun(scene_like(tmp_path, "five_bar", *changes))
     say(graph, "hold")
     before = state(graph)
     pushed(graph, 0.5, 8.0 * PUSH)
@@ -341,8 +333,7 @@ def test_the_stiffest_that_is_allowed_comes_to_rest_after_a_push(tmp_path, ratio
 def test_a_slower_slew_limit_of_the_node_makes_it_less_stiff():
     """So that it stays stable with whatever the node's parameters allow."""
     device = load_scene("five_bar").device
-    graph = alone(hand="commanded", force_slew=100.0)
-    graph.run(0.1)
+    graph = begun(force_slew=100.0)
     say(graph, "hold")
     before = state(graph)
     pushed(graph, 5.0, 0.5 * PUSH)

@@ -8,14 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import yaml
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Session, load_scene
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceStateMessage
+from ros.harness import scene_like
 
 # Longer than a start's ramp, which begins some ticks later in a graph: until then all stand still.
 WAIT_S, PUSHED_S = 0.8, 0.8
@@ -46,13 +45,11 @@ def test_a_graph_that_is_never_late_is_the_session(name, tmp_path):
     Were it to act a period earlier, as it could in a simulated device that is moved over the past
     period, the commands in flight would be counted twice: then twists differ by a percent.
     """
-    document = document_of(load_scene(name))
-    document["hand"] = {"kind": "constant_wrench", "force": [-0.4, 0.2, 0.0], "start_delay": WAIT_S}
-    path = tmp_path / "scene.yaml"
-    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    hand = {"kind": "constant_wrench", "force": [-0.4, 0.2, 0.0], "start_delay": WAIT_S}
+    path = scene_like(tmp_path, name, hand=hand)
     # Gains with every command, as the session has them.
     given = {"teleoperation_controller": {"view_rate": 1000.0}}
-    graph = FakeGraph(str(path), actors=ACTORS[:4], parameters=given)
+    graph = FakeGraph(path, actors=ACTORS[:4], parameters=given)
     ticks = round((WAIT_S + PUSHED_S) * 1000) + 50
     live, session = [], Session(load_scene(path))
     for _ in range(2 * ticks):

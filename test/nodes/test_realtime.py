@@ -8,6 +8,7 @@ import resource
 import struct
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -49,12 +50,14 @@ print(repr((asked.refusals, figures, policies, cpus == {frozenset({first})}, loc
 """
 
 
-def asking():
-    return eval(output_of(ASKING))
+def output_of(code, *arguments):
+    """Return what code prints in a process of its own."""
+    run = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(run, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
-def test_all_threads_are_in_real_time_and_children_are_not():
-    refusals, figures, policies, pinned, _, child = asking()
+def test_all_threads_are_in_real_time_children_are_not_and_memory_is_locked_or_told():
+    refusals, figures, policies, pinned, locked, child = eval(output_of(ASKING))
     assert child == os.SCHED_OTHER
     assert pinned
     assert "," not in figures["cpu_affinity"]
@@ -64,10 +67,6 @@ def test_all_threads_are_in_real_time_and_children_are_not():
         assert policies == {os.SCHED_OTHER}
         assert figures["scheduling"].startswith("SCHED_OTHER: real-time priority 7 is not granted")
         assert any("LimitRTPRIO=98" in refusal for refusal in refusals)
-
-
-def test_memory_is_locked_or_it_is_said_what_would_allow_it():
-    refusals, figures, _, _, locked, _ = asking()
     if figures["memory_lock"] == "locked":
         assert locked > 10_000
     else:
@@ -75,32 +74,44 @@ def test_memory_is_locked_or_it_is_said_what_would_allow_it():
         assert figures["memory_lock"] in refusals
 
 
-def output_of(code):
-    """Return what code prints in a process of its own."""
-    run = [sys.executable, "-c", code]
-    return subprocess.run(run, stdout=subprocess.PIPE, text=True, check=True).stdout
+ORDINARY = """
+import os, resource
+resource.setrlimit(resource.RLIMIT_MEMLOCK, (8 << 20, 8 << 20))
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+from hapticmech_ros.nodes.realtime import Realtime, Request, ask_for_share, slice_ns
+os.setresuid(65534, 65534, 65534)
+print(*Realtime(Request("on", 50)).refusals, ask_for_share(), slice_ns(), sep="\\n")
+"""
+# Linux has slices of ordinary threads from then on.
+HAS_SLICES = tuple(map(int, os.uname().release.split(".")[:2])) >= (6, 12)
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs a process that may give up its rights")
-def test_an_ordinary_user_is_told_the_lines_that_allow_it():
-    code = """
-import ctypes, os, resource
-resource.setrlimit(resource.RLIMIT_MEMLOCK, (8 << 20, 8 << 20))
-resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
-from hapticmech_ros.nodes.realtime import Realtime, Request
-os.setresuid(65534, 65534, 65534)
-asked = Realtime(Request("on", 50))
-print(*asked.refusals, sep="\\n")
-"""
-    said = output_of(code).splitlines()
-    assert said[0].startswith("real-time priority 50 is not granted to this user: '@realtime - rt")
-    assert said[1].startswith("locked memory is limited to 8192 KiB for this user: '@realtime - me")
-    assert said[2].startswith("/dev/cpu_dma_latency")
+def test_an_ordinary_user_gets_the_slice_and_is_told_the_lines_that_allow_the_rest():
+    real_time, memory, idle, *_, share, slice_ns = output_of(ORDINARY).splitlines()
+    assert real_time.startswith(
+        "real-time priority 50 is not granted to this user: '@realtime - rt"
+    )
+    assert memory.startswith("locked memory is limited to 8192 KiB for this user: '@realtime - me")
+    assert idle.startswith("/dev/cpu_dma_latency")
+    assert share.startswith("nice -20 is not granted to this user: '@realtime - nice -20'")
+    assert not HAS_SLICES or int(slice_ns) == 100_000
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Notes what is asked for; this process is to stay an ordinary one."""
+    found = SimpleNamespace(priorities=[], shares=[], pins=[])
+    monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: found.priorities.append(p) or "")
+    monkeypatch.setattr(realtime, "ask_for_share", lambda: found.shares.append(True) or "")
+    monkeypatch.setattr(realtime, "pin", lambda cpus: found.pins.append(set(cpus)) or "")
+    monkeypatch.setattr(realtime, "lock_memory", str)
+    return found
 
 
 @pytest.mark.parametrize(("driver", "most_us"), [("intel_idle", 2), ("haltpoll", 0), ("", 2)])
 def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(
-    tmp_path, monkeypatch, driver, most_us
+    tmp_path, monkeypatch, asked, driver, most_us
 ):
     place, idle_driver = tmp_path / "cpu_dma_latency", tmp_path / "current_driver"
     place.touch()
@@ -108,33 +119,27 @@ def test_short_idle_states_are_asked_for_as_long_as_the_process_wants(
         idle_driver.write_text(f"{driver}\n")
     monkeypatch.setattr(realtime, "DMA_LATENCY", place)
     monkeypatch.setattr(realtime, "IDLE_DRIVER", idle_driver)
-    monkeypatch.setattr(realtime, "lock_memory", str)
-    # This process is to stay an ordinary one.
-    monkeypatch.setattr(realtime, "ask_for_share", str)
-    monkeypatch.setattr(realtime, "ask_for_real_time", lambda _: "")
-    asked = Realtime(Request("auto", 50))
-    assert asked.figures()["cpu_dma_latency"] == f"{most_us} us"
+    process = Realtime(Request("auto", 50))
+    assert process.figures()["cpu_dma_latency"] == f"{most_us} us"
     assert struct.unpack("i", place.read_bytes()) == (most_us,)
-    asked.close()
+    process.close()
     place.unlink()
-    asked = Realtime(Request("auto", 50))
-    assert asked.figures()["cpu_dma_latency"].endswith("No such file or directory")
+    process = Realtime(Request("auto", 50))
+    assert process.figures()["cpu_dma_latency"].endswith("No such file or directory")
 
 
 @pytest.mark.parametrize("cpus", [ENOUGH_CPUS - 1, ENOUGH_CPUS])
-def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(monkeypatch, cpus):
-    priorities, shares = [], []
+def test_real_time_is_asked_for_by_itself_where_there_are_processors_enough(
+    monkeypatch, asked, cpus
+):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cpus)))
-    monkeypatch.setattr(realtime, "ask_for_share", lambda: shares.append(True) or "")
-    monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: priorities.append(p) or "")
-    monkeypatch.setattr(realtime, "lock_memory", str)
     figures = Realtime(Request("auto", 50)).figures()
-    assert priorities == ([50] if cpus >= ENOUGH_CPUS else [])
-    assert shares == ([] if cpus >= ENOUGH_CPUS else [True])
+    assert asked.priorities == ([50] if cpus >= ENOUGH_CPUS else [])
+    assert asked.shares == ([] if cpus >= ENOUGH_CPUS else [True])
     told = "no SCHED_FIFO with 3 CPUs (from 4 on, or with realtime:=on)"
     assert (told in figures["scheduling"]) == (cpus < ENOUGH_CPUS)
     Realtime(Request("on", 40))
-    assert priorities[-1] == 40
+    assert asked.priorities[-1] == 40
 
 
 SHARING = """
@@ -151,8 +156,6 @@ child = int(subprocess.run([sys.executable, "-c", show], stdout=subprocess.PIPE)
 waiting.set()
 print(repr((refusal, realtime.scheduling(), nice, child, realtime.slice_ns())))
 """
-# Linux has slices of ordinary threads from then on.
-HAS_SLICES = tuple(map(int, os.uname().release.split(".")[:2])) >= (6, 12)
 
 
 def test_all_threads_are_preferred_among_ordinary_ones_and_children_are_not():
@@ -167,34 +170,12 @@ def test_all_threads_are_preferred_among_ordinary_ones_and_children_are_not():
         assert refusal.startswith("nice -20 is not granted to this user: '@realtime - nice -20'")
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs a process that may give up its rights")
-def test_an_ordinary_user_gets_the_slice_and_is_told_the_line_that_allows_a_share():
-    code = """
-import os
-from hapticmech_ros.nodes.realtime import ask_for_share, slice_ns
-os.setresuid(65534, 65534, 65534)
-print(ask_for_share())
-print(slice_ns())
-"""
-    refusal, slice_ns = output_of(code).splitlines()
-    assert refusal.startswith("nice -20 is not granted to this user: '@realtime - nice -20'")
-    assert not HAS_SLICES or int(slice_ns) == 100_000
-
-
-def test_one_that_is_pinned_to_a_processor_leaves_others_the_rest(monkeypatch):
-    allowed, priorities = set(range(8)), []
-
-    def pin(cpus):
-        allowed.intersection_update(cpus)
-        return ""
-
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(allowed))
-    monkeypatch.setattr(realtime, "pin", pin)
-    monkeypatch.setattr(realtime, "ask_for_real_time", lambda p: priorities.append(p) or "")
-    monkeypatch.setattr(realtime, "lock_memory", str)
+def test_one_that_is_pinned_to_a_processor_leaves_others_the_rest(monkeypatch, asked):
+    allowed = lambda _: set(range(8)).intersection(*asked.pins)  # noqa: E731
+    monkeypatch.setattr(os, "sched_getaffinity", allowed)
     Realtime(Request("auto", 50, frozenset({2}))).close()
-    assert priorities == [50]
-    assert allowed == {2}
+    assert asked.priorities == [50]
+    assert asked.pins == [{2}]
 
 
 @pytest.mark.parametrize(
@@ -208,13 +189,9 @@ def test_one_that_is_pinned_to_a_processor_leaves_others_the_rest(monkeypatch):
         (set(range(ENOUGH_CPUS)), 0, None),
     ],
 )
-def test_where_there_are_few_processors_a_part_has_its_own(monkeypatch, cpus, place, pinned):
-    pins = []
+def test_where_there_are_few_processors_a_part_has_its_own(monkeypatch, asked, cpus, place, pinned):
+    pins = asked.pins
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(cpus))
-    monkeypatch.setattr(realtime, "pin", lambda wanted: pins.append(set(wanted)) or "")
-    for name in ("ask_for_share", "lock_memory"):
-        monkeypatch.setattr(realtime, name, str)
-    monkeypatch.setattr(realtime, "ask_for_real_time", lambda _: "")
     Realtime(Request("auto", 50, place=place)).close()
     assert pins == ([] if pinned is None else [pinned])
     # What somebody chooses goes before.
@@ -274,14 +251,13 @@ print(repr((quick, child, scheduling())))
     "argument", ["realtime:=on", "scene:=five_bar", "device.realtime:=off", "use_sim_time:=true"]
 )
 def test_a_start_comes_before_what_is_ordinary_and_after_nodes(argument):
-    command = [sys.executable, "-c", STARTING, "-p", argument]
-    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
     enough = len(os.sched_getaffinity(0)) >= ENOUGH_CPUS
     wanted = grants_real_time(1) and (
         argument == "realtime:=on" or (enough and argument == "scene:=five_bar")
     )
     quick = "SCHED_FIFO 1" if wanted else "SCHED_OTHER"
-    assert eval(said) == (quick, os.SCHED_OTHER, "SCHED_OTHER")
+    found = eval(output_of(STARTING, "-p", argument))
+    assert found == (quick, os.SCHED_OTHER, "SCHED_OTHER")
 
 
 def test_a_start_ends_as_an_ordinary_user_may_end_it(monkeypatch):
@@ -298,9 +274,8 @@ def test_a_start_leaves_alone_what_somebody_has_chosen():
     if not grants_real_time(5):
         pytest.skip("no real-time priority here")
     code = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(5))" + STARTING
-    command = [sys.executable, "-c", code, "-p", "realtime:=on"]
-    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
-    assert eval(said) == ("SCHED_FIFO 5", os.SCHED_FIFO, "SCHED_FIFO 5")
+    found = eval(output_of(code, "-p", "realtime:=on"))
+    assert found == ("SCHED_FIFO 5", os.SCHED_FIFO, "SCHED_FIFO 5")
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,10 @@ from benchmarks.drivers import PUSH, SCENE, Body
 from benchmarks.push import WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import load_scene
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.relay_device import RelayDevice
+from ros.harness import scene_like
 
 STATES, EFFORTS = "/fd/joint_states", "/fd/fd_controller/commands"
 SIX = [f"fd_{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw")]
@@ -68,35 +69,25 @@ class Driver:
             setattr(message, name, value)
         self.graph.put(STATES, serialize_message(message))
 
-    def go_on(self, push=None):
-        self.tell()
-        self.graph.tick()
-        self.graph.tick()
-        self.body.step(self.efforts + (np.zeros(6) if push is None else push))
+    def go_on(self, push=NO_WRENCH, periods=1):
+        for _ in range(periods):
+            self.tell()
+            self.graph.run(1e-3)
+            self.body.step(self.efforts + push)
 
 
 def graph_of(tmp_path, device="{force_sensor: estimated}", **parameters):
-    path = tmp_path / "scene.yaml"
-    copy_scene("five_bar", path, [f"device={device}"])
+    path = scene_like(tmp_path, "five_bar", f"device={device}")
     given = {"axes": " ".join(SIX), "torques": True, **parameters}
     actors = [RelayDevice, *ACTORS[1:4]]
-    return FakeGraph(str(path), actors=actors, parameters={"relay_device": given})
-
-
-def engaged(graph, driver):
-    for _ in range(500):
-        driver.go_on()
-        if driver.efforts.any():
-            return
-    raise AssertionError("nothing is commanded")
+    return FakeGraph(path, actors=actors, parameters={"relay_device": given})
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_the_mechanism_is_felt_through_it(tmp_path, yaw):
     graph = graph_of(tmp_path, mounting_yaw=yaw)
     driver = Driver(graph, yaw)
-    for _ in range(1000):
-        driver.go_on()
+    driver.go_on(periods=1000)
     start, ticks = driver.body.pose.translation[0], 0
     while start - driver.body.pose.translation[0] < WAY:
         driver.go_on(PUSH)
@@ -108,8 +99,7 @@ def test_the_mechanism_is_felt_through_it(tmp_path, yaw):
 def test_three_axes_give_no_torque_and_keep_their_orientation(tmp_path):
     graph = graph_of(tmp_path, "{preset: omega_3}", axes=" ".join(SIX[:3]), torques=False)
     driver = Driver(graph, axes=3)
-    for _ in range(300):
-        driver.go_on(PUSH)
+    driver.go_on(PUSH, 300)
     message = graph.last[EFFORTS]
     if isinstance(message, bytes):
         message = deserialize_message(message, Float64MultiArray)
@@ -120,25 +110,19 @@ def test_three_axes_give_no_torque_and_keep_their_orientation(tmp_path):
 def test_without_joint_states_efforts_are_zero_and_nothing_is_told(tmp_path):
     graph = graph_of(tmp_path)
     driver = Driver(graph)
-    for _ in range(300):
-        driver.go_on(PUSH)
+    driver.go_on(PUSH, 300)
     assert driver.efforts.any()
-    for _ in range(40):
-        graph.tick()
-        graph.tick()
+    graph.run(0.04)
     assert not driver.efforts.any()
     graph.last.pop("/device/state")
-    for _ in range(40):
-        graph.tick()
-        graph.tick()
+    graph.run(0.04)
     assert "/device/state" not in graph.last
     well, sentence, _ = graph.hosts["relay_device"].actor.status()
     assert not well
     assert "no joint states" in sentence
     # Back again, wherever it is now.
     driver.body.pose.translation = driver.body.pose.translation + 0.05
-    for _ in range(300):
-        driver.go_on(PUSH)
+    driver.go_on(PUSH, 300)
     assert driver.efforts.any()
     assert np.linalg.norm(driver.efforts[:3]) < 5.0
 
@@ -146,8 +130,7 @@ def test_without_joint_states_efforts_are_zero_and_nothing_is_told(tmp_path):
 def test_how_long_it_may_be_silent_is_a_parameter_that_can_change(tmp_path):
     graph = graph_of(tmp_path)
     driver = Driver(graph)
-    for _ in range(300):
-        driver.go_on(PUSH)
+    driver.go_on(PUSH, 300)
     actor = graph.hosts["relay_device"].actor
     for timeout, lost in ((0.1, False), (0.005, True)):
         driver.go_on(PUSH)

@@ -3,6 +3,8 @@
 """No number that is not finite leaves in a message, be it of people's topics or of control."""
 
 import math
+from functools import partial
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -18,59 +20,27 @@ from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import bounds_of, message_bounds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import DeviceStateMessage
+from nodes.stand_ins import Publisher
 
 
-def pose(bad):
-    message = PoseStamped()
-    message.pose.orientation.z = bad
+def one(kind, field, bad):
+    """Return a message with a number in one of its fields."""
+    message = kind()
+    part, _, number = field.rpartition(".")
+    setattr(attrgetter(part)(message), number, bad)
     return message
-
-
-def transform(bad):
-    message = TransformStamped()
-    message.transform.translation.y = bad
-    return message
-
-
-def wrench(bad):
-    message = WrenchStamped()
-    message.wrench.torque.x = bad
-    return message
-
-
-def twist(bad):
-    message = TwistStamped()
-    message.twist.linear.z = bad
-    return message
-
-
-def markers(bad):
-    return MarkerArray(markers=[Marker(), Marker(points=[Point(), Point(y=bad)])])
 
 
 KINDS = {
-    "pose": pose,
-    "transform": transform,
-    "wrench": wrench,
-    "twist": twist,
-    "markers": markers,
+    "pose": partial(one, PoseStamped, "pose.orientation.z"),
+    "transform": partial(one, TransformStamped, "transform.translation.y"),
+    "wrench": partial(one, WrenchStamped, "wrench.torque.x"),
+    "twist": partial(one, TwistStamped, "twist.linear.z"),
+    "markers": lambda bad: MarkerArray(markers=[Marker(), Marker(points=[Point(), Point(y=bad)])]),
     "joints": lambda bad: JointState(position=[0.0], velocity=[1.0, bad]),
     "effort": lambda bad: JointState(effort=[bad]),
     "array": lambda bad: Float64MultiArray(data=[1.0, bad]),
 }
-
-
-class Publisher:
-    """Remembers what is sent."""
-
-    def __init__(self):
-        self.sent = []
-
-    def publish(self, message):
-        self.sent.append(message)
-
-    def get_subscription_count(self):
-        return 1
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import random
 from collections import deque
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import pytest
 
@@ -19,6 +18,7 @@ from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, SETTLES_NS, UNDERWAY_NS
 from hapticmech_ros.nodes.lane import BEHIND_NS, STALLED_NS
 from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, Sources
+from nodes.stand_ins import Listed
 from sampling import sampled
 
 MS, S = 1_000_000, 1_000_000_000
@@ -26,19 +26,6 @@ MS, S = 1_000_000, 1_000_000_000
 NOTICED_NS = 20 * MS
 OUTLET = 7
 EPOCH_NS = 1000 * S
-
-
-class Listed:
-    """The middleware's list of publishers."""
-
-    def __init__(self, *names: str) -> None:
-        self.names = names
-
-    def get_publishers_info_by_topic(self, topic: str) -> list:
-        return [
-            SimpleNamespace(node_namespace="/", node_name=name, endpoint_gid=bytes(16))
-            for name in self.names
-        ]
 
 
 @dataclass

@@ -78,14 +78,20 @@ def test_gains_of_another_time_are_refused_and_hold_up_no_others(graph, apart_s)
     assert host.actor.status()[0]
 
 
-def test_until_the_device_obeys_every_command_comes_with_its_gain(graph, monkeypatch):
-    sent, send = Counter(), graph.sent
+@pytest.fixture
+def sent(graph):
+    """How many messages the graph's nodes have sent, by topic."""
+    found, send = Counter(), graph.sent
 
     def count(topic, kind, message):
-        sent[topic] += 1
+        found[topic] += 1
         send(topic, kind, message)
 
-    monkeypatch.setattr(graph, "sent", count)
+    graph.sent = count
+    return found
+
+
+def test_until_the_device_obeys_every_command_comes_with_its_gain(graph, sent):
     stop = graph.hosts[DEVICE].services["device/emergency_stop"]
     stop(SimpleNamespace(data=True), SimpleNamespace())
     # The controller knows of it by the next sample.
@@ -105,15 +111,9 @@ def test_until_the_device_obeys_every_command_comes_with_its_gain(graph, monkeyp
 
 
 @pytest.mark.parametrize(("view_rate", "most"), [(1.0, 52), (20.0, 52), (100.0, 101)])
-def test_gains_come_often_enough_however_rarely_people_look(graph, view_rate, most):
+def test_gains_come_often_enough_however_rarely_people_look(graph, sent, view_rate, most):
     actor = graph.hosts["teleoperation_controller"].actor
     actor.apply_parameters(actor.parameters.model_copy(update={"view_rate": view_rate}))
-    sent, send = Counter(), graph.sent
-
-    def count(topic, kind, message):
-        sent[topic] += 1
-        send(topic, kind, message)
-
-    graph.sent = count
+    sent.clear()
     graph.run(1.0)
     assert most - 3 <= sent[TOPIC] <= most

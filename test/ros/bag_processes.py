@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
 
-from hapticmech_ros.graph import private_environment, start_process, stop_process
+from ros.harness import program
 
 _MAIN = "from hapticmech_ros.cli import main; main()"
 
@@ -36,28 +35,12 @@ while True:
 """
 
 
-@contextlib.contextmanager
-def bag_command(domain: int, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+def bag_command(domain: int, *arguments: str | Path) -> AbstractContextManager[Popen[str]]:
     """Run ``hapticmech bag ...``, its output in a pipe; ended with the block at the latest."""
-    command = [sys.executable, "-c", _MAIN, "bag", *map(str, arguments)]
-    with _process(command, private_environment(domain)) as process:
-        yield process
+    command = sys.executable, "-c", _MAIN, "bag", *arguments
+    return program(domain, *command, stdin=DEVNULL, stdout=PIPE)
 
 
-@contextlib.contextmanager
-def steady_publisher(domain: int, topic: str, rate: float) -> Iterator[subprocess.Popen[str]]:
+def steady_publisher(domain: int, topic: str, rate: float) -> AbstractContextManager[Popen[str]]:
     """Publish on a topic once somebody has subscribed to it."""
-    command = [sys.executable, "-c", _PUBLISHER, topic, str(rate)]
-    with _process(command, private_environment(domain)) as process:
-        yield process
-
-
-@contextlib.contextmanager
-def _process(command: list[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
-    process = start_process(command, environment, pipe_output=True)
-    try:
-        yield process
-    finally:
-        stop_process(process)
-        if process.stdout is not None:
-            process.stdout.close()
+    return program(domain, sys.executable, "-c", _PUBLISHER, topic, str(rate), stdin=DEVNULL)

@@ -9,6 +9,7 @@ import pytest
 
 from hapticmech_ros import graph
 from hapticmech_ros.compilation.library import compile_ahead
+from hapticmech_ros.graph import private_environment
 from ros import forked
 from ros.harness import Peer, next_domain
 
@@ -44,6 +45,14 @@ def as_urgent_as_nodes(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture
 def domain() -> int:
     return next_domain()
+
+
+@pytest.fixture
+def in_domain(domain: int, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Return a domain that this process and all that it starts are in."""
+    for name, value in private_environment(domain).items():
+        monkeypatch.setenv(name, value)
+    return domain
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -26,12 +27,15 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
-from ruamel.yaml import YAML
 
-from hapticmech_ros.graph import private_environment, ros_arguments, stop_process
-from hapticmech_ros.loading import load_scene
+from hapticmech_ros.graph import (
+    _end_with_parent,
+    private_environment,
+    ros_arguments,
+    stop_process,
+)
+from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.scene import document_of
 from ros.forked import start
 
 RELIABLE = QoSProfile(depth=1000)
@@ -52,6 +56,30 @@ def next_domain() -> int:
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
     each = 100 // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     return 1 + each * worker + (os.getpid() + next(_counter)) % each
+
+
+class Statuses(dict[str, Any]):
+    """The last status of every node, by name."""
+
+    def keep(self, message: DiagnosticArray) -> None:
+        """Take what is told."""
+        self.update({status.name: status for status in message.status})
+
+    def sentence(self, node: str) -> str:
+        """Return what a node says of itself; nothing before it has."""
+        return self[node].message if node in self else ""
+
+    def figure(self, node: str, key: str) -> str:
+        """Return a figure of a node; nothing before it has told one."""
+        return figures(self[node]).get(key, "") if node in self else ""
+
+    def count(self, node: str, key: str) -> int:
+        """Return a figure that is a number; 0 before it is told."""
+        return int(self.figure(node, key) or 0)
+
+    def well(self, *nodes: str) -> bool:
+        """Return whether all these nodes have said that all is well."""
+        return all(node in self and self[node].level == DiagnosticStatus.OK for node in nodes)
 
 
 class Peer:
@@ -85,15 +113,22 @@ class Peer:
         while (left := end - time.monotonic()) > 0.0:
             self.executor.spin_until_future_complete(self._never, timeout_sec=min(left, 0.05))
 
-    def until(self, condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
-        """Handle messages until the condition holds.
+    def until(
+        self,
+        condition: Callable[[], object],
+        what: str,
+        timeout: float = WAIT_S,
+        doing: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Handle messages until the condition holds; before each look at it do something.
 
-        It is looked at when a message has come, but not more often than conditions may that send
-        one themselves, nor, up to 10 ms, for more than half of the time.
+        It is looked at when a message has come, but not more often than messages may be sent
+        meanwhile, nor, up to 10 ms, for more than half of the time.
         """
         end = time.monotonic() + timeout
         while True:
             begun = time.monotonic()
+            doing()
             if condition():
                 return
             looked = time.monotonic()
@@ -104,15 +139,10 @@ class Peer:
             while (left := again - time.monotonic()) > 0.0:
                 self.executor.spin_once(timeout_sec=left)
 
-    def statuses(self) -> dict[str, Any]:
+    def statuses(self) -> Statuses:
         """Return a mapping that always holds the last status of every node, by name."""
-        found: dict[str, Any] = {}
-
-        def keep(message: DiagnosticArray) -> None:
-            for status in message.status:
-                found[status.name] = status
-
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", keep, RELIABLE)
+        found = Statuses()
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", found.keep, RELIABLE)
         return found
 
     def client(self, kind: Any, name: str) -> Any:
@@ -166,27 +196,28 @@ class Peer:
 
     def wrench(self, *values: float, frame: str = "world") -> WrenchStamped:
         """Return a wrench stamped now."""
-        message = WrenchStamped()
-        message.header.frame_id = frame
-        message.header.stamp = self.now()
+        message = self._stamped(WrenchStamped, frame)
         _fill(message.wrench.force, message.wrench.torque, values)
         return message
 
     def twist(self, *values: float, frame: str = "world") -> TwistStamped:
         """Return a twist stamped now."""
-        message = TwistStamped()
-        message.header.frame_id = frame
-        message.header.stamp = self.now()
+        message = self._stamped(TwistStamped, frame)
         _fill(message.twist.linear, message.twist.angular, values)
         return message
 
-    def pose(self, x: float = 0.0, y: float = 0.0, w: float = 1.0, z: float = 0.0) -> PoseStamped:
+    def pose(
+        self, x: float = 0.0, y: float = 0.0, w: float = 1.0, z: float = 0.0, frame: str = "world"
+    ) -> PoseStamped:
         """Return a pose stamped now, turned about z by the quaternion (0, 0, z, w)."""
-        message = PoseStamped()
-        message.header.frame_id = "world"
-        message.header.stamp = self.now()
+        message = self._stamped(PoseStamped, frame)
         message.pose.position.x, message.pose.position.y = x, y
         message.pose.orientation.w, message.pose.orientation.z = w, z
+        return message
+
+    def _stamped(self, kind: Any, frame: str) -> Any:
+        message = kind()
+        message.header.frame_id, message.header.stamp = frame, self.now()
         return message
 
     def close(self) -> None:
@@ -195,20 +226,19 @@ class Peer:
         self.context.try_shutdown()
 
 
-def refuses(peer: Peer, statuses: dict[str, Any], node: str, publisher: Any, message: Any) -> None:
+def refuses(peer: Peer, statuses: Statuses, node: str, publisher: Any, message: Any) -> None:
     """Publish a message until the node's diagnostics count a refusal that was not there before.
 
     Needs a short ``diagnostics_period``.
     """
     peer.until(lambda: node in statuses, f"diagnostics of {node}")
     peer.run(0.1)
-    before = int(figures(statuses[node])["refused_messages"])
-
-    def refused() -> bool:
-        publisher.publish(message)
-        return int(figures(statuses[node])["refused_messages"]) > before
-
-    peer.until(refused, f"a refusal of {message}")
+    before = statuses.count(node, "refused_messages")
+    peer.until(
+        lambda: statuses.count(node, "refused_messages") > before,
+        f"a refusal of {message}",
+        doing=lambda: publisher.publish(message),
+    )
 
 
 def figures(status: Any) -> dict[str, str]:
@@ -226,14 +256,48 @@ def six(wrench_or_twist: Any) -> list[float]:
     return [value for part in parts for value in (part.x, part.y, part.z)]
 
 
-def allowing(folder: Path, scene: str = "five_bar", **safety: float) -> str:
-    """Return a scene like a shipped one whose device may be set to less safe values."""
-    document = document_of(load_scene(scene))
-    document["device"]["safety"].update(safety)
-    path = folder / f"{scene}_allowing.yaml"
-    with path.open("w") as stream:
-        YAML(typ="safe", pure=True).dump(document, stream)
+def scene_like(folder: Path, scene: str, *changes: str, **parts: object) -> str:
+    """Return a file with a shipped scene of which some keys are set, and whole parts."""
+    path = folder / f"{scene}_{next(_counter)}.yaml"
+    copy_scene(scene, path, [*changes, *(f"{key}={json.dumps(parts[key])}" for key in parts)])
     return str(path)
+
+
+def allowing(folder: Path, **safety: float) -> str:
+    """Return a scene like the five-bar whose device may be set to less safe values."""
+    changes = [f"device.safety.{name}={value}" for name, value in safety.items()]
+    return scene_like(folder, "five_bar", *changes)
+
+
+def refused(peer: Peer, node: str, words: Sequence[str], **values: object) -> None:
+    """Set parameters of a node, which refuses one of them, in all these words."""
+    result = peer.set_parameters(node, **values)
+    assert not result.successful
+    assert all(word in result.reason for word in words), result.reason
+
+
+@contextmanager
+def program(
+    domain: int, *command: str | Path, environment: Mapping[str, str] | None = None, **options: Any
+) -> Iterator[subprocess.Popen[str]]:
+    """Run a program, as a user starts it, that ends with the block.
+
+    Args:
+        domain: that it is in.
+        command: program and arguments.
+        environment: of it, besides.
+        options: of ``subprocess.Popen``.
+    """
+    given = private_environment(domain) | dict(environment or {})
+    process = subprocess.Popen(
+        list(map(str, command)), env=given, text=True, preexec_fn=_end_with_parent, **options
+    )
+    try:
+        yield process
+    finally:
+        stop_process(process)
+        if process.stdout is not None:
+            process.stdout.close()
 
 
 @contextmanager
@@ -259,6 +323,20 @@ def running(
         yield process
     finally:
         stop_process(process)
+
+
+def child_of(parent: int, name: bytes) -> int:
+    """Return a child whose command has a name, 0 if there is none."""
+    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
+    for pid in map(int, children):
+        try:
+            command = Path(f"/proc/{pid}/cmdline").read_bytes()
+            alive = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        except FileNotFoundError:
+            continue
+        if alive and name in command.split(b"\0"):
+            return pid
+    return 0
 
 
 def _parameters(values: Mapping[str, object]) -> list[Any]:

@@ -18,12 +18,12 @@ import pytest
 import rclpy
 from std_msgs.msg import Float64MultiArray, String
 
-from hapticmech_ros.graph import private_environment, stop_process
+from benchmarks.children import wait_until
 from hapticmech_ros.nodes import managed
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.messages import wait_until_acknowledged
 from hapticmech_ros.nodes.runtime import actor_type
-from ros.harness import RELIABLE, Peer
+from ros.harness import RELIABLE, Peer, program
 
 pytestmark = pytest.mark.ros
 TOPIC = "last_words"
@@ -61,22 +61,16 @@ def test_what_was_acknowledged_arrives_though_its_publisher_is_gone(domain: int)
 def standing_still(domain: int, publisher: Any, *messages: Any) -> Iterator[subprocess.Popen[str]]:
     """Let a subscriber hear the first of two messages, and stand still before the second comes."""
     topic, kind = publisher.topic_name, type(messages[0]).__name__
-    process = subprocess.Popen(
-        [sys.executable, "-c", SUBSCRIBER, topic, kind], env=private_environment(domain), text=True
-    )
-    end = time.monotonic() + 20.0
-    try:
-        while publisher.get_subscription_count() == 0:
-            assert time.monotonic() < end, f"a subscriber of {topic}"
-            time.sleep(0.01)
+    with program(domain, sys.executable, "-c", SUBSCRIBER, topic, kind) as process:
+        wait_until(publisher.get_subscription_count, 20.0, f"a subscriber of {topic}")
         publisher.publish(messages[0])
         assert wait_until_acknowledged([publisher], within_s=5.0)
         os.kill(process.pid, signal.SIGSTOP)
-        publisher.publish(messages[1])
-        yield process
-    finally:
-        os.kill(process.pid, signal.SIGCONT)
-        stop_process(process)
+        try:
+            publisher.publish(messages[1])
+            yield process
+        finally:
+            os.kill(process.pid, signal.SIGCONT)
 
 
 def test_a_subscriber_that_stands_still_is_not_waited_for_long(domain: int, peer: Peer) -> None:
@@ -91,14 +85,12 @@ def test_a_subscriber_that_stands_still_is_not_waited_for_long(domain: int, peer
 @pytest.mark.parametrize("step", ["end", "trigger_cleanup"])
 @pytest.mark.parametrize("others", [0, 1])
 def test_no_node_waits_where_another_of_its_process_acts(
-    domain: int, monkeypatch: pytest.MonkeyPatch, others: int, step: str
+    in_domain: int, monkeypatch: pytest.MonkeyPatch, others: int, step: str
 ) -> None:
     """A device would take longer than its command_timeout for the end of commands."""
     within_s = 2.0
     wait = partial(wait_until_acknowledged, within_s=within_s)
     monkeypatch.setattr(managed, "wait_until_acknowledged", wait)
-    for name, value in private_environment(domain).items():
-        monkeypatch.setenv(name, value)
     given = ["scene:=five_bar", "transport:=middleware"]
     rclpy.init(args=["--ros-args", *(word for one in given for word in ("-p", one))])
     names, exchange = ("nullspace_analyser", "mechanism_simulator")[: 1 + others], Exchange()
@@ -108,7 +100,7 @@ def test_no_node_waits_where_another_of_its_process_acts(
             node.start()
         model = nodes[0].resolve_topic_name("analysis/handle/operational_model")
         publisher = next(one for one in nodes[0].publishers if one.topic_name == model)
-        with standing_still(domain, publisher, Float64MultiArray(), Float64MultiArray()):
+        with standing_still(in_domain, publisher, Float64MultiArray(), Float64MultiArray()):
             if step != "end":
                 nodes[0].trigger_deactivate()
             begun = time.monotonic()

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The analyser alone: what it says of a state is what the core says, and nothing kills it."""
 
-import time
-
 import numpy as np
 import pytest
 from std_msgs.msg import Float64MultiArray, UInt8
 
-from hapticmech_ros import analyse, load_scene
+from hapticmech_ros import load_scene
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.mechanism.projection import consistent_initial_state
@@ -21,8 +19,6 @@ from ros.harness import RATE, Peer, refuses, running
 pytestmark = pytest.mark.ros
 # Of the loop: 2 d + 1 periods, d being 1.
 COMPENSATED_DELAY = 3.0 / RATE
-# s, longer than any delay from which rates of the past are taken.
-APART_S = 20.0 / RATE
 CONTACT = np.array([[0.1, -0.2, 0.0, 0.0, 0.0, 0.003]])
 
 
@@ -41,15 +37,15 @@ def _state(
     return Float64MultiArray(data=StateLayout(mechanism).pack(state).tolist())
 
 
-def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
+@pytest.mark.parametrize("closed", [True, False], ids=["loop", "open_chain"])
+def test_rendering_equals_the_core_analysis(domain: int, peer: Peer, closed: bool) -> None:
     mechanism = Mechanism(load_scene("five_bar"))
     q, _ = consistent_initial_state(mechanism)
     v = np.array([0.3, -0.2, 0.1, 0.4])
-    expected = analyse(mechanism, q, v=v)
-    terms = mechanism.evaluate(q, v, mechanism.initially_active)
-    compensated = Analyser(mechanism, compensated_delay=COMPENSATED_DELAY).compensated(
-        terms, expected
-    )
+    terms = mechanism.evaluate(q, v, (closed,))
+    analyser = Analyser(mechanism, compensated_delay=COMPENSATED_DELAY)
+    expected = analyser.analyse(terms)
+    compensated = analyser.compensated(terms, expected)
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     counts = peer.listen("analysis/handle/constraint_count", UInt8)
     matrices = peer.listen("analysis/handle/inverse_inertia", Float64MultiArray)
@@ -57,11 +53,11 @@ def test_rendering_equals_the_core_analysis(domain: int, peer: Peer) -> None:
     with running("nullspace_analyser", domain, view_rate=1000.0):
         states = peer.publisher("mechanism/state", Float64MultiArray)
 
-        def answered() -> bool:
-            states.publish(_state(peer, q, v))
-            return bool(models and counts and matrices and wrenches)
-
-        peer.until(answered, "an analysis")
+        peer.until(
+            lambda: models and counts and matrices and wrenches,
+            "an analysis",
+            doing=lambda: states.publish(_state(peer, q, v, closed)),
+        )
     # The first state: of later ones the compensation knows rates that were.
     found = read(OperationalModelMessage, models[0].data)
     # The same code on the same bits, in another process: equal, not merely close.
@@ -101,28 +97,3 @@ def test_bad_states_are_refused(domain: int, peer: Peer) -> None:
             refuses(peer, statuses, "nullspace_analyser", states, bad)
         assert process.poll() is None
     assert not models
-
-
-def test_an_open_loop_is_analysed_as_a_chain(domain: int, peer: Peer) -> None:
-    mechanism = Mechanism(load_scene("five_bar"))
-    q, _ = consistent_initial_state(mechanism)
-    v, opened = np.zeros(4), (False,)
-    terms = mechanism.evaluate(q, v, opened)
-    analyser = Analyser(mechanism, compensated_delay=COMPENSATED_DELAY)
-    expected = analyser.compensated(terms, analyser.analyse(terms))
-    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
-    with running("nullspace_analyser", domain):
-        states = peer.publisher("mechanism/state", Float64MultiArray)
-        sent = [0.0]
-
-        def answered() -> bool:
-            # So far apart that the rates of the one before say nothing: any answer may be the first
-            # that is received here.
-            if time.monotonic() > sent[-1] + APART_S:
-                states.publish(_state(peer, q, np.zeros(4), closed=False))
-                sent.append(time.monotonic())
-            return bool(models)
-
-        peer.until(answered, "the analysis of the open chain")
-    found = read(OperationalModelMessage, models[0].data)
-    assert np.array_equal(found.operational_model.inverse_inertia, expected.inverse_inertia)

@@ -15,24 +15,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, UInt8
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.compare import compare
-from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.wire.cdr import FlatArray
 from ros.bag_processes import bag_command
-from ros.harness import Peer
+from ros.harness import Peer, program
 
 pytestmark = pytest.mark.ros
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 FIELDS = {"stamp": 2, "value": 1}
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WAIT = ("--wait-for-subscribers", "20")
 
 
@@ -183,15 +182,8 @@ def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, tmp_pa
         "import fcntl, os, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
         "from hapticmech_ros.cli import main; main()"
     )
-    command = [sys.executable, "-c", main, "bag", "play", str(bag), "--paused"]
-    player = subprocess.Popen(
-        command,
-        env=private_environment(domain),
-        stdin=terminal[1],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    command = sys.executable, "-c", main, "bag", "play", bag, "--paused"
+    with program(domain, *command, stdin=terminal[1], stdout=subprocess.PIPE) as player:
         client = peer.node.create_client(Trigger, "/bag_player/pause")
         peer.until(client.service_is_ready, "the player")
         peer.until(lambda: peer.node.count_publishers("/arm/state") > 0, "its publisher")
@@ -200,10 +192,6 @@ def test_space_pauses(terminal: tuple[int, int], peer: Peer, domain: int, tmp_pa
         os.write(terminal[0], b"x ")
         peer.until(lambda: len(received) > 0, "messages after the space key")
         assert "space pauses" in end(player)
-    finally:
-        stop_process(player)
-        if player.stdout is not None:
-            player.stdout.close()
 
 
 def test_says_what_cannot_be_played(domain: int, tmp_path: Path) -> None:

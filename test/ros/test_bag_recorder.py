@@ -22,6 +22,7 @@ from std_msgs.msg import UInt8
 
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.nodes.bags.recorded_topic import adapted_offer, adapted_request, as_recorded
+from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.sources import WithInfo
 from ros.bag_processes import bag_command
 from ros.harness import Peer
@@ -30,7 +31,6 @@ pytestmark = pytest.mark.ros
 
 RELIABLE = QoSProfile(depth=100)
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def end(recorder: subprocess.Popen[str]) -> str:

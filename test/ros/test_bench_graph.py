@@ -5,26 +5,23 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 
 from benchmarks.graph.bare_node import PHASES
-from benchmarks.graph.benchmark import GraphResults, run_benchmark
+from benchmarks.graph.benchmark import run_benchmark
 from benchmarks.graph.checks import Expected
 from benchmarks.graph.plan import Configuration, Plan, Step
 from benchmarks.graph.recorded import ASKED, LOST
 from benchmarks.graph.run import STOLEN, Run, measure, processor_share
 from benchmarks.graph.statuses import ANSWERS, MISSED, PERCENTILES, SAID_HOPS, latency
 from benchmarks.graph.statuses import RATE as RATE_OF
-from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 from ros.harness import RATE
-from sampling import long_ones
 
 pytestmark = pytest.mark.ros
 
@@ -34,19 +31,9 @@ SLACK_HZ = 2.0
 
 
 @pytest.fixture
-def alone(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in private_environment(domain).items():
-        monkeypatch.setitem(os.environ, name, value)
+def alone(in_domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing is timed.
     monkeypatch.setattr("benchmarks.graph.run.SETTLES_S", 0.5)
-
-
-def run(out: Path, layout: str) -> tuple[GraphResults, list[str]]:
-    plan = Plan("five_bar", (RATE,), (layout,), (True,), SECONDS, 1)  # type: ignore[arg-type]
-    told: list[str] = []
-    results = run_benchmark(plan, out, told.append)
-    results.write(out)
-    return results, told
 
 
 def conserves(run: Run) -> None:
@@ -77,21 +64,19 @@ def processes(run: Run) -> set[str]:
     return {name for name in known if processor_share(name) in run.figures}
 
 
-def says_the_same(results: GraphResults) -> None:
-    """Assert that the bags of both graphs have the same in them."""
-    (comparison,) = results.comparisons
-    assert comparison.alike is not None
-    assert comparison.alike.held, comparison.alike.seen
-
-
 def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> None:
-    results, told = run(tmp_path, "separate")
+    plan, told = Plan("five_bar", (RATE,), ("separate",), (True,), SECONDS, 1), []
+    results = run_benchmark(plan, tmp_path, told.append)
+    results.write(tmp_path)
     assert [one.step.kind for one in results.runs] == ["real", "bare"]
     assert sum("graph, run" in line for line in told) == 2
     for one in results.runs:
         conserves(one)
         assert {*NODES, "probe", "recorder"} == processes(one)
-    says_the_same(results)
+    # The bags of both graphs have the same in them.
+    (comparison,) = results.comparisons
+    assert comparison.alike is not None
+    assert comparison.alike.held, comparison.alike.seen
     assert not (tmp_path / "bag").exists()
     assert results.machine["rmw"] == "rmw_fastrtps_cpp"
     document = json.loads((tmp_path / "bench_graph.json").read_text())
@@ -102,15 +87,6 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
     lines = [line.partition(": ")[0] for line in log.splitlines()]
     wanted = [*NODES, *(f"bare {name}" for name in NODES)]
     assert [name for name in wanted if name not in lines] == [], log
-
-
-@long_ones
-def test_both_graphs_in_one_process_say_the_same(alone: None, tmp_path: Path) -> None:
-    results, _ = run(tmp_path, "composed")
-    for one in results.runs:
-        conserves(one)
-        assert {"composed", "recorder", "probe"} == processes(one)
-    says_the_same(results)
 
 
 def test_the_bare_graph_keeps_the_real_ones_phases() -> None:

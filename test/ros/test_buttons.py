@@ -5,22 +5,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.duration import Duration
-from sensor_msgs.msg import JointState, Joy
+from sensor_msgs.msg import Joy
 from std_msgs.msg import UInt8MultiArray
 
 from benchmarks.haply.emulated import emulated
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.buttons import ButtonOutput, joy_buttons
 from hapticmech_ros.nodes.mechanism_ports import closure_button
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.numerics.times import NANOSECONDS
-from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, six
+from nodes.stand_ins import Publisher
+from ros.harness import OTHERS, WAIT_S, Peer, refuses, running, scene_like, six
 
 pytestmark = pytest.mark.ros
 TOPIC = "device/buttons"
@@ -30,9 +31,7 @@ HAND = "hand={kind: arm, impedance: firm, start_delay: 0.0, waypoints: [{time: 0
 
 @pytest.fixture
 def scene(tmp_path: Path) -> str:
-    path = tmp_path / "five_bar_haply.yaml"
-    copy_scene("five_bar", path, ["device={preset: inverse3}", HAND], False)
-    return str(path)
+    return scene_like(tmp_path, "five_bar", "device={preset: inverse3}", HAND)
 
 
 def told(messages: list[Joy]) -> list[list[int]]:
@@ -47,29 +46,35 @@ def test_a_handles_buttons_are_told_and_one_is_the_clutch(
     commands = peer.listen("device/servo_cf", WrenchStamped)
     controller = "teleoperation_controller"
 
-    def says(words: str) -> bool:
-        return controller in statuses and statuses[controller].message == words
-
     presses = ("--press", "a 6s 9s", "--press", "c 12s 1000s")
     with (
         emulated("--scene", scene, *presses) as service,
         running(OTHERS, domain, scene, diagnostics_period=0.1, clutch_button=1),
         running("haply_device", domain, scene, uri=service.uri, diagnostics_period=0.1),
     ):
-        peer.until(lambda: says("engaged"), "the controller to engage", 40.0)
+        peer.until(
+            lambda: statuses.sentence(controller) == "engaged", "the controller to engage", 40.0
+        )
         peer.until(lambda: told(received)[-1] == [1, 0, 0], "the button to be pressed", 40.0)
         peer.until(
-            lambda: says("disengaged: the button of the clutch is pressed"), "the open clutch"
+            lambda: (
+                statuses.sentence(controller) == "disengaged: the button of the clutch is pressed"
+            ),
+            "the open clutch",
         )
         # Zero at once, and then nothing more: the device is free, the mechanism is let go.
         assert not np.any(six(commands[-1]))
         said = len(commands)
         peer.until(lambda: told(received)[-1] == [0, 0, 0], "the button to be released", 40.0)
-        peer.until(lambda: says("engaged"), "the controller to engage again")
+        peer.until(
+            lambda: statuses.sentence(controller) == "engaged", "the controller to engage again"
+        )
         peer.until(lambda: len(commands) > said + 50, "commands again")
         # Another button is not the clutch.
         peer.until(lambda: told(received)[-1] == [0, 0, 1], "the other button", 40.0)
-        peer.until(lambda: says("engaged"), "the controller to be engaged")
+        peer.until(
+            lambda: statuses.sentence(controller) == "engaged", "the controller to be engaged"
+        )
     changes = [
         one for i, one in enumerate(told(received)) if i == 0 or one != told(received)[i - 1]
     ]
@@ -107,52 +112,17 @@ def test_a_button_opens_and_closes_a_loop(domain: int, peer: Peer) -> None:
         refuses(peer, statuses, node, buttons, Joy(buttons=[0] * 33))
 
 
-def test_the_relay_passes_the_buttons_of_its_source(
-    domain: int, peer: Peer, tmp_path: Path
-) -> None:
-    copy_scene("five_bar", tmp_path / "omega.yaml", ["device={preset: omega_3}"])
-    received = peer.listen(TOPIC, Joy, LATCHED)
-    given = {"button_topic": "/fd/buttons", "command_timeout": 0.1}
-    with running("relay_device", domain, str(tmp_path / "omega.yaml"), **given):
-        states = peer.publisher("/fd/joint_states", JointState)
-        buttons = peer.publisher("/fd/buttons", Joy)
-
-        def presses(*pressed: int) -> bool:
-            message = JointState(name=["fd_x", "fd_y", "fd_z"], position=[0.0] * 3)
-            message.velocity, message.header.stamp = [0.0] * 3, peer.now()
-            states.publish(message)
-            buttons.publish(Joy(buttons=pressed))
-            return bool(received) and told(received)[-1] == list(pressed)
-
-        peer.until(lambda: presses(1, 0), "the pressed button")
-        peer.until(lambda: presses(0, 1), "the other one")
-
-
-class StandInActor:
-    """Keeps what is published."""
-
-    def __init__(self) -> None:
-        self.sent: list[Joy] = []
-
-    def output(self, *given: object) -> StandInActor:
-        del given
-        return self
-
-    def publish(self, message: Joy) -> None:
-        self.sent.append(message)
-
-
 def test_changes_alone_are_told_and_a_handle_that_is_gone_is_released() -> None:
-    actor = StandInActor()
-    output = ButtonOutput(actor)  # type: ignore[arg-type]
+    told_to = Publisher()
+    output = ButtonOutput(SimpleNamespace(output=lambda *_: told_to))  # type: ignore[arg-type]
     for time_ns, pressed in enumerate(((), (False, True), (False, True), (True, True), (), ())):
         output.publish(pressed, time_ns)
-    assert told(actor.sent) == [[0, 1], [1, 1], [0, 0]]
-    assert [message.header.stamp.nanosec for message in actor.sent] == [1, 3, 4]
+    assert told(told_to.sent) == [[0, 1], [1, 1], [0, 0]]
+    assert [message.header.stamp.nanosec for message in told_to.sent] == [1, 3, 4]
     # Once a second for whoever comes late.
     for time_ns in (NANOSECONDS, NANOSECONDS + 4, NANOSECONDS + 5, 2 * NANOSECONDS + 4):
         output.publish((), time_ns)
-    assert [message.header.stamp.sec for message in actor.sent[3:]] == [1, 2]
+    assert [message.header.stamp.sec for message in told_to.sent[3:]] == [1, 2]
 
 
 def test_what_is_no_button_is_refused() -> None:

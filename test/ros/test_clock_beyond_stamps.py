@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.graph import ros_arguments
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.stamped import LAST_NS, LAST_SECOND
-from ros.harness import Peer, figures
+from ros.harness import Peer, figures, program
 
 pytestmark = pytest.mark.ros
 HOUR_S = 3600
@@ -44,7 +44,6 @@ def test_the_device_is_at_zero_until_the_clock_is_right_and_then_renders(
     samples = peer.listen("device/state", Float64MultiArray)
     given = {"scene": "five_bar", "diagnostics_period": 0.05, "transport": "middleware"}
     command = [sys.executable, "-c", GRAPH, str(path), *ros_arguments(given)]
-    process = start_process(command, private_environment(domain))
     edge_s = LAST_SECOND if beyond_s > 0 else 0
     ahead_ns = (edge_s + beyond_s) * NANOSECONDS - time.time_ns()
 
@@ -52,29 +51,30 @@ def test_the_device_is_at_zero_until_the_clock_is_right_and_then_renders(
         return read(DeviceStateMessage, samples[-1].data)
 
     def pushed() -> bool:
-        return bool(samples) and last().applied.any() and process.poll() is None
+        return bool(samples) and last().applied.any()
 
-    try:
-        with path.open("r+b") as file, mmap.mmap(file.fileno(), 8) as ahead:
-            peer.until(pushed, "the push")
-            seen = len(samples)
-            ahead[:] = struct.pack("q", ahead_ns)
-            peer.until(
-                lambda: len(samples) > seen and not last().applied.any(), "the zero of the device"
-            )
-            # While it fails and begins anew, time and again.
-            peer.run(1.5)
-            assert process.poll() is None
-            assert not last().applied.any()
-            assert last().stamp_ns == (LAST_NS if beyond_s > 0 else 0)
-            told = figures(statuses["haptic_device"])
-            assert "builtin_interfaces/Time" in told["last_failure"]
-            assert told["clock_steps"] == "1"
-            ahead[:] = bytes(8)
-            peer.until(pushed, "the push after it")
-            peer.until(
-                lambda: statuses["teleoperation_controller"].message == "engaged", "the engagement"
-            )
-            assert process.poll() is None
-    finally:
-        stop_process(process)
+    with (
+        program(domain, *command) as process,
+        path.open("r+b") as file,
+        mmap.mmap(file.fileno(), 8) as ahead,
+    ):
+        peer.until(pushed, "the push")
+        seen = len(samples)
+        ahead[:] = struct.pack("q", ahead_ns)
+        peer.until(
+            lambda: len(samples) > seen and not last().applied.any(), "the zero of the device"
+        )
+        # While it fails and begins anew, time and again.
+        peer.run(1.5)
+        assert process.poll() is None
+        assert not last().applied.any()
+        assert last().stamp_ns == (LAST_NS if beyond_s > 0 else 0)
+        told = figures(statuses["haptic_device"])
+        assert "builtin_interfaces/Time" in told["last_failure"]
+        assert told["clock_steps"] == "1"
+        ahead[:] = bytes(8)
+        peer.until(pushed, "the push after it")
+        peer.until(
+            lambda: statuses["teleoperation_controller"].message == "engaged", "the engagement"
+        )
+        assert process.poll() is None

@@ -65,15 +65,6 @@ def test_every_point_and_every_pair_is_published(domain: int, peer: Peer, scene_
     assert (np.diff(stamps) > 0).all()
 
 
-def test_a_scene_without_contacts_has_no_such_topics(domain: int, peer: Peer) -> None:
-    closures = peer.listen("mechanism/energy", Float64MultiArray)
-    with running("mechanism_simulator", domain):
-        peer.until(lambda: len(closures) > 3, "energies")
-        names = [name for name, _ in peer.node.get_topic_names_and_types()]
-    assert "/mechanism/energy" in names
-    assert not [name for name in names if name.startswith("/mechanism/contacts")]
-
-
 def test_the_viewer_draws_objects_and_the_forces_between_them(
     domain: int, peer: Peer, scene_file: str
 ) -> None:

@@ -3,7 +3,6 @@
 """The paper's experiment over real nodes agrees with the session, in four processes and in one."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import pytest
 
 from benchmarks.small_machine.demo_run import APART, POSITION_MM, ROTATION_DEG, faults
 from hapticmech_ros.experiment.demo import run_demo
-from hapticmech_ros.graph import private_environment
 from sampling import only_long
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
@@ -37,10 +35,8 @@ def run(scene: str, out: Path, composed: bool) -> dict[str, Any]:
     [("four_bar_closing", False), *only_long(("five_bar", False), ("five_bar", True))],
 )
 def test_graph_and_session_agree(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, composed: bool
+    in_domain: int, tmp_path: Path, scene: str, composed: bool
 ) -> None:
-    for name, value in private_environment(domain).items():
-        monkeypatch.setitem(os.environ, name, value)
     summary = run(scene, tmp_path, composed)
     assert summary["figures"] == list(FIGURES)
     # A loop that latches a few ms later or earlier than the session's moves on from elsewhere.
@@ -48,12 +44,8 @@ def test_graph_and_session_agree(
     assert found == []
 
 
-def test_two_users_agree_with_the_session(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_users_agree_with_the_session(in_domain: int, tmp_path: Path) -> None:
     """In rms: where left lets go, a period more or less is much."""
-    for name, value in private_environment(domain).items():
-        monkeypatch.setitem(os.environ, name, value)
     summary = run("two_users", tmp_path, composed=True)
     users = summary["users"]
     own = [f"{point}/{name}" for point in POINTS for name in FIGURES]

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,10 @@ import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
 
-from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.graph import private_environment
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.system.readiness import ADDRESS, Readiness
-from ros.harness import WAIT_S, Peer, figures, running, six
+from ros.harness import WAIT_S, Peer, figures, program, running, six
 from sampling import sampled
 
 pytestmark = pytest.mark.ros
@@ -137,22 +137,25 @@ def test_commands_that_end_by_themselves_succeed_in_their_order(
 @contextmanager
 def started(words: Sequence[str], folder: Path, domain: int) -> Iterator[subprocess.Popen[str]]:
     """Start a command and wait until it is ready; end it with the block."""
-    readiness = Readiness()
-    environment = private_environment(domain) | {ADDRESS: readiness.address}
-    with (folder / "output").open("w") as output:
-        process = subprocess.Popen(
-            words, cwd=folder, env=environment, stdout=output, stderr=subprocess.STDOUT, text=True
-        )
-        try:
-            end = time.monotonic() + 2 * WAIT_S
-            while process.pid not in readiness.pids():
-                assert process.poll() is None, (folder / "output").read_text()
-                assert time.monotonic() < end, f"{words} is not ready"
-                time.sleep(0.02)
-            yield process
-        finally:
-            stop_process(process)
-            readiness.close()
+    readiness, output = Readiness(), folder / "output"
+    with (
+        closing(readiness),
+        output.open("w") as stream,
+        program(
+            domain,
+            *words,
+            environment={ADDRESS: readiness.address},
+            cwd=folder,
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+        ) as process,
+    ):
+        end = time.monotonic() + 2 * WAIT_S
+        while process.pid not in readiness.pids():
+            assert process.poll() is None, output.read_text()
+            assert time.monotonic() < end, f"{words} is not ready"
+            time.sleep(0.02)
+        yield process
 
 
 @pytest.mark.parametrize("command", sampled(EACH_LASTING, every=2))
@@ -209,17 +212,11 @@ FOUR = ("haptic_device", "mechanism_simulator", "nullspace_analyser", "teleopera
 
 def test_the_program_that_pushes_pushes(folder: Path, domain: int, peer: Peer) -> None:
     page = (ROOT / "docs" / "wrenches.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    (folder / "pusher.py").write_text(program, encoding="utf-8")
+    (pushes,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (folder / "pusher.py").write_text(pushes, encoding="utf-8")
     received = peer.listen("mechanism/handle/external_cf/pusher", WrenchStamped)
-    process = subprocess.Popen(
-        [sys.executable, "pusher.py"], cwd=folder, env=private_environment(domain)
-    )
-    try:
+    with program(domain, sys.executable, "pusher.py", cwd=folder):
         peer.until(lambda: len(received) > 2, "wrenches", 2 * WAIT_S)
-    finally:
-        process.kill()
-        process.wait()
     assert {(message.header.frame_id, *six(message)) for message in received} == {
         ("world", 0.0, 0.4, 0.0, 0.0, 0.0, 0.0)
     }

@@ -2,18 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `ros2 run` starts: found through ament, run for real, ended by a signal."""
 
-import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from hapticmech_ros.graph import stop_process
 from hapticmech_ros.nodes.entry import NODES
-from ros.harness import Peer
+from ros.harness import Peer, program
 
 pytestmark = pytest.mark.ros
 
@@ -25,11 +22,8 @@ def test_executable_in_lib_runs_as_a_node(
     monkeypatch.setenv("AMENT_PREFIX_PATH", sys.prefix)
     executable = Path(get_package_prefix("hapticmech_ros")) / "lib" / "hapticmech_ros" / name
     statuses = peer.statuses()
-    process = subprocess.Popen([executable, "--ros-args", "-p", "scene:=two_link"], env=os.environ)
-    try:
+    with program(domain, executable, "--ros-args", "-p", "scene:=two_link") as process:
         peer.until(lambda: name in statuses, f"diagnostics of {name}")
         assert statuses[name].hardware_id == "two_link"
         process.send_signal(signal.SIGINT)
         assert process.wait(10.0) == 0
-    finally:
-        stop_process(process)

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from hapticmech_ros import Simulator, load_scene
 from oracles.kinematics import link_poses
-from ros.harness import Peer, figures, running, six
+from ros.harness import Peer, running, six
 
 pytestmark = pytest.mark.ros
 SCENE = load_scene("spatial_arm")
@@ -65,14 +65,12 @@ class Pushed:
 
     def until(self, condition: Any, what: str) -> None:
         """Push until a condition holds."""
+        self.peer.until(condition, what, doing=self._go_on)
 
-        def holds() -> bool:
-            for publisher, wrench, frame in self._pushing.values():
-                publisher.publish(self.peer.wrench(*wrench, frame=frame))
-            self.peer.run(0.01)
-            return bool(condition())
-
-        self.peer.until(holds, what)
+    def _go_on(self) -> None:
+        for publisher, wrench, frame in self._pushing.values():
+            publisher.publish(self.peer.wrench(*wrench, frame=frame))
+        self.peer.run(0.01)
 
     def until_force(self, *expected: float, tolerance: float = 0.0) -> None:
         """Push until the mechanism measures a wrench at its handle."""
@@ -85,13 +83,10 @@ class Pushed:
 
     def until_status(self, key: str, *words: str) -> None:
         """Push until diagnostics say all these words of something."""
-
-        def said() -> bool:
-            status = self.statuses.get(NODE)
-            value = figures(status).get(key, "") if status else ""
-            return all(word in value for word in words)
-
-        self.until(said, f"{key} to say {words}")
+        self.until(
+            lambda: all(word in self.statuses.figure(NODE, key) for word in words),
+            f"{key} to say {words}",
+        )
 
     def until_warned(self, *words: str) -> None:
         """Push until a line of the log has all these words."""
@@ -189,9 +184,8 @@ def test_slips_are_refused_and_named(domain: int, peer: Peer) -> None:
         arm.push("tip/external_cf", 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)
         arm.until_status("last_refusal", "handle/external_cf", "tool0", "handle_world", "hand")
         arm.until_status("last_refusal", "elbow/external_cf/persistent/me", "nan", "finite")
-        status = figures(arm.statuses[NODE])
-        assert int(status["refused_messages"]) > 1
-        assert status["pushed_by"] == "nobody"
+        assert arm.statuses.count(NODE, "refused_messages") > 1
+        assert arm.statuses.figure(NODE, "pushed_by") == "nobody"
         arm.until_warned("/mechanism/tip/external_cf", "handle", "forearm")
         assert not any("servo_cf" in log.msg for log in arm.logs)
         arm.new_publisher("handle/external_cf")

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from ruamel.yaml import YAML
 
 from hapticmech_ros import Simulator, load_scene
 from hapticmech_ros.nodes.messages import write_pose
-from hapticmech_ros.scene import document_of
-from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, scene_like, six
 from sampling import sampled
 
 pytestmark = pytest.mark.ros
@@ -73,6 +72,13 @@ class Driver:
         self.frame = "world"
         self._next = time.monotonic()
 
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        """Go on until a condition holds."""
+        end = time.monotonic() + 2 * WAIT_S
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain for {what}"
+            self.go_on()
+
     def go_on(self) -> None:
         """Step to the present and say where it is then."""
         peer = self._peer
@@ -113,25 +119,14 @@ def graph(
     domain: int, folder: Path, sensor: str, axes: str = "world", **more: object
 ) -> Iterator[None]:
     """Run the other three nodes for a device whose hand is known in a way."""
-    document = document_of(SCENE)
-    document["device"] |= {"force_sensor": sensor, "servo_axes": axes}
-    document["device"]["safety"]["command_timeout"] = 0.5
-    path = folder / "scene.yaml"
-    with path.open("w") as stream:
-        YAML(typ="safe", pure=True).dump(document, stream)
+    device = f"device.force_sensor={sensor}", f"device.servo_axes={axes}"
+    scene = scene_like(folder, "five_bar", *device, "device.safety.command_timeout=0.5")
     names = ("measured_cp", "measured_cv", "measured_cf", "hand/measured_cf", "servo_cf")
     if axes == "body":
         names += ("body/servo_cf", "body/measured_cf")
     remaps = {f"device/{name}": f"/omega/{name}" for name in names}
-    with running(OTHERS, domain, str(path), remaps, input_timeout=0.2, **more):
+    with running(OTHERS, domain, scene, remaps, input_timeout=0.2, **more):
         yield
-
-
-def until(driver: Driver, condition: Any, what: str) -> None:
-    end = time.monotonic() + 2 * WAIT_S
-    while not condition():
-        assert time.monotonic() < end, f"waited in vain for {what}"
-        driver.go_on()
 
 
 def apart(driver: Driver, points: list[PoseStamped]) -> list[float]:
@@ -178,12 +173,12 @@ def test_the_mechanism_is_felt(
         points = peer.listen("mechanism/handle/measured_cp", PoseStamped)
         driver = Driver(peer, says, rate, turn)
         # Until the springs have come in.
-        until(driver, lambda: len(driver.commands) > rate, "a second of commands")
+        driver.until(lambda: len(driver.commands) > rate, "a second of commands")
         # Nobody pushes: it stays where it is.
         assert np.abs(driver.pose.translation - driver.began.translation).max() < 1e-3
         driver.pushing = True
         goal = driver.began.translation[0] - 0.02
-        until(driver, lambda: driver.pose.translation[0] < goal, "way")
+        driver.until(lambda: driver.pose.translation[0] < goal, "way")
     found = apart(driver, points)
     assert len(found) > 5
     # The mechanism comes along. Without knowing of the hand, the springs alone pull it.
@@ -204,34 +199,30 @@ def test_what_is_no_motion_of_a_device_is_not_felt(
     domain: int, peer: Peer, tmp_path: Path, away: tuple[float, ...], more: float, said: str
 ) -> None:
     statuses = peer.statuses()
-
-    def status(key: str) -> str:
-        return figures(statuses["teleoperation_controller"]).get(key, "")
+    controller = "teleoperation_controller"
 
     with graph(domain, tmp_path, "estimated"):
         driver = Driver(peer, ("measured_cv",), 500.0)
-        until(driver, lambda: len(driver.commands) > 500, "a second of commands")
-        faults = int(status("motion_faults") or 0)
-        engagements = int(status("engagements") or 0)
+        driver.until(lambda: len(driver.commands) > 500, "a second of commands")
+        faults = statuses.count(controller, "motion_faults")
+        engagements = statuses.count(controller, "engagements")
         driver.commands.clear()
         driver.away[:], driver.more[0] = away, more
-        until(driver, lambda: int(status("motion_faults")) > faults, "the fault")
+        driver.until(lambda: statuses.count(controller, "motion_faults") > faults, "the fault")
         if more:
             sentence = "disengaged: the device"
-            until(
-                driver,
-                lambda: statuses["teleoperation_controller"].message.startswith(sentence),
-                "its sentence",
-            )
-            assert said in statuses["teleoperation_controller"].message
+            driver.until(lambda: statuses.sentence(controller).startswith(sentence), "its sentence")
+            assert said in statuses.sentence(controller)
             driver.commands.clear()
             again = time.monotonic() + 0.5
-            until(driver, lambda: time.monotonic() > again, "half a second")
+            driver.until(lambda: time.monotonic() > again, "half a second")
             assert not any(any(six(command)) for command in driver.commands)
             driver.more[0] = 0.0
         # It goes on where the device is now.
-        until(driver, lambda: int(status("engagements")) > engagements, "another engagement")
-        until(driver, lambda: len(driver.commands) > 500, "commands")
+        driver.until(
+            lambda: statuses.count(controller, "engagements") > engagements, "another engagement"
+        )
+        driver.until(lambda: len(driver.commands) > 500, "commands")
         assert max(np.abs(six(command)[:3]).max() for command in driver.commands) < 1.0
 
 
@@ -239,16 +230,13 @@ def test_what_a_driver_lacks_is_said_by_its_own_names(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
     statuses = peer.statuses()
-
-    def sentence() -> str:
-        status = statuses.get("teleoperation_controller")
-        return "" if status is None else str(status.message)
+    sentence = partial(statuses.sentence, "teleoperation_controller")
 
     with graph(domain, tmp_path, "measured"):
         both = "/device/state or /omega/measured_cp"
         peer.until(lambda: both in sentence(), "what a device needs", 2 * WAIT_S)
         driver = Driver(peer, ("measured_cv", "measured_cf"), 200.0)
-        until(driver, lambda: sentence() == "waiting for /omega/hand/measured_cf", "its name")
+        driver.until(lambda: sentence() == "waiting for /omega/hand/measured_cf", "its name")
     assert not driver.commands
     assert figures(statuses["teleoperation_controller"])["engagements"] == "0"
 
@@ -265,16 +253,13 @@ def test_what_is_told_in_another_frame_is_refused_with_what_mends_it(
     domain: int, peer: Peer, tmp_path: Path, frame: str, remedy: str
 ) -> None:
     statuses = peer.statuses()
-
-    def sentence() -> str:
-        status = statuses.get("teleoperation_controller")
-        return "" if status is None else str(status.message)
+    sentence = partial(statuses.sentence, "teleoperation_controller")
 
     with graph(domain, tmp_path, "estimated"):
         driver = Driver(peer, ("measured_cv",), 200.0)
         driver.frame = frame
         named = "/omega/measured_cp (refused: frame_id: must be 'world'"
-        until(driver, lambda: named in sentence(), "the topic's name")
+        driver.until(lambda: named in sentence(), "the topic's name")
         assert remedy in sentence()
         assert f"(got '{frame}')" in sentence()
         assert not driver.commands
@@ -284,4 +269,4 @@ def test_a_frame_that_is_told_is_taken(domain: int, peer: Peer, tmp_path: Path) 
     with graph(domain, tmp_path, "estimated", device_frame="MTMR_base"):
         driver = Driver(peer, ("measured_cv",), RATE)
         driver.frame = "MTMR_base"
-        until(driver, lambda: len(driver.commands) > 50, "commands")
+        driver.until(lambda: len(driver.commands) > 50, "commands")

@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from std_msgs.msg import Float64MultiArray, UInt8
+from std_msgs.msg import UInt8
 
-from hapticmech_ros.graph import Graph, private_environment, stop_process
+from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
-from hapticmech_ros.wire.bounds import read
-from hapticmech_ros.wire.messages import OperationalModelMessage
 from real_time import grants_real_time
-from ros.harness import RATE, Peer, figures, running, six
+from ros.harness import RATE, Peer, figures, program, running
 
 pytestmark = pytest.mark.ros
 # With a machine that has other work.
@@ -49,28 +47,6 @@ def test_the_hand_moves_the_mechanism(domain: int, peer: Peer, composed: bool) -
     assert set(codes.values()) == {0}
 
 
-@pytest.mark.parametrize("victim", list(NODES))
-def test_a_node_dies_and_comes_back(domain: int, peer: Peer, victim: str) -> None:
-    commands = peer.listen("device/servo_cf", WrenchStamped)
-    forces = peer.listen("device/hand/measured_cf", WrenchStamped)
-    models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
-    parameters, environment = {"control_rate": RATE}, private_environment(domain)
-    with Graph("five_bar", parameters=parameters, environment=environment) as graph:
-        peer.until(lambda: forces and six(forces[-1])[0] == -0.5, "the hand pushing")
-        graph.processes[victim].kill()
-        graph.processes[victim].wait()
-        if victim != "haptic_device":
-            # No commands, so the hand lets go, and the actuators are at zero.
-            peer.until(lambda: six(forces[-1]) == [0.0] * 6, "the hand letting go", 3.0)
-        with running(victim, domain):
-            seen = len(commands)
-            peer.until(lambda: len(commands) > seen + 200, "commands again")
-            peer.until(lambda: six(forces[-1])[0] == -0.5, "the hand pushing again")
-            peer.until(lambda: models, "renderings")
-    assert all(np.isfinite(six(m)).all() for m in commands)
-    assert read(OperationalModelMessage, models[-1].data).count >= 1
-
-
 def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: Peer) -> None:
     commands = peer.listen("device/servo_cf", WrenchStamped)
     statuses = peer.statuses()
@@ -87,54 +63,11 @@ def test_composed_nodes_hear_each_other_once_and_others_too(domain: int, peer: P
         )
         publish = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
 
-        def pushed() -> bool:
-            publish.publish(peer.wrench(0.1, 0, 0, 0, 0, 0))
-            return "external_cf" in figures(statuses["mechanism_simulator"])["pushed_by"]
-
-        peer.until(pushed, "a wrench from outside to reach the mechanism")
-
-
-def test_nodes_start_in_any_order(domain: int, peer: Peer) -> None:
-    commands = peer.listen("device/servo_cf", WrenchStamped)
-    with running("teleoperation_controller", domain), running("nullspace_analyser", domain):
-        peer.run(0.5)
-        with running("haptic_device", domain):
-            peer.run(0.5)
-            assert not commands
-            with running("mechanism_simulator", domain):
-                peer.until(lambda: len(commands) > 100, "commands")
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", list(NODES))
-def test_signals_end_a_node_with_exit_code_zero(
-    domain: int, peer: Peer, name: str, number: signal.Signals
-) -> None:
-    statuses = peer.statuses()
-    with running(name, domain) as process:
-        peer.until(lambda: name in statuses, "the node")
-        process.send_signal(number)
-        process.send_signal(number)
-        assert process.wait(10.0) == 0
-
-
-def test_two_graphs_in_namespaces_do_not_mix(domain: int, peer: Peer) -> None:
-    left = peer.listen("/left/device/measured_cp", PoseStamped)
-    right = peer.listen("/right/device/measured_cp", PoseStamped)
-    rest = peer.listen("/device/measured_cp", PoseStamped)
-    given: dict = {"parameters": {"control_rate": RATE}, "environment": private_environment(domain)}
-    one = Graph("five_bar", True, "left", **given)
-    try:
-        with Graph("two_link", True, "right", **given):
-            peer.until(lambda: left and right, "both devices")
-    finally:
-        one.stop()
-    assert not rest
-
-
-def test_a_bad_scene_ends_the_node_with_a_clear_message(domain: int) -> None:
-    with running("haptic_device", domain, scene="no_such_scene") as process:
-        assert process.wait(20.0) == 1
+        peer.until(
+            lambda: "external_cf" in figures(statuses["mechanism_simulator"])["pushed_by"],
+            "a wrench from outside to reach the mechanism",
+            doing=lambda: publish.publish(peer.wrench(0.1, 0, 0, 0, 0, 0)),
+        )
 
 
 def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
@@ -146,20 +79,12 @@ def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
         "print(next(iter(graph.processes.values())).pid, flush=True)\n"
         "time.sleep(60)\n"
     )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", script],
-        env=private_environment(domain),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    with program(domain, sys.executable, "-c", script, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         peer.until(lambda: "haptic_device" in statuses, "the graph")
         parent.kill()
         peer.until(lambda: not _alive(child), "the graph's end")
-    finally:
-        stop_process(parent)
 
 
 def _travel(poses: list[PoseStamped]) -> float:
@@ -178,12 +103,8 @@ def _alive(pid: int) -> bool:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.Signals) -> None:
     statuses = peer.statuses()
-    command = [sys.executable, "-c", "from hapticmech_ros.cli import main; main()"]
-    process = subprocess.Popen(
-        [*command, "run", "two_link", "--composed", "--control-rate", f"{RATE:g}"],
-        env=private_environment(domain),
-    )
-    try:
+    command = [sys.executable, "-m", "hapticmech_ros", "run", "two_link", "--composed"]
+    with program(domain, *command, "--control-rate", f"{RATE:g}") as process:
         peer.until(lambda: set(NODES) <= set(statuses), "the graph")
         # Of what was never rendered the end is no success.
         peer.until(lambda: statuses["haptic_device"].message == "rendering", "a force")
@@ -192,5 +113,3 @@ def test_the_run_command_ends_its_graph(domain: int, peer: Peer, number: signal.
         statuses.clear()
         peer.run(1.5)
         assert not statuses
-    finally:
-        stop_process(process)

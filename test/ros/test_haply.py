@@ -8,6 +8,7 @@ import json
 import sys
 import time
 from pathlib import Path
+from subprocess import DEVNULL, PIPE
 
 import numpy as np
 import pytest
@@ -17,13 +18,12 @@ from typer.testing import CliRunner
 
 from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
-from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from oracles.users import two_points
-from ros.harness import OTHERS, RATE, WAIT_S, Peer, figures, running, six
+from ros.harness import OTHERS, RATE, WAIT_S, Peer, Statuses, figures, program, running, six
 from sampling import only_long
 
 pytestmark = pytest.mark.ros
@@ -45,13 +45,9 @@ def scene(tmp_path: Path) -> Path:
 
 
 def rendering(
-    peer: Peer, statuses: dict, name: str = "haply_device", message: str = "rendering"
+    peer: Peer, statuses: Statuses, name: str = "haply_device", message: str = "rendering"
 ) -> None:
-    def well() -> bool:
-        status = statuses.get(name)
-        return status is not None and status.message == message
-
-    peer.until(well, f"{name} to be {message}")
+    peer.until(lambda: statuses.sentence(name) == message, f"{name} to be {message}")
 
 
 def resistance(trace: Path) -> float:
@@ -131,7 +127,7 @@ def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
 
 
 def led_through_it(
-    domain: int, peer: Peer, path: Path, trace: Path, statuses: dict, told: list
+    domain: int, peer: Peer, path: Path, trace: Path, statuses: Statuses, told: list
 ) -> tuple[np.ndarray, float, bool]:
     """Return by how much the device a moved, and the emulated one of b along x: means at rest.
 
@@ -139,52 +135,49 @@ def led_through_it(
     """
 
     def times_held() -> list[str]:
-        devices = (statuses["a/haptic_device"], statuses["b/haply_device"])
-        controllers = (statuses[f"{point}/teleoperation_controller"] for point in "ab")
-        held = [figures(status)["times_held"] for status in devices]
-        return held + [figures(status)["engagements"] for status in controllers]
+        devices = ("a/haptic_device", "b/haply_device")
+        held = [statuses.figure(name, "times_held") for name in devices]
+        controllers = [f"{point}/teleoperation_controller" for point in "ab"]
+        return held + [statuses.figure(name, "engagements") for name in controllers]
 
     place = DeviceStateMessage.layout.slice("position")
     # The service is as patient as the nodes: a force that ends now and then balances elsewhere.
     patient = ("--idle-after", "100ms")
-    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service:
-        command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
-        command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]
-        for setting in SETTINGS:
-            command += ["--set", setting]
-        process = start_process(command, private_environment(domain))
-        try:
-            rendering(peer, statuses, "a/haptic_device")
-            rendering(peer, statuses, "b/haply_device")
-            for point in "ab":
-                rendering(peer, statuses, f"{point}/teleoperation_controller", "engaged")
-            # While processes start, one stops another.
-            peer.run(SETTLES)
-            start, held = np.array(told[-1].data[place]), times_held()
+    command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
+    for setting in SETTINGS:
+        command += ["--set", setting]
+    with (
+        emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service,
+        program(
+            domain, *command, "--device", "b=haply", "--set", f"haply_device.uri={service.uri}"
+        ),
+    ):
+        rendering(peer, statuses, "a/haptic_device")
+        rendering(peer, statuses, "b/haply_device")
+        for point in "ab":
+            rendering(peer, statuses, f"{point}/teleoperation_controller", "engaged")
+        # While processes start, one stops another.
+        peer.run(SETTLES)
+        start, held = np.array(told[-1].data[place]), times_held()
 
-            looked = Trace(trace)
-            # The emulator's time is behind on a busy machine.
-            peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
-
-            def led() -> bool:
-                # What it tells is heard later than the trace is read on a busy machine.
-                return bool(abs(told[-1].data[place][0] - start[0]) > 0.5 * RESTS_AT)
-
-            peer.until(led, "the device a to be led")
-            peer.run(SETTLES)
-            told.clear()
-            at = len(looked.look())
-            peer.run(SETTLES)
-            # Delays that vary make both move about where they rest.
-            way = np.mean([message.data[place] for message in told], axis=0) - start
-            return way, float(looked.look()[at:, 1].mean()), times_held() != held
-        finally:
-            stop_process(process)
+        looked = Trace(trace)
+        # The emulator's time is behind on a busy machine.
+        peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
+        # What it tells is heard later than the trace is read on a busy machine.
+        half = 0.5 * RESTS_AT
+        peer.until(lambda: abs(told[-1].data[place][0] - start[0]) > half, "a to be led")
+        peer.run(SETTLES)
+        told.clear()
+        at = len(looked.look())
+        peer.run(SETTLES)
+        # Delays that vary make both move about where they rest.
+        way = np.mean([message.data[place] for message in told], axis=0) - start
+        return way, float(looked.look()[at:, 1].mean()), times_held() != held
 
 
 @pytest.mark.alone
 @pytest.mark.parametrize("victim", ["driver", "service", *only_long("controller")])
-def test_the_force_ends_when_one_of_them_is_killed(
+def test_the_force_ends_when_one_of_them_is_killed_and_a_service_may_come_back(
     domain: int, peer: Peer, scene: Path, tmp_path: Path, victim: str
 ) -> None:
     trace = tmp_path / "trace.csv"
@@ -198,6 +191,7 @@ def test_the_force_ends_when_one_of_them_is_killed(
     ):
         rendering(peer, statuses)
         peer.until(lambda: np.abs(Trace(trace).look()[-20:, 4:7]).max() > 0.1, "a force")
+        lost = statuses.count("haply_device", "connections_lost")
         process = {"driver": driver, "controller": others, "service": service.process}[victim]
         process.kill()
         killed, when = time.monotonic(), time.time()
@@ -209,6 +203,9 @@ def test_the_force_ends_when_one_of_them_is_killed(
             # By their stamps: some that were sent before may be heard late.
             stamps = [message.data[0] + 1e-9 * message.data[1] for message in told]
             assert max(stamps) < when + 0.2, "no device, no samples"
+            with emulated("--scene", str(scene), port=service.port):
+                rendering(peer, statuses)
+                assert statuses.count("haply_device", "connections_lost") == lost + 1
             return
         peer.run(1.5)
     found = Trace(trace).look()
@@ -219,31 +216,8 @@ def test_the_force_ends_when_one_of_them_is_killed(
     assert not forces[after[:, 0] > killed + 1.0].any()
 
 
-def test_it_engages_again_with_a_service_that_comes_back(
-    domain: int, peer: Peer, scene: Path
-) -> None:
-    statuses = peer.statuses()
-    with (
-        running(OTHERS, domain, str(scene), **PATIENT),
-        emulated("--scene", str(scene)) as first,
-        running("haply_device", domain, str(scene), uri=first.uri, **PATIENT),
-    ):
-        rendering(peer, statuses)
-        before = int(figures(statuses["haply_device"])["connections_lost"])
-        first.process.kill()
-        first.process.wait()
-        peer.until(lambda: statuses["haply_device"].message != "rendering", "its loss")
-        with emulated("--scene", str(scene), port=first.port):
-            rendering(peer, statuses)
-            assert int(figures(statuses["haply_device"])["connections_lost"]) == before + 1
-
-
 @pytest.mark.alone
-def test_it_keeps_every_rule_of_a_driver(
-    domain: int, peer: Peer, scene: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in private_environment(domain).items():
-        monkeypatch.setenv(name, value)
+def test_it_keeps_every_rule_of_a_driver(domain: int, in_domain: int, scene: Path) -> None:
     still = "hand={kind: arm, impedance: firm, start_delay: 0.0, waypoints: [{time: 0.0}]}"
     copy_scene(str(scene), scene.with_name("still.yaml"), [still], False)
     with (
@@ -289,8 +263,7 @@ class BadDriver:
         self._force = tuple(six(message))
 
     def _tell(self) -> None:
-        pose = self._peer.pose(w=1.1)
-        pose.header.frame_id = "base"
+        pose = self._peer.pose(w=1.1, frame="base")
         pose.header.stamp.sec -= 5
         self._pose.publish(pose)
         # Its hand swings at 8 mm/s, which it says is 8 m/s.
@@ -299,20 +272,12 @@ class BadDriver:
 
 
 @pytest.mark.alone
-def test_a_driver_that_breaks_rules_is_told_which(
-    domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in private_environment(domain).items():
-        monkeypatch.setenv(name, value)
+def test_a_driver_that_breaks_rules_is_told_which(domain: int, peer: Peer) -> None:
     BadDriver(peer)
     command = [sys.executable, "-m", "hapticmech_ros", "device", "test"]
-    process = start_process(command, private_environment(domain), pipe_output=True)
-    try:
+    with program(domain, *command, stdin=DEVNULL, stdout=PIPE) as process:
         peer.until(lambda: process.poll() is not None, "the end of the test", 4.0 * WAIT_S)
         said = process.stdout.read()
-    finally:
-        stop_process(process)
-        process.stdout.close()
     assert process.returncode == 1
     # Norm, frame, age, velocity, speed, end of the force, not a number, old: eight of eleven.
     assert said.count("NO") == 8, said

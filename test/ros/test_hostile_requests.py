@@ -43,10 +43,7 @@ def said(value: int | float | str, kind: int = NO_TYPE, name: str = "view_rate")
 def engaged(domain: int, peer: Peer) -> Iterator[dict[str, Any]]:
     """Yield the last status of every node of a graph that renders, and does so afterwards."""
     statuses = peer.statuses()
-
-    def renders() -> bool:
-        status = statuses.get("teleoperation_controller")
-        return status is not None and status.message == "engaged"
+    renders = lambda: statuses.sentence("teleoperation_controller") == "engaged"  # noqa: E731
 
     with running(",".join(EVERY), domain, diagnostics_period=0.1) as process:
         peer.until(renders, "the engagement")

@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
@@ -18,7 +20,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import Lane, lane_folder
 from ros.bag_processes import bag_command
-from ros.harness import RATE, Peer, figures, six
+from ros.harness import RATE, Peer, Statuses, figures, six
 
 pytestmark = pytest.mark.ros
 
@@ -33,20 +35,35 @@ SENDERS = {
 OFTEN = {"diagnostics_period": 0.1, "control_rate": RATE}
 
 
-def ways(statuses: dict, topic: str) -> str:
-    status = statuses.get(SENDERS[topic])
-    return "" if status is None else figures(status).get(f"transport of {topic}", "")
+def ways(statuses: Statuses, topic: str) -> str:
+    return statuses.figure(SENDERS[topic], f"transport of {topic}")
 
 
-def all_go(statuses: dict, way: str) -> Callable[[], bool]:
+def all_go(statuses: Statuses, way: str) -> Callable[[], bool]:
     return lambda: all(ways(statuses, topic) == way for topic in SENDERS)
 
 
-def renders(statuses: dict) -> Callable[[], bool]:
-    return lambda: all(
-        node in statuses and ord(statuses[node].level) == 0
-        for node in ("haptic_device", "teleoperation_controller")
-    )
+def renders(statuses: Statuses) -> Callable[[], bool]:
+    return lambda: statuses.well("haptic_device", "teleoperation_controller")
+
+
+def answers(peer: Peer, statuses: Statuses, number: int) -> None:
+    """Wait until the controller has answered so many samples more, and nobody takes one for two."""
+    node = "teleoperation_controller"
+    enough = statuses.count(node, "answers") + number
+    peer.until(lambda: statuses.count(node, "answers") > enough, "answers")
+    assert not any(statuses.figure(name, "fault") for name in statuses)
+
+
+@contextmanager
+def rendering(peer: Peer, domain: int, **given: Any) -> Iterator[tuple[Graph, Statuses]]:
+    """Run a graph that renders; yield it, and what its nodes say."""
+    statuses = peer.statuses()
+    parameters = {**OFTEN, **given.pop("parameters", {})}
+    environment = private_environment(domain)
+    with Graph("five_bar", parameters=parameters, environment=environment, **given) as graph:
+        peer.until(renders(statuses), "rendering")
+        yield graph, statuses
 
 
 def is_heard(peer: Peer, topic: str, node: str) -> bool:
@@ -62,11 +79,9 @@ def folder_of(domain: int) -> Path:
 def test_control_topics_take_the_lane_and_the_middleware_serves_whoever_listens(
     domain: int, peer: Peer
 ) -> None:
-    statuses = peer.statuses()
-    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
-        peer.until(renders(statuses), "rendering")
+    with rendering(peer, domain) as (graph, statuses):
         peer.until(all_go(statuses, "lane"), "the lane to carry everything")
-        assert all(figures(statuses[node])["transport"] == "lane and middleware" for node in NODES)
+        assert {statuses.figure(n, "transport") for n in NODES} == {"lane and middleware"}
         received = peer.listen("device/state", Float64MultiArray)
         topic = "/device/state"
         peer.until(lambda: ways(statuses, topic) == "lane, middleware", "both to carry it")
@@ -75,20 +90,17 @@ def test_control_topics_take_the_lane_and_the_middleware_serves_whoever_listens(
         assert stamps == sorted(set(stamps))
         # Nobody takes the copies that come to the nodes for another publisher's.
         assert renders(statuses)()
-        assert figures(statuses["teleoperation_controller"])["engagements"] != "0"
-        assert not any(figures(status).get("fault") for status in statuses.values())
+        assert statuses.count("teleoperation_controller", "engagements")
+        assert not any(statuses.figure(name, "fault") for name in statuses)
         assert len(list(folder_of(domain).iterdir())) == len(NODES)
         graph.stop()
     assert not [path for path in folder_of(domain).iterdir() if not path.name.startswith(".")]
 
 
 def test_without_it_everything_takes_the_middleware(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
-    parameters = {**OFTEN, "transport": "middleware"}
     # A test that killed nodes may have had this domain before.
     before = set(folder_of(domain).iterdir())
-    with Graph("five_bar", parameters=parameters, environment=private_environment(domain)):
-        peer.until(renders(statuses), "rendering")
+    with rendering(peer, domain, parameters={"transport": "middleware"}) as (_, statuses):
         assert {figures(statuses[node])["transport"] for node in NODES} == {"middleware"}
         assert not any("transport of" in key for s in statuses.values() for key in figures(s))
         assert set(folder_of(domain).iterdir()) <= before
@@ -98,9 +110,7 @@ def test_without_it_everything_takes_the_middleware(domain: int, peer: Peer) -> 
 def test_a_node_that_is_shut_down_or_cleaned_up_stays_and_has_said_that_all_is_at_zero(
     domain: int, peer: Peer, transitions: list[str]
 ) -> None:
-    statuses = peer.statuses()
-    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
-        peer.until(renders(statuses), "rendering")
+    with rendering(peer, domain) as (graph, _):
         setpoints = peer.listen("device/setpoint_cf", WrenchStamped)
         peer.until(lambda: setpoints and any(six(setpoints[-1])), "a force")
         assert peer.transition("haptic_device", *transitions)
@@ -115,34 +125,20 @@ def test_a_node_that_is_shut_down_or_cleaned_up_stays_and_has_said_that_all_is_a
 def test_a_node_that_keeps_off_the_lane_is_served_by_the_middleware(
     domain: int, peer: Peer, alone: str
 ) -> None:
-    statuses = peer.statuses()
-    parameters = {**OFTEN, f"{alone}.transport": "middleware"}
-    with Graph("five_bar", parameters=parameters, environment=private_environment(domain)):
-        peer.until(renders(statuses), "rendering")
+    given = {f"{alone}.transport": "middleware"}
+    with rendering(peer, domain, parameters=given) as (_, statuses):
         peer.until(
             lambda: {ways(statuses, topic) for topic in SENDERS} >= {"lane", "middleware"},
             "some to take the lane, and others the middleware",
         )
-        before = int(figures(statuses["teleoperation_controller"])["answers"])
-        peer.until(
-            lambda: int(figures(statuses["teleoperation_controller"])["answers"]) > before + 500,
-            "answers",
-        )
-        assert not any(figures(status).get("fault") for status in statuses.values())
+        answers(peer, statuses, 500)
 
 
 def test_a_topic_that_is_remapped_takes_the_lane_by_its_new_name(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
     remapped = ["-r", "device/servo_cf:=/omega/servo_cf"]
-    environment = private_environment(domain)
-    with Graph("five_bar", parameters=OFTEN, environment=environment, arguments=remapped):
-        peer.until(renders(statuses), "rendering")
-
-        def way() -> str:
-            status = figures(statuses["teleoperation_controller"])
-            return status.get("transport of /omega/servo_cf", "")
-
-        peer.until(lambda: way() == "lane", "the lane to carry the new topic")
+    with rendering(peer, domain, arguments=remapped) as (_, statuses):
+        told = "teleoperation_controller", "transport of /omega/servo_cf"
+        peer.until(lambda: statuses.figure(*told) == "lane", "the lane to carry the new topic")
         assert peer.node.count_publishers("/omega/servo_cf") == 1
         assert peer.node.count_publishers("/device/servo_cf") == 0
 
@@ -164,9 +160,7 @@ def test_a_topic_that_is_remapped_at_one_end_alone_reaches_nobody(domain: int, p
     ):
         topic = "/device/state"
         peer.until(lambda: ways(statuses, topic) == "lane", "the lane to carry samples")
-        peer.until(
-            lambda: int(figures(statuses["haptic_device"])["periods"]) > 1000, "a thousand samples"
-        )
+        peer.until(lambda: statuses.count("haptic_device", "periods") > 1000, "samples")
         assert figures(statuses["haptic_device"])["times_held"] == "0"
         assert ways(statuses, "/device/servo_cf") == "nobody"
 
@@ -198,12 +192,7 @@ def test_crtk_at_the_control_rate_takes_the_lane(domain: int, peer: Peer) -> Non
         ),
     ):
         peer.until(renders(statuses), "rendering by CRTK alone")
-        before = int(figures(statuses["teleoperation_controller"])["answers"])
-        peer.until(
-            lambda: int(figures(statuses["teleoperation_controller"])["answers"]) > before + 1000,
-            "answers",
-        )
-        assert not any(figures(status).get("fault") for status in statuses.values())
+        answers(peer, statuses, 1000)
         lane = Lane.open(environment)
         try:
 
@@ -224,6 +213,7 @@ def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer)
         name: peer.listen(f"/{name}/device/setpoint_cf", WrenchStamped)
         for name in ("left", "right")
     }
+    outside = peer.listen("/device/setpoint_cf", WrenchStamped)
     with (
         Graph("five_bar", parameters=OFTEN, environment=environment, namespace="left"),
         # Nobody commands it.
@@ -245,22 +235,21 @@ def test_graphs_of_two_namespaces_are_apart_on_the_lane(domain: int, peer: Peer)
         before = len(forces["right"])
         peer.until(lambda: len(forces["right"]) > before + 200, "samples of the right one")
         assert not any(value for one in forces["right"] for value in six(one))
+        assert not outside
 
 
 def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: Peer) -> None:
-    statuses = peer.statuses()
     forces = peer.listen("device/setpoint_cf", WrenchStamped)
-    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)):
-        peer.until(renders(statuses), "rendering")
+    with rendering(peer, domain) as (_, statuses):
         peer.until(all_go(statuses, "lane"), "the lane to carry everything")
         peer.until(lambda: forces and any(six(forces[-1])), "a force")
         stranger = peer.publisher("device/servo_cf", WrenchStamped)
 
-        def told() -> bool:
-            stranger.publish(peer.wrench(4.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-            return "more than one publisher" in figures(statuses["haptic_device"])["fault"]
-
-        peer.until(told, "the device to tell of a second publisher")
+        peer.until(
+            lambda: "more than one publisher" in figures(statuses["haptic_device"])["fault"],
+            "the device to tell of a second publisher",
+            doing=lambda: stranger.publish(peer.wrench(4.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        )
         peer.until(lambda: six(forces[-1]) == [0.0] * 6, "no force", 2.0)
         # The stranger's was never more than slew and ramp let through.
         assert max(abs(value) for message in forces for value in six(message)) < 1.0
@@ -271,19 +260,18 @@ def test_a_stranger_that_commands_is_noticed_on_the_lane_too(domain: int, peer: 
 def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
-    statuses = peer.statuses()
     bag = tmp_path / "bag"
     # Slow enough that nobody falls behind on two slow cores: then nothing may be lost.
-    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)):
+    with rendering(peer, domain) as (_, statuses):
         peer.until(all_go(statuses, "lane"), "the lane to carry everything")
         with bag_command(domain, "record", "--all", "-o", bag) as recorder:
             peer.until(
                 lambda: all(is_heard(peer, topic, "bag_recorder") for topic in SENDERS),
                 "the recorder's subscriptions",
             )
-            before = int(figures(statuses["haptic_device"])["periods"])
+            enough = statuses.count("haptic_device", "periods") + 1250
             peer.until(
-                lambda: int(figures(statuses["haptic_device"])["periods"]) > before + 1250,
+                lambda: statuses.count("haptic_device", "periods") > enough,
                 "samples on the lane alone",
             )
             # The middleware carries all for a second more: it may know of the recorder only then.
@@ -292,7 +280,7 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
             assert recorder.wait(30.0) == 0
             assert recorder.stdout is not None
             text = recorder.stdout.read()
-            late = int(figures(statuses["haptic_device"])["missed_deadlines"])
+            late = statuses.count("haptic_device", "missed_deadlines")
     for topic in SENDERS:
         assert re.search(rf"{topic}: \d+ messages, 0 lost", text), text
     with BagReader(bag) as reader:
@@ -310,8 +298,7 @@ def test_a_bag_is_recorded_from_the_lane_without_the_middleware(
 def test_a_killed_nodes_socket_is_removed_and_its_successor_is_on_the_lane(
     domain: int, peer: Peer, victim: str
 ) -> None:
-    statuses = peer.statuses()
-    with Graph("five_bar", parameters=OFTEN, environment=private_environment(domain)) as graph:
+    with rendering(peer, domain) as (graph, statuses):
         peer.until(all_go(statuses, "lane"), "the lane to carry everything")
         before = {path.name for path in folder_of(domain).iterdir()}
         graph.kill(victim)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import signal
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, figures, running, six
+from ros.harness import Peer, running, six
 
 pytestmark = pytest.mark.ros
 ALL = ",".join(NODES)
@@ -74,9 +73,10 @@ def test_nodes_left_to_others_go_up_and_down_by_services(domain: int, peer: Peer
         peer.until(lambda: all(seen()[node] > before[node] + 100 for node in NODES), "work again")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("steps", [None, (), ("configure",)], ids=["active", "new", "inactive"])
-def test_two_interrupts_end_a_node_in_any_state(
-    domain: int, peer: Peer, steps: tuple[str, ...] | None
+def test_two_signals_end_a_node_in_any_state(
+    domain: int, peer: Peer, steps: tuple[str, ...] | None, number: signal.Signals
 ) -> None:
     given = {} if steps is None else {"autostart": False}
     expected = "active" if steps is None else "inactive" if steps else "unconfigured"
@@ -84,8 +84,8 @@ def test_two_interrupts_end_a_node_in_any_state(
         for node in NODES:
             assert peer.transition(node, *(steps or ()))
             peer.until(lambda node=node: peer.state_of(node) == expected, f"{node} {expected}")
-        process.send_signal(signal.SIGINT)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
+        process.send_signal(number)
         assert process.wait(20.0) == 0
 
 
@@ -100,7 +100,7 @@ def test_a_bad_scene_is_refused_and_a_good_one_taken(
         assert peer.state_of("mechanism_simulator") == "unconfigured"
         _until_topics(peer, "mechanism_simulator", set())
         peer.until(
-            lambda: "no_such_scene" in _sentence(statuses, "mechanism_simulator"), "the reason"
+            lambda: "no_such_scene" in statuses.sentence("mechanism_simulator"), "the reason"
         )
         assert process.poll() is None
         for bad in ({"operational_point": "nowhere"}, {"held_points": "handle,nowhere"}):
@@ -111,7 +111,7 @@ def test_a_bad_scene_is_refused_and_a_good_one_taken(
             ).successful
         assert peer.transition("mechanism_simulator", "configure", "activate")
         peer.until(lambda: joints, "the mechanism")
-        peer.until(lambda: "closed loops" in _sentence(statuses, "mechanism_simulator"), "health")
+        peer.until(lambda: "closed loops" in statuses.sentence("mechanism_simulator"), "health")
         assert statuses["mechanism_simulator"].hardware_id == "two_link"
     assert list(joints[0].name) == ["joint1", "joint2"]
     error = capfd.readouterr().err
@@ -172,7 +172,8 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
                 )
             peer.until(
                 lambda times=times: (
-                    _engagements(statuses) >= times and statuses[controller].message == "engaged"
+                    statuses.count(controller, "engagements") >= times
+                    and statuses.sentence(controller) == "engaged"
                 ),
                 "the engagement",
             )
@@ -189,7 +190,7 @@ def test_a_deactivated_controller_leaves_nobody_under_force(domain: int, peer: P
             seen = {name: len(received) for name, received in commands.items()}
             peer.run(QUIET_S)
             assert {name: len(received) for name, received in commands.items()} == seen
-            peer.until(lambda: _sentence(statuses, controller) == "inactive", "the status")
+            peer.until(lambda: statuses.sentence(controller) == "inactive", "the status")
             assert peer.transition(controller, "activate")
 
 
@@ -202,11 +203,11 @@ def test_a_mechanism_goes_on_after_a_pause_and_anew_after_a_cleanup(
     with running(name, domain):
         push = peer.publisher("mechanism/handle/external_cf", WrenchStamped)
 
-        def moved() -> bool:
-            push.publish(peer.wrench(-0.4, 0.1, 0.0, 0.0, 0.0, 0.0))
-            return bool(joints) and np.abs(np.subtract(joints[-1].position, start)).max() > 0.02
-
-        peer.until(moved, "the mechanism to move")
+        peer.until(
+            lambda: bool(joints) and np.abs(np.subtract(joints[-1].position, start)).max() > 0.02,
+            "the mechanism to move",
+            doing=lambda: push.publish(peer.wrench(-0.4, 0.1, 0.0, 0.0, 0.0, 0.0)),
+        )
         assert peer.transition(name, "deactivate")
         peer.run(QUIET_S)
         seen = len(joints)
@@ -241,12 +242,3 @@ def _topics(peer: Peer, node: str) -> set[str]:
 
 def _until_topics(peer: Peer, node: str, expected: set[str]) -> None:
     peer.until(lambda: _topics(peer, node) == expected, f"{node} publishing on {expected}")
-
-
-def _sentence(statuses: dict[str, Any], node: str) -> str:
-    return str(statuses[node].message) if node in statuses else ""
-
-
-def _engagements(statuses: dict[str, Any]) -> int:
-    status = statuses.get("teleoperation_controller")
-    return 0 if status is None else int(figures(status).get("engagements", 0))

@@ -30,11 +30,10 @@ if chromium() is None:
 
 from benchmarks.live.served import drag, sight
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.view import Placer
 from oracles.users import five_bar_of_two
-from ros.harness import WAIT_S, Peer
+from ros.harness import WAIT_S, Peer, program
 
 # A browser without a GPU draws with the processor.
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
@@ -60,15 +59,12 @@ def served(command: list[str], domain: int, folder: Path) -> Iterator[str]:
         return re.findall(r"\[live_page\]: (http\S+)", text)
 
     # Into a file: a pipe that nobody reads is full some time, and who writes then waits.
-    with output.open("w") as stream:
-        process = subprocess.Popen(
-            command, env=private_environment(domain), stdout=stream, stderr=subprocess.STDOUT
-        )
-        try:
-            wait_until(addresses, "the page's address")
-            yield addresses()[0]
-        finally:
-            stop_process(process)
+    with (
+        output.open("w") as stream,
+        program(domain, *command, stdout=stream, stderr=subprocess.STDOUT),
+    ):
+        wait_until(addresses, "the page's address")
+        yield addresses()[0]
 
 
 def graph_of(scene: str) -> list[str]:
@@ -166,10 +162,10 @@ def test_of_several_users_one_hand_is_dragged_and_the_others_are_not(
         page.wait_for_text("live-dragged", "hand right")
         page.wait_for_text("live-holders", page.text("live-you"))
 
-        def pulled() -> bool:
-            return bool(pushes["right"]) and pushes["right"][-1][1] > 0.1
-
-        peer.until(pulled, "a force on the right hand")
+        peer.until(
+            lambda: bool(pushes["right"]) and pushes["right"][-1][1] > 0.1,
+            "a force on the right hand",
+        )
         # To the left on the page, which is along -x of the world.
         peer.until(
             lambda: poses["right"][-1].pose.position.x < before.x - 5e-4, "the device to be moved"
@@ -194,9 +190,10 @@ def test_the_page_says_why_a_hand_cannot_be_dragged(
         told = peer.publisher("/diagnostics", DiagnosticArray)
         status = DiagnosticStatus(name="haply_device", message="rendering")
 
-        def real() -> bool:
-            told.publish(DiagnosticArray(status=[status]))
-            return "haply_device drives a real device" in page.text("live-holding")
-
-        peer.until(real, "the page to know the device", WAIT_S)
+        peer.until(
+            lambda: "haply_device drives a real device" in page.text("live-holding"),
+            "the page to know the device",
+            WAIT_S,
+            doing=lambda: told.publish(DiagnosticArray(status=[status])),
+        )
         page.close()

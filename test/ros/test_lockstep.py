@@ -13,14 +13,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-import yaml
 from geometry_msgs.msg import WrenchStamped
 
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.control.measurements import device_of, point_of
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.files import shared
 from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
 from hapticmech_ros.wire.bounds import read
@@ -28,7 +26,7 @@ from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage, OperationalModelMessage
 from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import TOPICS
-from ros.harness import Peer, next_domain, six
+from ros.harness import Peer, next_domain, scene_like, six
 
 pytestmark = pytest.mark.ros
 # Both hands wait for a quarter of a second.
@@ -133,24 +131,16 @@ def test_a_run_is_the_session_tick_by_tick(runs: dict[str, Path], scene: str) ->
         (_wrenches(bag["/device/servo_cf"]), [output.device for output in outputs]),
         (_wrenches(bag["/mechanism/handle/servo_cf"]), [o.mechanism for o in outputs]),
     ):
-        one, two = np.array(found), np.array(expected)
-        # Poses travel as quaternions, states as joint coordinates: 1e-16 of a pose, which stiff
-        # controllers turn into 1e-13 of the forces of a few tenths of a newton met here.
-        assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
-        assert np.abs(two).max() > 0.0
+        _alike(found, expected)
 
 
 def test_a_late_uneven_and_lossy_connection_is_the_sessions(tmp_path: Path) -> None:
-    shipped = shared("config/scenes/spatial_arm.yaml")
-    assert shipped is not None
-    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
-    document["connection"] = {"delay": 0.02, "jitter": 0.2, "loss": 0.05, "seed": 3}
-    late = tmp_path / "late.yaml"
-    late.write_text(yaml.safe_dump(document), encoding="utf-8")
-    lockstep(str(late), tmp_path / "bag", duration=0.6)
+    connection = {"delay": 0.02, "jitter": 0.2, "loss": 0.05, "seed": 3}
+    late = scene_like(tmp_path, "spatial_arm", connection=connection)
+    lockstep(late, tmp_path / "bag", duration=0.6)
     bag = messages(tmp_path / "bag")
     devices = [read(DeviceStateMessage, decode(data)) for data in bag["/device/state"]]
-    session = Session(load_scene(str(late)))
+    session = Session(load_scene(late))
     samples, energies = [], []
     for _ in devices:
         samples.append(session.tick())
@@ -160,10 +150,7 @@ def test_a_late_uneven_and_lossy_connection_is_the_sessions(tmp_path: Path) -> N
         ([d.sample.hand_wrench for d in devices], [s.hand_wrench for s in samples]),
         ([d.applied for d in devices], [s.device.applied for s in samples]),
     ):
-        one, two = np.array(found), np.array(expected)
-        # As without a connection.
-        assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
-        assert np.abs(two).max() > 0.0
+        _alike(found, expected)
     told = [read(DeviceEnergy, decode(data)) for data in bag["/device/energy"]]
     ticks = [(one.stamp_ns - START_NS) // PERIOD_NS for one in told]
     assert len(ticks) > 50
@@ -222,20 +209,12 @@ def test_a_push_from_outside_is_recorded_and_reproduced(tmp_path: Path) -> None:
 
 
 def test_a_replay_with_a_change_differs(runs: dict[str, Path], tmp_path: Path) -> None:
-    shipped = shared("config/scenes/five_bar.yaml")
-    assert shipped is not None
-    document = yaml.safe_load(shipped.read_text(encoding="utf-8"))
-    document["links"][0]["inertial"] = dict(document["links"][0]["inertial"], mass=1.1)
-    heavier = tmp_path / "heavier.yaml"
-    heavier.write_text(yaml.safe_dump(document), encoding="utf-8")
-    lockstep(str(heavier), tmp_path / "bag", feed_from=runs["five_bar"], feed=("hand",))
+    heavier = scene_like(tmp_path, "five_bar", "links[0].inertial.mass=1.1")
+    lockstep(heavier, tmp_path / "bag", feed_from=runs["five_bar"], feed=("hand",))
     one, two = messages(runs["five_bar"]), messages(tmp_path / "bag")
+    topic = "/analysis/handle/operational_model"
     first, second = (
-        [
-            read(OperationalModelMessage, decode(data))
-            for data in bag["/analysis/handle/operational_model"]
-        ]
-        for bag in (one, two)
+        [read(OperationalModelMessage, decode(data)) for data in bag[topic]] for bag in (one, two)
     )
     assert [r.stamp_ns for r in first] == [r.stamp_ns for r in second]
     assert (
@@ -279,6 +258,14 @@ def test_what_cannot_be_run_is_refused(runs: dict[str, Path], tmp_path: Path) ->
     with pytest.raises((LockstepError, BagError), match="nowhere"):
         lockstep("five_bar", feed_from=tmp_path / "nowhere", feed=("hand",))
     assert not (tmp_path / "never").exists()
+
+
+def _alike(found: list[np.ndarray], expected: list[np.ndarray]) -> None:
+    one, two = np.array(found), np.array(expected)
+    # Poses travel as quaternions, states as joint coordinates: 1e-16 of a pose, which stiff
+    # controllers turn into 1e-13 of the forces of a few tenths of a newton met here.
+    assert np.abs(one - two).max() <= 5e-12 * np.abs(two).max()
+    assert np.abs(two).max() > 0.0
 
 
 def _same(expected: Path, found: Path, topics: list[str], ticks: int | None = None) -> None:

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.graph import private_environment
 from hapticmech_ros.lockstep import LockstepRun, run_lockstep
-from hapticmech_ros.scene import document_of
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceStateMessage
-from ros.harness import next_domain
+from ros.harness import next_domain, scene_like
 
 pytestmark = pytest.mark.ros
 DEVICE = {
@@ -28,6 +26,9 @@ DEVICE = {
     "actuator_bandwidth": 150.0,
     "compensation": {"gravity": True, "friction": 0.5},
     "workspace": {"radius": 0.05},
+    # The arm lets go within a period: a jump that the node's envelope, which sessions have not,
+    # would spread over several.
+    "safety": {"force_slew": 1e6, "torque_slew": 1e5},
 }
 HAND = {
     "kind": "arm",
@@ -41,17 +42,10 @@ HAND = {
 
 @pytest.mark.parametrize("sensor", ["measured", "estimated", "absent"])
 def test_a_run_in_lockstep_is_the_session(tmp_path: Path, sensor: str) -> None:
-    document = document_of(load_scene("five_bar"))
-    document["device"] = {**DEVICE, "force_sensor": sensor}
-    # The arm lets go within a period: a jump that the node's envelope, which sessions have not,
-    # would spread over several.
-    document["device"]["safety"] = {"force_slew": 1e6, "torque_slew": 1e5}
-    document["hand"] = HAND
-    path = tmp_path / "realistic.yaml"
-    with path.open("w") as stream:
-        YAML(typ="safe", pure=True).dump(document, stream)
+    device = {**DEVICE, "force_sensor": sensor}
+    path = scene_like(tmp_path, "five_bar", device=device, hand=HAND)
     out = tmp_path / "bag"
-    run = LockstepRun(str(path), duration=0.35, out=out, composed=True)
+    run = LockstepRun(path, duration=0.35, out=out, composed=True)
     run_lockstep(run, private_environment(next_domain()), lambda: False)
     with BagReader(out) as bag:
         received = [

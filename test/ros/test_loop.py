@@ -7,7 +7,6 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections.abc import Iterator
 
 import pytest
 import rclpy
@@ -23,13 +22,6 @@ from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import RELIABLE, Peer, next_domain
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    made = Peer(next_domain())
-    yield made
-    made.close()
 
 
 def test_waiting_leaves_nothing_behind(peer: Peer) -> None:

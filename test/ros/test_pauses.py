@@ -14,7 +14,7 @@ import pytest
 from rcl_interfaces.msg import Log
 
 from hapticmech_ros.graph import Graph, private_environment
-from ros.harness import Peer, figures
+from ros.harness import Peer
 
 pytestmark = pytest.mark.ros
 CONTROLLER, DEVICE = "teleoperation_controller", "haptic_device"
@@ -56,19 +56,14 @@ def test_a_process_that_was_frozen_is_told_apart_from_its_peer(
     statuses, logs = peer.statuses(), peer.listen("/rosout", Log)
     often = {"diagnostics_period": 0.1}
     with Graph("five_bar", parameters=often, environment=private_environment(domain)) as graph:
-        nodes = (CONTROLLER, DEVICE)
-        peer.until(
-            lambda: all(n in statuses and ord(statuses[n].level) == 0 for n in nodes), "rendering"
-        )
+        peer.until(lambda: statuses.well(CONTROLLER, DEVICE), "rendering")
 
         def told() -> bool:
             own = paused(logs, frozen, OWN)
             return own and (not words or paused(logs, peer_node, words))
 
         peer.until(freezing(graph.processes[frozen].pid, told), "both to say it", 60.0)
-        peer.until(
-            lambda: figures(statuses[frozen])["lost_without_processor"] != "0", "the count of it"
-        )
+        peer.until(lambda: statuses.count(frozen, "lost_without_processor"), "the count of it")
         # Which of them stood still is not mixed up.
         assert not paused(logs, peer_node, OWN)
-        assert int(figures(statuses[peer_node])["losses"]) > 0
+        assert statuses.count(peer_node, "losses") > 0

@@ -1,16 +1,21 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node cannot start with is said in a sentence, with exit code 1."""
+"""What is refused: what a node cannot start with, with exit code 1, and wrenches."""
 
-import json
+from __future__ import annotations
+
+import math
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
 
-from hapticmech_ros import load_scene
-from hapticmech_ros.scene import document_of
+from ros.harness import WAIT_S, Peer, refuses, running, scene_like
 
 pytestmark = pytest.mark.ros
 
@@ -34,10 +39,7 @@ def ends(*arguments: str) -> str:
 
 def test_a_topic_whose_name_is_too_long_is_said(domain, tmp_path):
     """A point's name and a namespace, each of which is short enough by itself."""
-    document = document_of(load_scene("two_link"))
-    document["operational_points"][0]["name"] = "p" * 100
-    scene = tmp_path / "long.yaml"
-    scene.write_text(json.dumps(document))
+    scene = scene_like(tmp_path, "two_link", f"operational_points[0].name={'p' * 100}")
     said = ends("-p", f"scene:={scene}", "-r", f"__ns:=/{'n' * 150}")
     assert "cannot be configured: InvalidTopicNameException" in said
 
@@ -58,3 +60,100 @@ def test_arguments_that_cannot_be_taken_are_said(domain, arguments, words, tmp_p
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     assert words in ends(*(argument.format(pipe=pipe) for argument in arguments))
+
+
+ROBOT = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
+DEVICE, CONTROLLER, FOLLOWER = "haptic_device", "teleoperation_controller", "robot_follower"
+RATED = {"linear_rate": -1.0}
+TOO_SHORT = "must be 0 or at least 3 periods of 250 Hz, 0.012 s (got 0.011)"
+
+
+@pytest.mark.parametrize(
+    ("node", "given", "words"),
+    [
+        (DEVICE, {"view_rate": 5000.0}, ("view_rate", "5000")),
+        (DEVICE, {"hand": "octopus"}, ("hand", "octopus", "commanded")),
+        (DEVICE, {"command_timeout": "soon"}, ("command_timeout", "soon")),
+        (DEVICE, {"lockstep": True}, ("lockstep", "use_sim_time")),
+        # Less safe than the scene allows.
+        (DEVICE, {"force_limit": 1000.0}, ("force_limit: must be", "got 1000")),
+        (DEVICE, {"torque_limit": 100.0}, ("torque_limit: must be", "got 100")),
+        (DEVICE, {"force_slew": 1e6}, ("force_slew: must be", "got 1e+06")),
+        (DEVICE, {"torque_slew": 1e5}, ("torque_slew: must be", "got 100000")),
+        (DEVICE, {"start_ramp": 0.001}, ("start_ramp: must be", "got 0.001")),
+        (DEVICE, {"command_timeout": 1.0}, ("command_timeout: must be", "got 1")),
+        (
+            CONTROLLER,
+            {"input_timeout": 0.5},
+            (
+                "input_timeout: must be at most the scene's device.safety.command_timeout, 0.1 "
+                "(got 0.5)",
+            ),
+        ),
+        # Shorter than any machine keeps.
+        (DEVICE, {"command_timeout": 0.011}, (f"command_timeout: {TOO_SHORT}",)),
+        ("mechanism_simulator", {"command_timeout": 0.011}, (f"command_timeout: {TOO_SHORT}",)),
+        (CONTROLLER, {"input_timeout": 0.011}, (f"input_timeout: {TOO_SHORT}",)),
+        (
+            "mechanism_simulator",
+            {"grasp": "link9 0 0 0"},
+            ("grasp: must be one of ['link1', 'link2'",),
+        ),
+        (FOLLOWER, {}, ("robot",)),
+        (FOLLOWER, {"robot": ROBOT, "robot_point": "nose"}, ("nose",)),
+        (FOLLOWER, {"robot": ROBOT, "command_type": "trajectory"}, ("position",)),
+        (FOLLOWER, {"robot": ROBOT, "torque_limits": "1 2 x"}, ("torque_limits",)),
+        (FOLLOWER, {"robot": "five_bar"}, ("no closures",)),
+        (FOLLOWER, {"robot": ROBOT, **RATED}, ("loop_delay",)),
+        (FOLLOWER, {"robot": ROBOT, "interface": "velocity", **RATED}, ("R8 is of torques",)),
+        (
+            FOLLOWER,
+            {"robot": ROBOT, "loop_delay": 0.01, "payload_centre": "1", **RATED},
+            ("three",),
+        ),
+    ],
+)
+def test_parameters_that_cannot_be_taken_are_said(
+    domain: int,
+    node: str,
+    given: dict[str, object],
+    words: tuple[str, ...],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with running(node, domain, "two_link" if node == FOLLOWER else "five_bar", **given) as process:
+        assert process.wait(WAIT_S) == 1
+    told = capfd.readouterr().err
+    assert all(word in told for word in words), told
+    assert "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    ("node", "topic"),
+    [
+        (DEVICE, "device/servo_cf"),
+        ("mechanism_simulator", "mechanism/handle/servo_cf"),
+        ("mechanism_simulator", "mechanism/handle/external_cf"),
+    ],
+)
+def test_bad_wrenches_are_refused_and_move_nothing(
+    domain: int, peer: Peer, node: str, topic: str
+) -> None:
+    statuses = peer.statuses()
+    joints = peer.listen(f"{topic.partition('/')[0]}/measured_js", JointState)
+    with running(node, domain, diagnostics_period=0.02) as process:
+        push = peer.publisher(topic, WrenchStamped)
+        stale, future = (peer.wrench(1.0, *[0.0] * 5) for _ in range(2))
+        stale.header.stamp.sec -= 10
+        future.header.stamp.sec += 5
+        for bad in (
+            peer.wrench(0.0, math.nan, 0.0, 0.0, 0.0, 0.0),
+            peer.wrench(0.0, 0.0, 0.0, 0.0, 0.0, math.inf),
+            peer.wrench(1.0, *[0.0] * 5, frame="base_link"),
+            stale,
+            future,
+        ):
+            refuses(peer, statuses, node, push, bad)
+        seen = len(joints)
+        peer.until(lambda: len(joints) > seen + 20, "more joint states")
+        assert process.poll() is None
+    assert np.ptp([m.position for m in joints], axis=0).max() == 0.0

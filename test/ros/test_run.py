@@ -7,8 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from shutil import copy
 
@@ -17,28 +16,20 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmarks.children import wait_until
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.graph import private_environment, stop_process
 from hapticmech_ros.loading import find_scene
 from hapticmech_ros.system.readiness import ADDRESS, Readiness
-from ros.harness import RATE, WAIT_S, Peer
+from ros.harness import RATE, WAIT_S, Peer, child_of, program
 
 pytestmark = pytest.mark.ros
 COMMAND = [sys.executable, "-m", "hapticmech_ros"]
 
 
-@contextmanager
-def running(domain: int, *options: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        [*COMMAND, "run", "--control-rate", f"{RATE:g}", *options],
-        env=private_environment(domain) | environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        stop_process(process)
+def running(
+    domain: int, *options: str, **environment: str
+) -> AbstractContextManager[subprocess.Popen[str]]:
+    command = [*COMMAND, "run", "--control-rate", f"{RATE:g}", *options]
+    output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return program(domain, *command, environment=environment, **output)
 
 
 def ended(domain: int, *options: str, **environment: str) -> tuple[int, str]:
@@ -80,20 +71,6 @@ def test_a_node_that_was_up_is_started_again(domain: int, peer: Peer) -> None:
         output, _ = process.communicate(timeout=WAIT_S)
         assert process.returncode == 0
     assert "nullspace_analyser ended by itself: signal 9: it is started again" in output
-
-
-def child_of(parent: int, name: bytes) -> int:
-    """Return a child whose command has a name, 0 if there is none."""
-    children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-    for pid in map(int, children):
-        try:
-            command = Path(f"/proc/{pid}/cmdline").read_bytes()
-            alive = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-        except FileNotFoundError:
-            continue
-        if alive and name in command.split(b"\0"):
-            return pid
-    return 0
 
 
 def test_a_node_that_never_was_up_is_not_started_again(domain: int, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,11 +15,12 @@ from types import SimpleNamespace
 import pytest
 from std_msgs.msg import Float64MultiArray
 
+from benchmarks.children import wait_until
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _receives
 from hapticmech_ros.experiment.demo import DemoError, record_graph
-from hapticmech_ros.graph import private_environment, start_process, stop_process
-from ros.harness import RATE, WAIT_S, Peer
+from hapticmech_ros.graph import start_process
+from ros.harness import RATE, WAIT_S, Peer, child_of, program
 
 pytestmark = pytest.mark.ros
 
@@ -31,31 +32,11 @@ def run(domain: int, bag: Path, log: Path | None = None) -> Iterator[subprocess.
     """Run a graph in one process and record it; what it tells people is in ``bag.told``."""
     command = [*COMMAND, "run", "two_link", "--composed", "--record", str(bag)]
     command += ["--control-rate", f"{RATE:g}"]
-    with (log or bag.with_suffix(".told")).open("w") as told:
-        process = subprocess.Popen(
-            command, env=private_environment(domain), stderr=told, stdout=told, text=True
-        )
-    try:
+    with (
+        (log or bag.with_suffix(".told")).open("w") as told,
+        program(domain, *command, stderr=told, stdout=told) as process,
+    ):
         yield process
-    finally:
-        stop_process(process)
-
-
-def until(condition: Callable[[], object], what: str, timeout: float = WAIT_S) -> None:
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, f"waited in vain for {what}"
-        time.sleep(0.02)
-
-
-def recorders(parent: int) -> list[int]:
-    """Return the processes that record, among the children of a process."""
-    try:
-        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-        named = {int(pid): Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children}
-    except FileNotFoundError:
-        return []
-    return [pid for pid, command in named.items() if b"record\0--all" in command]
 
 
 def told(bag: Path) -> list[str]:
@@ -70,9 +51,12 @@ def test_the_graph_outlives_its_recorder(
     states = peer.listen("device/state", Float64MultiArray)
     with run(domain, bag) as process:
         peer.until(lambda: states and (bag / "metadata.yaml").exists(), "a recording", 3 * WAIT_S)
-        (recorder,) = recorders(process.pid)
+        recorder = child_of(process.pid, b"--all")
+        assert recorder
         os.kill(recorder, number)
-        until(lambda: any("the graph goes on" in line for line in told(bag)), "a sentence")
+        wait_until(
+            lambda: any("the graph goes on" in line for line in told(bag)), WAIT_S, "a sentence"
+        )
         states.clear()
         peer.until(lambda: len(states) > 200, "a graph that goes on")
         assert process.poll() is None
@@ -92,7 +76,7 @@ def test_the_graph_goes_on_where_the_disk_is_full(domain: int, peer: Peer, tmp_p
     try:
         with FullDisk(bag.parent, 1), run(domain, bag, tmp_path / "told") as process:
             said = (tmp_path / "told").read_text
-            until(lambda: "the graph goes on" in said(), "a sentence", 3 * WAIT_S)
+            wait_until(lambda: "the graph goes on" in said(), 3 * WAIT_S, "a sentence")
             states.clear()
             peer.until(lambda: len(states) > 200, "a graph that goes on")
             process.send_signal(signal.SIGINT)
@@ -113,11 +97,7 @@ def test_a_bag_that_is_recorded_to_the_end_is_a_success(
     with run(domain, bag) as process:
         # Of what was never rendered the end is no success.
         peer.until(
-            lambda: (
-                "haptic_device" in statuses
-                and ord(statuses["haptic_device"].level) == 0
-                and (bag / "metadata.yaml").exists()
-            ),
+            lambda: statuses.well("haptic_device") and (bag / "metadata.yaml").exists(),
             "a recording of what is rendered",
             3 * WAIT_S,
         )
@@ -137,11 +117,9 @@ def test_nothing_is_started_where_there_is_a_bag(domain: int, tmp_path: Path) ->
 
 
 def test_a_demo_says_how_its_recorder_ended(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    in_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A demo is what was recorded: it ends with its recorder, at once."""
-    for name, value in private_environment(domain).items():
-        monkeypatch.setitem(os.environ, name, value)
     begun: list[subprocess.Popen[str]] = []
 
     def start(*arguments: object, **options: object) -> subprocess.Popen[str]:

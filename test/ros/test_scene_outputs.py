@@ -21,6 +21,7 @@ from hapticmech_ros.nodes.viewer.scene_viewer import SceneOutputs
 from hapticmech_ros.view import Placer, moving_frames
 from hapticmech_ros.view.shapes import numbered, sphere
 from hapticmech_ros.wire.state import WireState
+from nodes.stand_ins import Publisher
 
 NOW = 10**18
 DEVICE = pin.SE3(np.eye(3), np.ones(3))
@@ -33,30 +34,15 @@ class TfMessage:
     transforms: list[Any] = field(default_factory=list)
 
 
-@dataclass
-class StandInPublisher:
-    """Remembers what is published, and says that so many look at it."""
-
-    kind: Any
-    qos: Any
-    readers: int = 0
-    sent: list[Any] = field(default_factory=list)
-
-    def get_subscription_count(self) -> int:
-        return self.readers
-
-    def publish(self, message: Any) -> None:
-        self.sent.append(message)
-
-
 class StandInActor:
     """Has what SceneOutputs asks of an actor."""
 
     def __init__(self) -> None:
-        self.made: dict[str, StandInPublisher] = {}
+        self.made: dict[str, Any] = {}
 
     def output_named(self, name: str, kind: Any, qos: Any) -> Outlet:
-        self.made[name] = StandInPublisher(kind, qos)
+        self.made[name] = Publisher(0)
+        self.made[name].qos = qos
         stays = qos is not None and qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         return Exchange().outlet(self.made[name], name, stays)
 
@@ -104,14 +90,14 @@ def test_what_nobody_looks_at_is_not_published() -> None:
     latched = {"robot_description", "/tf_static"}
     assert {name for name, p in stage.actor.made.items() if p.sent} == latched
     for publisher in stage.actor.made.values():
-        publisher.readers = 1
+        publisher.subscriptions = 1
     stage.show_all()
     assert {n for n, p in stage.actor.made.items() if not p.sent} == {"view/markers"}
 
 
 def test_tf_has_what_moves_and_tf_static_has_what_stays() -> None:
     stage = Stage(prefix="left/")
-    stage.actor.made["/tf"].readers = 1
+    stage.actor.made["/tf"].subscriptions = 1
     stage.outputs.show_frames(stage.moving, NOW)
     (moving,), (fixed,) = stage.sent("/tf"), stage.sent("/tf_static")
     assert {t.header.frame_id for t in moving.transforms} == {"world"}
@@ -126,7 +112,7 @@ def test_without_tf2_msgs_the_frames_are_published_all_the_same() -> None:
     stage = Stage(tf_type=None)
     assert not {"/tf", "/tf_static"} & set(stage.actor.made)
     frames = stage.actor.made["view/frames"]
-    frames.readers = 1
+    frames.subscriptions = 1
     stage.outputs.show_frames(stage.moving, NOW)
     names = [message.child_frame_id for message in frames.sent]
     assert names == [frame.child for frame in stage.moving] + ["handle"]
@@ -137,33 +123,25 @@ def test_without_tf2_msgs_the_frames_are_published_all_the_same() -> None:
 def test_a_reader_who_comes_back_gets_a_clean_picture() -> None:
     stage = Stage()
     markers = stage.actor.made["view/markers"]
-    markers.readers = 1
+    markers.subscriptions = 1
     for count in (3, 2):
         assert stage.outputs.wants_markers()
         stage.outputs.show_markers(balls(count), NOW, 1.0)
     first, second = ([m.action for m in message.markers] for message in markers.sent)
     assert first == [Marker.DELETEALL, *[Marker.ADD] * 3]
     assert second == [Marker.DELETE, *[Marker.ADD] * 2]
-    markers.readers = 0
+    markers.subscriptions = 0
     assert not stage.outputs.wants_markers()
-    markers.readers = 1
+    markers.subscriptions = 1
     stage.outputs.show_markers(balls(2), NOW, 1.0)
     assert markers.sent[-1].markers[0].action == Marker.DELETEALL
-
-
-def test_clearing_leaves_nothing() -> None:
-    stage = Stage()
-    stage.actor.made["view/markers"].readers = 1
-    stage.outputs.clear_markers(NOW)
-    (message,) = stage.sent("view/markers")
-    assert [marker.action for marker in message.markers] == [Marker.DELETEALL]
 
 
 @pytest.mark.parametrize("missing", ["device_command", "hand_wrench"])
 def test_a_wrench_that_is_not_known_is_not_published(missing: str) -> None:
     stage = Stage()
     for publisher in stage.actor.made.values():
-        publisher.readers = 1
+        publisher.subscriptions = 1
     user = replace(stage.received.users["handle"], **{missing: None})
     stage.outputs.show_wrenches(replace(stage.received, users={"handle": user}), NOW)
     empty = {

@@ -6,7 +6,10 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import Popen
 
 import numpy as np
 import pytest
@@ -16,12 +19,11 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros import Mechanism, load_scene
-from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.state import StateLayout
-from ros.harness import RELIABLE, Peer, figures, running, six
+from ros.harness import RELIABLE, Peer, figures, running, scene_like, six
 
 pytestmark = pytest.mark.ros
 # s, after which the hand pushes: each millisecond is a message and its answers.
@@ -130,41 +132,6 @@ def test_simulated_time_is_the_clocks(domain: int, peer: Peer) -> None:
         assert (len(clock.devices), len(clock.mechanisms)) == seen
 
 
-def test_a_clock_that_jumps_back_begins_anew(domain: int, peer: Peer) -> None:
-    clock = TestClock(peer)
-    commands = {"use_sim_time": True, "hand": "commanded", "control_rate": 0.0}
-    with running("haptic_device", domain, **commands) as process:
-        push = peer.publisher("device/servo_cf", WrenchStamped)
-        clock.begin(50_000 * MS, clock.devices)
-
-        def pushed() -> bool:
-            message = WrenchStamped()
-            message.header.frame_id = "world"
-            # Stamped by the clock: an old stamp would be refused.
-            seconds, nanoseconds = divmod(clock.now_ns, 1000 * MS)
-            message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
-            message.wrench.force.y = 0.02
-            push.publish(message)
-            clock.step()
-            return bool(clock.samples(-1)[0].applied.any())
-
-        peer.until(pushed, "the command")
-        seen = len(clock.devices)
-        clock.tell(1000 * MS)
-        # What was commanded in another time counts no more.
-        peer.run(0.2)
-        for _ in range(5):
-            clock.step()
-        back = clock.samples(seen)
-        stamps = [sample.stamp_ns for sample in back]
-        assert all(1000 * MS <= stamp <= clock.now_ns for stamp in stamps)
-        assert stamps == sorted(stamps)
-        assert stamps[-1] == clock.now_ns
-        assert not any(sample.applied.any() for sample in back)
-        peer.until(pushed, "commands to be obeyed again")
-        assert process.poll() is None
-
-
 class Loop:
     """The whole graph by /clock, in one process, with the force that leaves its device."""
 
@@ -197,20 +164,25 @@ class Loop:
 @pytest.fixture
 def soon(tmp_path: Path) -> str:
     """A scene whose hand does not wait for long."""
-    path = tmp_path / "soon.yaml"
-    copy_scene("five_bar", path, [f"hand.start_delay={START_DELAY}"], False)
-    return str(path)
+    return scene_like(tmp_path, "five_bar", f"hand.start_delay={START_DELAY}")
+
+
+@contextmanager
+def pushing(domain: int, peer: Peer, scene: str) -> Iterator[tuple[Loop, Popen[str]]]:
+    """Run the graph until it pushes; yield it, and its process."""
+    given = {"use_sim_time": True, "diagnostics_period": 0.05, "control_rate": 0.0}
+    with running(",".join(NODES), domain, scene, **given) as process:
+        loop = Loop(peer)
+        loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
+        peer.until(loop.pushing, "the push")
+        yield loop, process
 
 
 @pytest.mark.parametrize("step_s", [-8.0, 8.0])
 def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
     domain: int, peer: Peer, soon: str, step_s: float
 ) -> None:
-    given = {"use_sim_time": True, "diagnostics_period": 0.05, "control_rate": 0.0}
-    with running(",".join(NODES), domain, soon, **given):
-        loop = Loop(peer)
-        loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
-        peer.until(loop.pushing, "the push")
+    with pushing(domain, peer, soon) as (loop, _):
         usual = loop.run(300)
         assert usual > 0.1
         seen = len(loop.clock.devices)
@@ -218,6 +190,7 @@ def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
         peer.until(lambda: len(loop.clock.devices) > seen, "what the device says of it")
         # From where it was noticed, without waiting for a sample.
         assert not loop.clock.samples(seen)[0].applied.any()
+        begun_ns = loop.clock.now_ns
         for name in ("haptic_device", "teleoperation_controller", "nullspace_analyser"):
             peer.until(
                 lambda node=name: "clock set" in figures(loop.statuses[node])["last_clock_step"],
@@ -225,6 +198,10 @@ def test_a_clock_that_is_set_puts_the_hand_at_zero_and_the_loop_begins_anew(
             )
         peer.until(loop.pushing, "the push after it")
         assert loop.run(300) <= 1.2 * usual
+        stamps = [sample.stamp_ns for sample in loop.clock.samples(seen)]
+        assert stamps == sorted(stamps)
+        # What goes back leaves nothing that is ahead of it.
+        assert step_s > 0.0 or begun_ns <= stamps[0] < stamps[-1] == loop.clock.now_ns
 
 
 @pytest.mark.parametrize(
@@ -234,11 +211,7 @@ def test_time_that_no_stamp_can_hold_ends_nobody(
     domain: int, peer: Peer, soon: str, seconds: int, nanoseconds: int
 ) -> None:
     """The last is a time, though one that no stamp can tell."""
-    given = {"use_sim_time": True, "diagnostics_period": 0.05, "control_rate": 0.0}
-    with running(",".join(NODES), domain, soon, **given) as process:
-        loop = Loop(peer)
-        loop.clock.begin(100_000 * MS, loop.clock.devices, loop.clock.mechanisms)
-        peer.until(loop.pushing, "the push")
+    with pushing(domain, peer, soon) as (loop, process):
         before = loop.clock.now_ns
         wrong = Clock()
         wrong.clock.sec, wrong.clock.nanosec = seconds, nanoseconds
@@ -270,10 +243,11 @@ def test_an_emergency_stop_needs_no_clock_that_goes_on(domain: int, peer: Peer) 
         push = peer.publisher("device/servo_cf", WrenchStamped)
         clock.begin(1000 * MS, clock.devices)
 
+        message = WrenchStamped()
+        message.header.frame_id = "world"
+        message.wrench.force.y = 0.02
+
         def pushed() -> bool:
-            message = WrenchStamped()
-            message.header.frame_id = "world"
-            message.wrench.force.y = 0.02
             push.publish(message)
             peer.run(0.01)
             clock.step()

@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """``hapticmech demo`` on two processors that two other programs use as well."""
 
-import os
 from pathlib import Path
 
 import pytest
 
 from benchmarks.small_machine.benchmark import Settings, run_small_machine
-from hapticmech_ros.graph import private_environment
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]
 
@@ -16,11 +14,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.alone]
 DURATION_S = 3.0
 
 
-def test_the_demo_works_beside_busy_programs(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name, value in private_environment(domain).items():
-        monkeypatch.setitem(os.environ, name, value)
+def test_the_demo_works_beside_busy_programs(in_domain: int, tmp_path: Path) -> None:
     settings = Settings(1, duration=DURATION_S, loads=("busy",), readers=1)
     results = run_small_machine(settings, tmp_path)
     (busy,) = results.loads

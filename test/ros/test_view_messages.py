@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,23 +16,15 @@ from hapticmech_ros.mechanism.projection import consistent_initial_state
 from hapticmech_ros.nodes.viewer.scene_viewer import (
     marker_array,
     marker_of,
-    tf_message,
     transform_message,
     wrench_in,
 )
-from hapticmech_ros.view import NamedTransform, Picture, Placer, Snapshot, moving_frames
+from hapticmech_ros.view import NamedTransform, Picture, Placer, Snapshot
 from hapticmech_ros.view.shapes import arrow, box, cylinder, numbered, sphere, strip, text
 
 NOW = 1_700_000_000_123_456_789
 GREY = (0.25, 0.5, 0.75, 1.0)
 POSE = pin.SE3(pin.rpy.rpyToMatrix(0.4, -0.8, 2.0), np.array((0.1, -0.2, 0.3)))
-
-
-@dataclass
-class StandInTfMessage:
-    """Has what tf2_msgs' TFMessage has, which is not on PyPI."""
-
-    transforms: list[Any] = field(default_factory=list)
 
 
 def pose_of(position: Any, orientation: Any) -> np.ndarray:
@@ -92,25 +83,15 @@ def test_every_shape_of_a_picture_has_a_marker() -> None:
 
 
 def test_a_transform_is_its_frame() -> None:
+    # The world is everybody's, and has no prefix.
+    in_world = transform_message(NamedTransform("world", "device", POSE), NOW, "left/")
+    assert in_world.header.frame_id == "world"
     message = transform_message(NamedTransform("link1", "handle", POSE), NOW, "left/")
     assert message.header.frame_id == "left/link1"
     assert message.child_frame_id == "left/handle"
     found = pose_of(message.transform.translation, message.transform.rotation)
     assert np.abs(found - POSE.homogeneous).max() < 1e-15
     assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == NOW
-
-
-def test_world_is_everybodys_and_has_no_prefix() -> None:
-    message = transform_message(NamedTransform("world", "device", POSE), NOW, "left/")
-    assert message.header.frame_id == "world"
-
-
-def test_tf_has_every_frame() -> None:
-    scene = load_scene("spatial_arm")
-    frames = moving_frames(scene, Placer(Mechanism(scene)).at(np.zeros(7)), {"": POSE})
-    message = tf_message(StandInTfMessage, [transform_message(f, NOW) for f in frames])
-    names = [transform.child_frame_id for transform in message.transforms]
-    assert names == [link.name for link in scene.links] + ["handle_world", "device", "device_world"]
 
 
 def test_a_wrench_keeps_its_numbers_in_another_frame() -> None:

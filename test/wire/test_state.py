@@ -36,6 +36,13 @@ def state_of(mechanism, q):
     return WireState(STAMP, active, q, v, contacts, grasps, received)
 
 
+@pytest.fixture
+def five_bar():
+    """A layout, and a state of it."""
+    layout, mechanism, q = next(layouts())
+    return layout, state_of(mechanism, q)
+
+
 @pytest.mark.parametrize(("layout", "mechanism", "q"), list(layouts()))
 def test_what_is_packed_is_unpacked(layout, mechanism, q):
     state = state_of(mechanism, q)
@@ -55,14 +62,13 @@ def test_what_is_packed_is_unpacked(layout, mechanism, q):
         assert np.abs(layout.coordinates(found.q) - layout.coordinates(q)).max() < 1e-12
 
 
-def test_parts_are_where_the_label_says():
-    layout, mechanism, q = next(layouts())
-    state = state_of(mechanism, q)
+def test_parts_are_where_the_label_says(five_bar):
+    layout, state = five_bar
     parts = np.split(layout.pack(state), np.cumsum(list(layout.fields.values()))[:-1])
     expected = (
         divmod(STAMP, 1_000_000_000),
         state.active,
-        q,
+        state.q,
         state.v,
         state.contacts.ravel(),
         state.grasps.ravel(),
@@ -72,21 +78,20 @@ def test_parts_are_where_the_label_says():
         assert (found == np.array(part, dtype=float)).all()
 
 
-def test_what_is_unpacked_is_a_copy():
-    layout, mechanism, q = next(layouts())
-    data = layout.pack(state_of(mechanism, q))
+def test_what_is_unpacked_is_a_copy(five_bar):
+    layout, state = five_bar
+    data = layout.pack(state)
     found = layout.unpack(data)
     data[:] = 0.0
-    assert found.q.tobytes() == q.tobytes()
+    assert found.q.tobytes() == state.q.tobytes()
 
 
 @pytest.mark.parametrize(
     ("field", "key"),
     [("v", "joint_velocity"), ("q", "joint_position"), ("contacts", "force"), ("grasps", "angle")],
 )
-def test_numbers_beyond_what_the_scene_allows_are_refused(field, key):
-    layout, mechanism, q = next(layouts())
-    state = state_of(mechanism, q)
+def test_numbers_beyond_what_the_scene_allows_are_refused(five_bar, field, key):
+    layout, state = five_bar
     value = getattr(state, field).copy()
     value.flat[0 if field == "contacts" else -1] = -1e200
     data = layout.pack(state._replace(**{field: value}))
@@ -97,9 +102,9 @@ def test_numbers_beyond_what_the_scene_allows_are_refused(field, key):
 
 
 @pytest.mark.parametrize("stamp", [(1.797e308, 0.0), (-1.0, 0.0), (1.5, 0.0), (2.0**31, 0.0)])
-def test_stamps_that_are_none_are_refused(stamp):
-    layout, mechanism, q = next(layouts())
-    data = layout.pack(state_of(mechanism, q))
+def test_stamps_that_are_none_are_refused(five_bar, stamp):
+    layout, state = five_bar
+    data = layout.pack(state)
     data[:2] = stamp
     for read in (layout.unpack, lambda row: layout.unpack_all(row[None])):
         with pytest.raises(InvalidInputError, match="stamp"):
@@ -107,18 +112,18 @@ def test_stamps_that_are_none_are_refused(stamp):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_refused(bad):
-    layout, mechanism, q = next(layouts())
+def test_what_is_not_finite_is_refused(five_bar, bad):
+    layout, state = five_bar
     for index in range(sum(layout.fields.values())):
-        data = layout.pack(state_of(mechanism, q))
+        data = layout.pack(state)
         data[index] = bad
         with pytest.raises(InvalidInputError, match=rf"state message\[{index}\]"):
             layout.unpack(data)
 
 
-def test_wrong_lengths_and_flags_are_refused():
-    layout, mechanism, q = next(layouts())
-    data = layout.pack(state_of(mechanism, q))
+def test_wrong_lengths_and_flags_are_refused(five_bar):
+    layout, state = five_bar
+    data = layout.pack(state)
     for wrong in (data[:-1], np.append(data, 0.0), np.zeros(0), data.reshape(1, -1)):
         with pytest.raises(InvalidInputError, match="must hold"):
             layout.unpack(wrong)
