@@ -54,7 +54,7 @@ def test_what_does_not_agree_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def wrong(arguments):  # type: ignore[no-untyped-def]
         code = right(arguments)
-        answers = SessionData(*arguments[5:7]).answers
+        answers = SessionData(*arguments[4:6]).answers
         Answer(answers[-1]).wrenches.on_hand[0] += 1e-6
         return code
 
