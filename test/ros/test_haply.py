@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 
 from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
+from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
 from hapticmech_ros.scene.device import Device
@@ -135,44 +136,47 @@ def led_through_it(
     """
 
     def times_held() -> list[str]:
-        devices = ("a/haptic_device", "b/haply_device")
-        held = [statuses.figure(name, "times_held") for name in devices]
-        controllers = [f"{point}/teleoperation_controller" for point in "ab"]
-        return held + [statuses.figure(name, "engagements") for name in controllers]
+        devices = (statuses["a/haptic_device"], statuses["b/haply_device"])
+        controllers = (statuses[f"{point}/teleoperation_controller"] for point in "ab")
+        held = [figures(status)["times_held"] for status in devices]
+        return held + [figures(status)["engagements"] for status in controllers]
 
     place = DeviceStateMessage.layout.slice("position")
     # The service is as patient as the nodes: a force that ends now and then balances elsewhere.
     patient = ("--idle-after", "100ms")
-    command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
-    for setting in SETTINGS:
-        command += ["--set", setting]
-    with (
-        emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service,
-        program(
-            domain, *command, "--device", "b=haply", "--set", f"haply_device.uri={service.uri}"
-        ),
-    ):
-        rendering(peer, statuses, "a/haptic_device")
-        rendering(peer, statuses, "b/haply_device")
-        for point in "ab":
-            rendering(peer, statuses, f"{point}/teleoperation_controller", "engaged")
-        # While processes start, one stops another.
-        peer.run(SETTLES)
-        start, held = np.array(told[-1].data[place]), times_held()
+    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service:
+        command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
+        command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]
+        for setting in SETTINGS:
+            command += ["--set", setting]
+        process = start_process(command, private_environment(domain))
+        try:
+            rendering(peer, statuses, "a/haptic_device")
+            rendering(peer, statuses, "b/haply_device")
+            for point in "ab":
+                rendering(peer, statuses, f"{point}/teleoperation_controller", "engaged")
+            # While processes start, one stops another.
+            peer.run(SETTLES)
+            start, held = np.array(told[-1].data[place]), times_held()
 
-        looked = Trace(trace)
-        # The emulator's time is behind on a busy machine.
-        peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
-        # What it tells is heard later than the trace is read on a busy machine.
-        half = 0.5 * RESTS_AT
-        peer.until(lambda: abs(told[-1].data[place][0] - start[0]) > half, "a to be led")
-        peer.run(SETTLES)
-        told.clear()
-        at = len(looked.look())
-        peer.run(SETTLES)
-        # Delays that vary make both move about where they rest.
-        way = np.mean([message.data[place] for message in told], axis=0) - start
-        return way, float(looked.look()[at:, 1].mean()), times_held() != held
+            looked = Trace(trace)
+            # The emulator's time is behind on a busy machine.
+            peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
+
+            def led() -> bool:
+                # What it tells is heard later than the trace is read on a busy machine.
+                return bool(abs(told[-1].data[place][0] - start[0]) > 0.5 * RESTS_AT)
+
+            peer.until(led, "the device a to be led")
+            peer.run(SETTLES)
+            told.clear()
+            at = len(looked.look())
+            peer.run(SETTLES)
+            # Delays that vary make both move about where they rest.
+            way = np.mean([message.data[place] for message in told], axis=0) - start
+            return way, float(looked.look()[at:, 1].mean()), times_held() != held
+        finally:
+            stop_process(process)
 
 
 @pytest.mark.alone
