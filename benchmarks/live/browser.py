@@ -10,6 +10,7 @@ import itertools
 import json
 import shutil
 import subprocess
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -108,12 +109,17 @@ class Browser:
 
 
 class Connection:
-    """Calls, and events that are collected while their answers are waited for."""
+    """Calls, and events that are collected."""
 
     def __init__(self, address: str) -> None:
         self._socket = connect(address, max_size=None, compression=None)
         self._numbers = itertools.count(1)
+        self._answers: dict[int, Any] = {}
+        self._came = threading.Condition()
         self.events: list[dict[str, Any]] = []
+        self._end = float("inf")
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
 
     def call(self, method: str, **parameters: Any) -> Any:
         """Return what a method answers.
@@ -121,45 +127,53 @@ class Connection:
         Raises:
             BenchError: it fails, or does not answer.
         """
-        number = self._send(method, params=parameters)
-        answer: dict[str, Any] = {}
-        try:
-            while answer.get("id") != number:
-                answer = json.loads(self._socket.recv(PATIENCE_S))
-                if "id" not in answer:
-                    self._keep(answer)
-        except (ConnectionClosed, TimeoutError):
-            raise BenchError(f"{method}: no answer") from None
+        number = next(self._numbers)
+        message = {"id": number, "method": method, "params": parameters}
+        self._socket.send(json.dumps(message))
+        with self._came:
+            self._came.wait_for(
+                lambda: number in self._answers or self._end < float("inf"), PATIENCE_S
+            )
+            answer = self._answers.pop(number, {"error": "no answer"})
         if "error" in answer:
             raise BenchError(f"{method}: {answer['error']}")
         return answer["result"]
 
     def ended(self) -> float:
-        """Wait until the other side has closed it, and return when, s of the monotonic clock.
-
-        Raises:
-            TimeoutError: it does not.
-        """
-        with suppress(ConnectionClosed):
-            while True:
-                self._socket.recv(PATIENCE_S)
-        return time.monotonic()
+        """Return when the other side closed it, once it has; never, if that takes long."""
+        self._thread.join(PATIENCE_S)
+        return self._end
 
     def close(self) -> None:
         """Close it."""
         self._socket.close()
+        self._thread.join()
 
-    def _keep(self, event: dict[str, Any]) -> None:
-        self.events.append(event)
-        if event["method"] == "Target.attachedToTarget":
-            # A worker waits until it is watched.
-            for method in ("Network.enable", "Runtime.runIfWaitingForDebugger"):
-                self._send(method, sessionId=event["params"]["sessionId"])
+    def _listen(self) -> None:
+        while True:
+            try:
+                text = self._socket.recv()
+            except ConnectionClosed:  # by either side, or with the browser
+                with self._came:
+                    self._end = time.monotonic()
+                    self._came.notify_all()
+                return
+            message = json.loads(text)
+            with self._came:
+                if "id" in message:
+                    self._answers[message["id"]] = message
+                else:
+                    self.events.append(message)
+                self._came.notify_all()
+            if message.get("method") == "Target.attachedToTarget":
+                # A worker waits until it is watched.
+                session = message["params"]["sessionId"]
+                self._post("Network.enable", session)
+                self._post("Runtime.runIfWaitingForDebugger", session)
 
-    def _send(self, method: str, **given: Any) -> int:
-        number = next(self._numbers)
-        self._socket.send(json.dumps({"id": number, "method": method, **given}))
-        return number
+    def _post(self, method: str, session: str) -> None:
+        message = {"id": next(self._numbers), "method": method, "sessionId": session}
+        self._socket.send(json.dumps(message))
 
 
 class Page:
@@ -277,9 +291,7 @@ class Page:
     def addresses(self) -> set[str]:
         """Return all addresses that were asked for, websockets included."""
         found = set()
-        # Events are read with the answer.
-        self.ask("0")
-        for event in self.connection.events:
+        for event in list(self.connection.events):
             name, values = event["method"], event["params"]
             if name == "Network.requestWillBeSent":
                 found.add(values["request"]["url"])
