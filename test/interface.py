@@ -31,7 +31,10 @@ PACKAGE = Path(hapticmech_ros.__file__).parent
 # Parts of which docs/api.md publishes names beside the package's own.
 ROOMS = ("", ".bag", ".control", ".device", ".experiment", ".formats", ".offline", ".view")
 FILE_NAME = re.compile(r"[\w-]+\.(csv|html|json|jsonl|md|mcap|npz|png|svg|txt|yaml|zip)")
-SERVICE = re.compile(r"create_service\(\s*(\w+), (?:f?\"([^\"]+)\"|([\w.]+))")
+# Of a method that passes services on the names are its own.
+SERVICE = re.compile(
+    r"(?<!super\(\)\.)(?<!def )create_service\(\s*(\w+), (?:f?\"([^\"]+)\"|([\w.]+))"
+)
 
 
 def rows(table: str) -> Iterator[tuple[str, list[str]]]:

@@ -249,7 +249,14 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         super().deactivate()
 
     def plainly(self, link: own.DeviceLink, commands: Array, state: Array, model: Array) -> bool:
-        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes; arguments as there."""
+        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
+
+        Args:
+            link: how things stand, to fill.
+            commands: (2, 6) to fill, N and N m.
+            state: (107,) to fill, of the device.
+            model: (108,) to fill: how commands depend on the device.
+        """
         pushed = self._hand is None or self._hand.pushes(self.now_ns())
         # The hand is to take hold, once it need not wait.
         free = self.held is None and not self._wait_for_start

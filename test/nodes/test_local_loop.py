@@ -209,10 +209,10 @@ def test_a_gain_whose_stamps_are_too_far_from_now_is_refused(which, sign):
     with pytest.raises(InvalidInputError, match="age of stamp"):
         loop.take(beyond.values, now, False, limit)
     # Nothing of it is taken, and nothing counts as overtaken by it.
-    assert loop.to_mechanism == 0.0
+    assert loop.to_mechanism == 0.25
     just.to_mechanism = 0.75
     loop.take(just.values, now, False, limit)
-    assert (loop.to_mechanism, loop.order.overtaken) == (0.25, 0)
+    assert (loop.to_mechanism, loop.order.overtaken) == (0.5, 0)
 
 
 @pytest.mark.parametrize("paired", [False, True])

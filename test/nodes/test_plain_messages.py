@@ -755,9 +755,15 @@ class Logged:
 
         Args:
             scene: of the driver.
-            sent: when each sample was sent, ns, by its stamp: a gain may have come just before.
+            sent: when each sample was sent, ns, by its stamp. The kernel sends as it begins a tick,
+                before which a gain may have come that was later than the deadline.
         """
-        self.events.sort(key=lambda event: sent.get(event[1][-1], event[2]))
+
+        def begun(event: tuple[str, tuple[Any, ...], int]) -> int:
+            by_kernel = event[0] == "tick" and event[2] == event[1][-1]
+            return sent.get(event[2], event[2]) if by_kernel else event[2]
+
+        self.events.sort(key=begun)
         found: dict[int, bytes] = {}
         graph = SimpleNamespace(
             exchange=Exchange(), namespace="", now_ns=0, pushing=(), within=defaultdict(list)
