@@ -63,7 +63,10 @@ def test_a_node_that_was_up_is_started_again(domain: int, peer: Peer) -> None:
     models = peer.listen("analysis/handle/operational_model", Float64MultiArray)
     with running(domain, "five_bar", "--respawn") as process:
         peer.until(lambda: len(models) > 10, "a model", 3 * WAIT_S)
-        os.kill(child_of(process.pid, b"nullspace_analyser"), signal.SIGKILL)
+        node = child_of(process.pid, b"nullspace_analyser")
+        # 0 would be the test's own processes.
+        assert node
+        os.kill(node, signal.SIGKILL)
         peer.until(lambda: child_of(process.pid, b"nullspace_analyser"), "a new process")
         models.clear()
         peer.until(lambda: len(models) > 10, "a model again", 3 * WAIT_S)
