@@ -352,7 +352,6 @@ class Actor(Generic[P]):
         name: of the node, and of the executable.
         longest_wait_ns: for how long at most it waits for messages while active, ns, if it is to
             notice its own pauses and has no deadlines; else 0.
-        ends_forces: whether it drives a device, and so answers ``device/emergency_stop``.
         parameters: as they stand; replaced as a whole between two callbacks.
         scene, point: what is modelled, as one user has it, and the operational point held.
         shared_scene: the scene with all its ``hands``.
@@ -364,7 +363,6 @@ class Actor(Generic[P]):
     name: ClassVar[str]
     parameters_type: ClassVar[type[NodeParameters]]
     longest_wait_ns: ClassVar[int] = 0
-    ends_forces: ClassVar[bool] = False
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node

@@ -140,7 +140,7 @@ def answer_states(
     """Answer states as they come.
 
     Args:
-        shared: (18,) how things stand, an :class:`AnalyserLink`; changed.
+        shared: (19,) how things stand, an :class:`AnalyserLink`; changed.
         inputs: (1, 8) a ``lane_kernels.Reading``, of the states; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the answers; changed.
         words: (5,) to work with.

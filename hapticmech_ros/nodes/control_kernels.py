@@ -29,11 +29,13 @@ from hapticmech_ros.nodes.lane_kernels import (
     SECOND,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
+    TO_LOOK_AT,
     TO_READ,
     TO_SEND,
     Link,
     Reading,
     Sending,
+    look_is_due,
     note_read,
     pass_over,
     peek,
@@ -177,7 +179,7 @@ def plain_sample(
         return UNSOUND
     if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
-    if stamp < link.newest or stamp == time or link.until_view == 1:
+    if stamp < link.newest or stamp == time:
         return UNSOUND
     if stamp >= link.gain_from and link.gain_every == 0:
         return UNSOUND
@@ -261,7 +263,7 @@ def answer_samples(
     """Answer samples as they come.
 
     Args:
-        shared: (25,) how things stand, a :class:`ControllerLink`; changed.
+        shared: (26,) how things stand, a :class:`ControllerLink`; changed.
         inputs: (2, 8) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
         passed: (n, 8) likewise, of the device's topics that are passed over.
         outputs: (3, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism,
@@ -398,8 +400,10 @@ def answer_samples(
         link.last, link.newest, link.arrived = time, stamp, time
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
-        link.until_view -= int(link.until_view > 0)
         left = publish_outside(for_device, device_frame) or left
-        if publish_outside(for_point, point_frame) or left:
+        left = publish_outside(for_point, point_frame) or left
+        if look_is_due(link):
+            return TO_LOOK_AT
+        if left:
             return TO_SEND
     return TIME_IS_UP

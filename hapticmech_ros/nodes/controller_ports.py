@@ -261,13 +261,17 @@ class ControllerOutputs:
             energies: of the controllers.
         """
         if self.answers % self._actor.view_every == 0:
-            for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
-                if outlet.wanted:
-                    outlet.publish(encode_wrench(wrench, stamp_ns))
-            if self._publish_energy.wanted:
-                message = ControllerEnergy.of(stamp_ns, **energies._asdict())
-                self._publish_energy.publish(self._energy.encode(message.values))
+            self.publish_view(wrenches, stamp_ns, energies)
         self.answers += 1
+
+    def publish_view(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
+        """Publish these now; arguments as of :meth:`view`."""
+        for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
+            if outlet.wanted:
+                outlet.publish(encode_wrench(wrench, stamp_ns))
+        if self._publish_energy.wanted:
+            message = ControllerEnergy.of(stamp_ns, **energies._asdict())
+            self._publish_energy.publish(self._energy.encode(message.values))
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
         """Publish what the mechanism is told.

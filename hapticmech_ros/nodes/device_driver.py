@@ -86,6 +86,8 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 SERVO, HOLD = "servo_cp", "hold"
 ONE_KIND = "one kind of command at a time"
+# Whoever would stop it is not listened to.
+DEAF = "the middleware of this node stands still"
 
 
 class PoseCommands:
@@ -343,6 +345,15 @@ def _problems(parameters: DriverParameters, device: Device, period_s: float) -> 
 
 
 _HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
+
+
+def _sample_of(state: DeviceState, pushed: Array) -> Array:
+    """Return a device's sample (19,) while others than the hand push with a wrench (6,)."""
+    numbers = state.published[: DEVICE_SAMPLE.size].copy()
+    numbers[_HAND_WRENCH] += pushed
+    return numbers
+
+
 D = TypeVar("D", bound=DriverParameters)
 
 
@@ -362,8 +373,6 @@ class DeviceDriver(ClockedActor[D]):
         held: its state when the hand could take hold; None if nobody is there.
         commanders, gains: who publishes ``servo_cf``, and ``local_feedback_gain``.
     """
-
-    ends_forces = True
 
     def __init__(self, node: Host, parameters: D) -> None:
         self._poses: PoseCommands | None = None
@@ -611,9 +620,6 @@ class DeviceDriver(ClockedActor[D]):
             self._last_valid.keep(self._state, published)
         if code == kernels.TO_SAY:
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
-        elif code == kernels.TO_LOOK_AT:
-            write_device_state(self._written, self._state, NO_WRENCH, clock.last_deadline_ns)
-            self.failures.run("tick", self._publish_view, clock.last_deadline_ns)
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)
@@ -623,9 +629,24 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
+        pushed = self.device.sensed(self._push)
+        self.publish_view(self._state, pushed, self.side.passivity, stamp_ns)
+
+    def publish_view(
+        self, state: DeviceState, pushed: Array, account: PassivityController, stamp_ns: int
+    ) -> None:
+        """Publish a state for people.
+
+        Args:
+            state: of the device.
+            pushed: (6,) by others than the hand, as it is sensed, N and N m, world axes.
+            account: of its energies.
+            stamp_ns: its stamp, ns.
+        """
         self._operating.publish(self.node.active)
-        self._view.publish(self._state, self._written.sample.hand_wrench, stamp_ns)
-        self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
+        sample = _sample_of(state, pushed)
+        self._view.publish(state, sample[_HAND_WRENCH], stamp_ns)
+        self._view.publish_energy(account, sample, stamp_ns)
         if self._poses is not None:
             self._poses.publish(stamp_ns)
 
@@ -743,9 +764,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
-        numbers = self._state.published[: DEVICE_SAMPLE.size].copy()
-        numbers[_HAND_WRENCH] += self.device.sensed(self._push)
-        return numbers
+        return _sample_of(self._state, self.device.sensed(self._push))
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
         """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
@@ -838,7 +857,9 @@ class DeviceDriver(ClockedActor[D]):
 
     def _refusal(self, now_ns: int) -> str:
         """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
-        return self._guard.fault(now_ns) or self.unavailable() or self._operating.withheld
+        deaf = DEAF if self.node.exchange.deaf else ""
+        withheld = self._operating.withheld
+        return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 
     def _fault(self) -> str:
         """Return why nothing may be obeyed, whatever is told; empty if it may."""

@@ -271,7 +271,7 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (27,) how things stand, a :class:`DeviceLink`; changed.
+        shared: (28,) how things stand, a :class:`DeviceLink`; changed.
         inputs: (2, 8) a ``lane_kernels.Reading`` each, of commands and gains; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.

@@ -14,7 +14,8 @@ from __future__ import annotations
 import ctypes
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, Protocol
 
@@ -46,6 +47,13 @@ class Publishes(Protocol):
 
     def get_subscription_count(self) -> int:
         """Return how many subscriptions it has met, those of this process included."""
+
+
+class Meets(Protocol):
+    """What is needed of an actor's failures."""
+
+    def met(self, what: str, error: Exception) -> None:
+        """Say what went wrong, and begin anew, or give up."""
 
 
 class Acts(Protocol):
@@ -237,8 +245,7 @@ class Exchange:
     Attributes:
         lane: to other processes; None: all goes through the middleware.
         refusal: why there is no lane though one was asked for.
-        foreign_ns: when the middleware last brought what had not come another way, on a topic of
-            the lane, by the monotonic clock.
+        deaf: whether what the middleware brings is not listened to at present.
         nodes: of this process: who waits for one of them keeps all waiting.
     """
 
@@ -246,7 +253,7 @@ class Exchange:
         self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
-        self.foreign_ns = -(1 << 62)
+        self.deaf = False
         self._lines: dict[str, _Line] = {}
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
@@ -264,6 +271,39 @@ class Exchange:
         if self.lane is not None and self.lane.wait is not None:
             self.lane.wait.settle()
             self._note_copied(self.lane)
+
+    @contextmanager
+    def taken(self, rings: bool = False) -> Iterator[None]:
+        """Run a callback: no kernel works meanwhile, and the node knows what it has done.
+
+        Args:
+            rings: whether the loop is to look at its deadlines afterwards.
+        """
+        if self.lane is None:
+            yield
+            return
+        turn = self.lane.turn
+        with turn.taken():
+            self.settle()
+            yield
+            if not turn.is_of_loop:
+                # The loop may wait for long.
+                self.publish_kept()
+                if rings:
+                    turn.ring()
+
+    def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
+        """Publish what people see; if it fails the actor begins anew.
+
+        Args:
+            failures: of the actor.
+            publish: publishes it.
+        """
+        try:
+            publish()
+        except Exception as error:  # noqa: BLE001 - as in Failures.run
+            with self.taken():
+                failures.met("view", error)
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
@@ -345,9 +385,7 @@ class Exchange:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)
                 self.deliver()
-                if line.had(message):
-                    return True
-                self.foreign_ns = time.monotonic_ns()
+                return line.had(message)
             return False
 
         return had
@@ -385,15 +423,18 @@ class Exchange:
         """Whether there is anything to deliver."""
         return bool(self._waiting)
 
-    def publish_one(self) -> None:
-        """Send the oldest of what :meth:`publish_later` keeps."""
+    def publish_one(self) -> bool:
+        """Send the oldest of what :meth:`publish_later` keeps; return whether there was one."""
+        if not self._later:
+            return False
         outlet, message = self._later.popleft()
         outlet.publish_bytes(message)
+        return True
 
     def publish_kept(self) -> None:
         """Send all that :meth:`publish_later` keeps."""
-        while self._later:
-            self.publish_one()
+        while self.publish_one():
+            pass
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0) -> None:
         """Let what has come over the lane wait for its listeners.

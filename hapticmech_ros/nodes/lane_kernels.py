@@ -72,6 +72,7 @@ class Link(Record):
         behind: how long a message may have been on its way, ns.
         until_view: after how many messages what is sent is looked at; 0 for never.
         idle: by the kernel: when it had to wait last, ns of the monotonic clock.
+        paused: for how long the process had no processor just now, ns.
         reads: how many messages it has read.
     """
 
@@ -83,6 +84,7 @@ class Link(Record):
     behind = Whole()
     until_view = Whole()
     idle = Whole()
+    paused = Whole()
     reads = Whole()
 
 
@@ -157,6 +159,8 @@ WAITS_TO_READ = _IN << 32
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 _WAITED_NS = 20_000
+# Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
+_UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.
 SHORTEST_PAUSE_NS = 1_000_000
 NOTHING, OTHER = 0, -1
@@ -179,7 +183,9 @@ def time_of(clock: int, words: Array) -> int:
 
 @inner
 def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) -> int:
-    """Wait for connections until a time, ns of the monotonic clock.
+    """Wait for connections until a time, ns of the monotonic clock, or for some milliseconds.
+
+    After a pause of the process there is no time left.
 
     Args:
         end: when.
@@ -192,7 +198,7 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
         NOTHING; a bit for each of the first ones that has something to read; or OTHER.
     """
     now = time_of(MONOTONIC, words)
-    left = max(end - now, 0)
+    left = min(max(end - now, 0), _UNSEEN_NS)
     words[0], words[1] = left // SECOND, left % SECOND
     for i in range(polled.size):
         polled[i] &= (1 << _ANSWER_AT) - 1
@@ -200,6 +206,8 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
     then = time_of(MONOTONIC, words)
     if found == 0 or then - now > _WAITED_NS:
         link.idle = then
+    if then - now - left > SHORTEST_PAUSE_NS:
+        link.paused, link.until = then - now - left, 0
     if found == 0:
         return NOTHING
     ready, bits = 0, 0

@@ -126,7 +126,7 @@ def move_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (21,) how things stand, a :class:`MechanismLink`; changed.
+        shared: (22,) how things stand, a :class:`MechanismLink`; changed.
         inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the states; changed.
         words: (5,) to work with.

@@ -10,9 +10,9 @@ without a kernel: see :mod:`.lane_kernels`.
 
 from __future__ import annotations
 
-import select
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,8 +26,8 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once, and so much time, ns.
-MOST_READ, SETTLES_NS = 64, 20_000_000
+# So many messages are enough for once.
+MOST_READ = 256
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Two clocks are read at one time if they are no further apart, ns.
@@ -155,6 +155,7 @@ class PlainMessages:
         self._actor, self._received, self._published = actor, received, published
         # While there is something that the actor does not know yet.
         self._lane: Lane | None = None
+        self._code = kernels.TIME_IS_UP
         self._passed_over = passed_over
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
@@ -185,8 +186,12 @@ class PlainMessages:
         """Tell the kernel how the actor is; return whether it may do anything for it now."""
         raise NotImplementedError
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel, which returns why it returned, with all that it is called with."""
+        raise NotImplementedError
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes, for people, what the kernel sent last, from copies."""
         raise NotImplementedError
 
     def did(self, code: int, reads: int) -> None:
@@ -224,7 +229,7 @@ class PlainMessages:
             return False
         link.until = until_ns
         link.oldest = self._actor.age_limit_ns
-        link.idle = link.reads = 0
+        link.idle = link.reads = link.paused = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
@@ -285,46 +290,43 @@ class PlainMessages:
         row.head, row.number = _head(origin, speaker[1]), origin.number
         return speaker[0]
 
-    def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
+    def __call__(self, lane: Lane) -> tuple[bool, int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
-
-        Now and then the loop looks at the middleware meanwhile; only if that runs a callback, or
-        after :data:`SETTLES_NS`, the actor has to know what was done.
 
         Args:
             lane: of the process.
-            waited: its connections.
 
         Returns:
-            Those that have something to read, and when it had to wait, ns of the monotonic clock.
+            Whether there is something to read, and when it had to wait, ns of the monotonic clock.
         """
         link, self._lane = self._shared, lane
-        latest_ns = time.monotonic_ns() + SETTLES_NS
-        while True:
-            code = self.run()
-            goes_on = code == kernels.TIME_IS_UP and link.reads < self.ages.size
-            goes_on = goes_on and time.monotonic_ns() < latest_ns
-            until_ns = lane.between() if goes_on else 0
-            if not until_ns or self._lane is None:
-                break
-            link.until = until_ns
-        reads = link.reads
-        self.settle(code)
-        ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
+        kernel = self.kernel()
+        with lane.turn.given_to_kernel():
+            while True:
+                self._code = kernel()
+                if not (self._code == kernels.TO_LOOK_AT and lane.turn.view(self._view())):
+                    break
+                link.until_view = self._actor.view_every
+                if any(row.left or row.unsent for row in self._sending):
+                    self._code = kernels.TO_SEND
+                    break
+        code, reads = self._code, link.reads
+        self.settle()
+        if code == kernels.TO_LOOK_AT:
+            self._view()()
         # Who has read what came before is not behind: one after the other is soon enough.
-        return ready, time.monotonic_ns() if reads else link.idle
+        return code == kernels.TO_READ, time.monotonic_ns() if reads else link.idle
+
+    def _view(self) -> Callable[[], None]:
+        return partial(self._actor.node.exchange.run_view, self._actor.failures, self.view())
 
     @property
     def settled(self) -> bool:
         """Whether the actor knows what the kernel did."""
         return self._lane is None
 
-    def settle(self, code: int = kernels.TIME_IS_UP) -> None:
-        """Have the actor, the topics' sources and the lane know what the kernel did, once.
-
-        Args:
-            code: why it returned.
-        """
+    def settle(self) -> None:
+        """Have the actor, the topics' sources and the lane know what the kernel did, once."""
         lane, link, self._lane = self._lane, self._shared, None
         if lane is None:
             return
@@ -341,7 +343,10 @@ class PlainMessages:
         reads = link.reads
         for age_ns in self.ages[:reads].tolist():
             self._actor.ages.add(age_ns)
-        self.did(code, reads)
+        self.did(self._code, reads)
+        if link.paused:
+            self._actor.node.pauses.paused(link.paused)
+        lane.turn.publish_views()
 
     def _send_on(
         self,

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray
@@ -16,6 +16,7 @@ from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
     ControllerInput,
+    LedgerEntry,
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
@@ -126,12 +127,13 @@ class SampleAnswers(PlainMessages):
             self.link.gain_every = 0
         return True
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel with all that it is called with."""
         actor, side = self._controller, self._controller.side
         device, point = self._commands
         self._answer = Answer()
-        return own.answer_samples(
+        return partial(
+            own.answer_samples,
             *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             actor.bounds.device.most,
@@ -154,6 +156,12 @@ class SampleAnswers(PlainMessages):
             self._controller.received_model(self.link, self._known, origin, models.read)
         if states.read:
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes the last answer for people."""
+        actor, stamp_ns = self._controller, self.link.sample_ns
+        answer = ControllerCommand(Answer(self._answer.values.copy()), stamp_ns)
+        return partial(actor.publish_view, answer, actor.side.entry)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -639,6 +647,15 @@ class TeleoperationController(Actor[ControllerParameters]):
         if with_gain:
             outputs.gain(answer, stamp_ns)
         outputs.view(answer.wrenches, answered_ns, side.entry)
+
+    def publish_view(self, answer: ControllerCommand, energies: LedgerEntry) -> None:
+        """Publish an answer for people.
+
+        Args:
+            answer: to a sample.
+            energies: of the controllers then.
+        """
+        self._outputs.publish_view(answer.wrenches, answer.answered_ns, energies)
 
     def _disengage_for(
         self,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -287,13 +288,18 @@ def analysed(folder: Path) -> Iterator[tuple[Process, States]]:
 def by_the_kernel(process: Process, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return a list to which the kernel adds why it returned, each time it does."""
     codes: list[int] = []
-    run = process.wait.run
+    kernel = process.wait.kernel
 
-    def noted() -> int:
-        codes.append(run())
-        return codes[-1]
+    def noted() -> Callable[[], int]:
+        run = kernel()
 
-    monkeypatch.setattr(process.wait, "run", noted)
+        def noting() -> int:
+            codes.append(run())
+            return codes[-1]
+
+        return noting
+
+    monkeypatch.setattr(process.wait, "kernel", noted)
     return codes
 
 
@@ -343,36 +349,90 @@ def test_states_are_answered_as_python_answers_them(
     assert found[0] == found[1]
 
 
-@pytest.mark.parametrize("runs_a_callback", [False, True])
-def test_the_actor_knows_what_was_done_when_a_callback_runs_or_the_kernel_returns(
-    analysed: tuple[Process, States], runs_a_callback: bool
+@pytest.fixture
+def shared(analysed: tuple[Process, States]) -> Iterator[tuple[Process, States]]:
+    """An analyser's process whose thread shares its turn with others, and its states."""
+    turn = analysed[0].exchange.lane.turn
+    turn.share()
+    yield analysed
+    if turn.is_shared:
+        turn.end()
+
+
+def test_a_callback_in_another_thread_stops_the_kernel_and_knows_what_it_has_done(
+    shared: tuple[Process, States],
 ) -> None:
-    process, states = analysed
-    exchange, before, known = process.exchange, process.actor.analyses, list[int]()
-    sent: list[bytes] = []
+    process, states = shared
+    exchange, before = process.exchange, process.actor.analyses
+    known: list[tuple[int, bool, int]] = []
 
-    def between() -> int:
-        known.append(process.actor.analyses)
-        if runs_a_callback:
-            exchange.settle()
+    def callback() -> None:
+        sent = states.next()
+        process.speak(sent, both=True)
+        answered = time.monotonic() + 20.0
+        while not process.answers():
+            assert time.monotonic() < answered
+        asked = time.monotonic_ns()
+        with exchange.taken():
+            had = exchange._line(STATES.split()[0]).had(sent)
+            known.append((process.actor.analyses, had, time.monotonic_ns() - asked))
+            # What others would have to wait for.
             assert exchange.settled
-            # What the middleware brings of it now is known.
-            assert exchange._line(STATES.split()[0]).had(sent[-1])
-            known.append(process.actor.analyses)
-        return time.monotonic_ns() + MS
 
-    exchange.lane.between = between
-    while process.actor.analyses == before:
-        sent.append(states.next())
-        process.speak(sent[-1], both=True)
-        known.clear()
-        exchange.collect(0.002)
+    thread = threading.Thread(target=callback)
+    thread.start()
+    while not known:
+        exchange.collect(0.5)
         exchange.deliver()
-    if not process.exchange.lane.worked:
-        pytest.fail("no kernel waited")
-    assert known[0] == before
-    assert (known[-1] > before) == runs_a_callback
-    assert len(known) == 2 or not runs_a_callback
+    thread.join()
+    assert process.exchange.lane.worked
+    analyses, had, waited_ns = known[0]
+    assert (analyses, had) == (before + 1, True)
+    # It was not waited for until the kernel's time was up.
+    assert waited_ns < 250 * MS
+
+
+def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
+    shared: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, states = shared
+    exchange, actor = process.exchange, process.actor
+    turn, seen = exchange.lane.turn, list[int]()
+    until_view = property(lambda actor: 1 + -actor.analyses % actor.view_every)
+    monkeypatch.setattr(type(actor), "until_view", until_view)
+    actor.view_every = 3
+    monkeypatch.setattr(actor, "publish_view", lambda found, count: seen.append(count))
+    codes = by_the_kernel(process, monkeypatch)
+    before, done = actor.analyses, list[int]()
+
+    def publish() -> None:
+        while turn.wait_for_view():
+            with turn.taken_beside_kernel():
+                turn.publish_views()
+
+    def speak() -> None:
+        end = time.monotonic() + 20.0
+        for number in range(before, before + 9):
+            process.speak(states.next())
+            while not process.answers():
+                assert time.monotonic() < end
+            # Who is not seen yet is not followed by another one.
+            while len(seen) < number // 3 - (before - 1) // 3:
+                assert time.monotonic() < end
+        with exchange.taken():
+            done.append(actor.analyses)
+
+    threads = [threading.Thread(target=body) for body in (publish, speak)]
+    for thread in threads:
+        thread.start()
+    while threads[1].is_alive():
+        exchange.collect(1.0)
+        exchange.deliver()
+    assert done == [before + 9]
+    assert len(seen) == 3
+    # A kernel went on after each of them.
+    assert codes.count(lane_kernels.TO_LOOK_AT) == 3
+    assert codes.index(lane_kernels.TO_LOOK_AT) < len(codes) - 1
 
 
 def nan(values: Any) -> None:

@@ -1,0 +1,137 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which of a process's threads may run the Python of its nodes; see :mod:`.loop`.
+
+The loop's thread may, but while it waits: for messages, or in a kernel, which works on what the
+nodes have. Another one that wants to then does; for callbacks the kernel is stopped first.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+
+class Turn:
+    """Whose turn it is. As long as there is one thread only, all of this does nothing.
+
+    Attributes:
+        bell: file that can be read when the loop's thread is to stop waiting.
+        rope: file by which it is rung.
+    """
+
+    def __init__(self) -> None:
+        self.bell, self.rope = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._turn, self._kernel = threading.RLock(), threading.Lock()
+        self._loop, self._kernel_runs = 0, False
+        self._views: deque[Callable[[], None]] = deque()
+        self._has_views = threading.Semaphore(0)
+
+    def close(self) -> None:
+        """Give back both files."""
+        os.close(self.bell)
+        os.close(self.rope)
+
+    def share(self) -> None:
+        """Let other threads take turns with the one that calls, which is the loop's."""
+        self._turn.acquire()
+        self._loop = threading.get_ident()
+
+    def end(self) -> None:
+        """Share no more."""
+        self._loop = 0
+        self._turn.release()
+        self._has_views.release()
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether there are other threads."""
+        return self._loop != 0
+
+    @property
+    def is_of_loop(self) -> bool:
+        """Whether the thread that asks is the loop's, or the only one."""
+        return self._loop in (0, threading.get_ident())
+
+    def ring(self) -> None:
+        """Have the loop's thread stop waiting."""
+        with suppress(BlockingIOError):
+            os.write(self.rope, b"\0")
+
+    def hear(self) -> None:
+        """Note that it has stopped."""
+        with suppress(BlockingIOError):
+            os.read(self.bell, 1024)
+
+    @contextmanager
+    def given(self) -> Iterator[None]:
+        """Give the turn away while the loop's thread waits."""
+        if not self.is_shared:
+            yield
+            return
+        self._turn.release()
+        try:
+            yield
+        finally:
+            self._turn.acquire()
+
+    @contextmanager
+    def given_to_kernel(self) -> Iterator[None]:
+        """Give it away while a kernel runs."""
+        if not self.is_shared:
+            yield
+            return
+        with self._kernel:
+            self._kernel_runs = True
+            self._turn.release()
+            try:
+                yield
+            finally:
+                self._kernel_runs = False
+        self._turn.acquire()
+
+    @contextmanager
+    def taken(self) -> Iterator[None]:
+        """Take the turn, once no kernel runs."""
+        if not self.is_shared:
+            yield
+            return
+        with self._turn:
+            if self._kernel_runs:
+                self.ring()
+                # No other one begins: for that the loop's thread needs the turn.
+                with self._kernel:
+                    pass
+            yield
+
+    @contextmanager
+    def taken_beside_kernel(self) -> Iterator[None]:
+        """Take the turn, though a kernel may run."""
+        with self._turn:
+            yield
+
+    def view(self, publish: Callable[[], None]) -> bool:
+        """Have what people see published while a kernel goes on; return whether that is done.
+
+        Args:
+            publish: publishes it, from copies. It is dropped if the one before is still to be done.
+        """
+        if not self.is_shared:
+            return False
+        if not self._views:
+            self._views.append(publish)
+            self._has_views.release()
+        return True
+
+    def wait_for_view(self) -> bool:
+        """Wait until there is a view to publish; return whether the turn is still shared."""
+        self._has_views.acquire()
+        return self.is_shared
+
+    def publish_views(self) -> None:
+        """Publish those that there are: what is published next is newer."""
+        while self._views:
+            self._views.popleft()()
