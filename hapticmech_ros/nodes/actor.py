@@ -45,6 +45,7 @@ from hapticmech_ros.nodes.node_time import Backlog, DurationHistogram, PeriodClo
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Listener, Origin, Sources, WithInfo
 from hapticmech_ros.nodes.timeouts import OwnPauses
+from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene.rules import check_limits
@@ -337,7 +338,6 @@ class LastValidState(Generic[T]):
 
 M = TypeVar("M")
 P = TypeVar("P", bound=NodeParameters)
-FOR_EVER = 1 << 62
 
 
 def always(now_ns: int) -> bool:

@@ -857,7 +857,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _refusal(self, now_ns: int) -> str:
         """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
-        deaf = DEAF if self.node.exchange.deaf else ""
+        deaf = DEAF if self.node.exchange.is_deaf else ""
         withheld = self._operating.withheld
         return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 

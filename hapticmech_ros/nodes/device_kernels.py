@@ -32,6 +32,7 @@ from hapticmech_ros.device.kernels import (
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
+    DEAF_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -227,7 +228,7 @@ def take_gain(
     " int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
-    " float64[::1], int64[::1])",
+    " float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def drive_at_deadlines(
@@ -267,6 +268,7 @@ def drive_at_deadlines(
     energies: Array,
     trips: Array,
     ages: Array,
+    listened: Array,
 ) -> int:
     """Take commands as they come, and do a step at each deadline.
 
@@ -309,6 +311,7 @@ def drive_at_deadlines(
             sends it; changed.
         trips: (n,) to fill: s, of samples and their answers.
         ages: (n,) to fill: of the commands, ns.
+        listened: (1,) until when the middleware was listened to, ns of the monotonic clock.
 
     Returns:
         Why it returns.
@@ -365,7 +368,7 @@ def drive_at_deadlines(
         if link.received > known:
             before, received, answered = 1, link.received_before, link.answered_before
         silent = max(time - link.received, time - link.received_before, known - received)
-        if silent > link.timeout:
+        if silent > link.timeout or now - listened[0] > DEAF_NS:
             return TO_ACT
         sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
         put(sample.values, measured)

@@ -19,9 +19,13 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any, Protocol
 
+import numpy as np
+
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
 from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
+from hapticmech_ros.nodes.turn import FOR_EVER
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 # How many messages may be on their way through the middleware to those who had them already, and
@@ -64,6 +68,10 @@ class Acts(Protocol):
     """
 
     active: bool
+
+
+# As of a process with one thread.
+_ALWAYS = np.array([FOR_EVER])
 
 
 @cache
@@ -245,7 +253,6 @@ class Exchange:
     Attributes:
         lane: to other processes; None: all goes through the middleware.
         refusal: why there is no lane though one was asked for.
-        deaf: whether what the middleware brings is not listened to at present.
         nodes: of this process: who waits for one of them keeps all waiting.
     """
 
@@ -253,12 +260,21 @@ class Exchange:
         self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
-        self.deaf = False
         self._lines: dict[str, _Line] = {}
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
         self._delivering = False
         self._outlets = 0
+
+    @property
+    def listened(self) -> Array:
+        """(1,) Until when the middleware was last listened to, ns; see :class:`.turn.Turn`."""
+        return _ALWAYS if self.lane is None else self.lane.turn.listened
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether it has not been listened to for too long."""
+        return self.lane is not None and self.lane.turn.is_deaf
 
     @property
     def settled(self) -> bool:

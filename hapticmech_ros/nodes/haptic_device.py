@@ -180,7 +180,7 @@ class DeviceTicks(PlainMessages):
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
             actor.period_s,
             loop.energies,
-            *(self._trips, self.ages),
+            *(self._trips, self.ages, actor.node.exchange.listened),
         )
 
     def did(self, code: int, reads: int) -> None:

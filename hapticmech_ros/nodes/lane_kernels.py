@@ -159,6 +159,9 @@ WAITS_TO_READ = _IN << 32
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 _WAITED_NS = 20_000
+# Whoever has not listened to the middleware for longer than this, ns, hears nobody who would have it
+# stop.
+DEAF_NS = 100_000_000
 # Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
 _UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.

@@ -19,11 +19,11 @@ from hapticmech_ros.control.loop_delay import RoundTripEstimate
 from hapticmech_ros.control.loop_layout import HandMemory, LocalModel
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
 from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
+from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds

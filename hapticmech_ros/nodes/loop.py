@@ -237,9 +237,8 @@ AWAKE_SHARE, AWAKE_NS = 10, 40_000
 # Of the latenesses seen, what a new one counts; and no more than this of it, ns: a thread that
 # something else kept waiting would not have come earlier for looking at the clock.
 _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
-# How long the middleware is waited for at once, s; and by whom that thread was not seen for longer
-# than this, ns, hears nobody: a device then ends its force.
-SPIN_S, DEAF_NS = 0.05, 250_000_000
+# How long the middleware is waited for at once, s.
+SPIN_S = 0.02
 # Whoever wants Python's lock gets it after so long, s: five milliseconds are several periods.
 SWITCH_S = 0.0005
 # How often the middleware is looked at by who answers nobody, ns.
@@ -309,7 +308,7 @@ class Threads:
         self._turn: Turn | None = None
         self._begun, self._ended = threading.Event(), False
         self._failure: Exception | None = None
-        self._round_ns = self._seen_ns = 0
+        self._seen_ns = 0
         self._threads = [
             threading.Thread(target=self._work, args=(work,), daemon=True)
             for work in (self._run_callbacks, self._publish_views)
@@ -322,7 +321,7 @@ class Threads:
         if self._turn is not None:
             return
         turn.share()
-        self._turn, self._round_ns = turn, time.monotonic_ns()
+        self._turn = turn
         # A signal may reach any thread; Python acts on it in the main one.
         signal.set_wakeup_fd(turn.rope, warn_on_full_buffer=False)
         self._begun.set()
@@ -335,13 +334,10 @@ class Threads:
         """
         if self._failure is not None:
             raise self._failure
-        seen_ns, self._seen_ns = self._seen_ns, self._round_ns
-        return self._turn is None or self._round_ns > seen_ns
-
-    @property
-    def are_deaf(self) -> bool:
-        """Whether nobody has listened to it for too long."""
-        return self._turn is not None and time.monotonic_ns() - self._round_ns > DEAF_NS
+        if self._turn is None:
+            return True
+        seen_ns, self._seen_ns = self._seen_ns, int(self._turn.listened[0])
+        return self._seen_ns > seen_ns
 
     def end(self) -> None:
         """Wait for both to end."""
@@ -367,7 +363,7 @@ class Threads:
                 self._failure = error
                 turn.ring()
                 return
-            self._round_ns = time.monotonic_ns()
+            turn.listen()
 
     def _publish_views(self, turn: Turn) -> None:
         while turn.wait_for_view():
@@ -553,7 +549,6 @@ def run_until(
         while rclpy.ok() and not stop.asked:
             if threads.have_listened():
                 watchdog.go_round()
-            exchange.deaf = threads.are_deaf
             inbox.wait(_wait_s(nodes))
             for node in nodes:
                 node.look_at_clock()

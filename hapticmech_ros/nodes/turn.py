@@ -10,9 +10,16 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+
+import numpy as np
+
+from hapticmech_ros.nodes.lane_kernels import DEAF_NS
+
+FOR_EVER = 1 << 62
 
 
 class Turn:
@@ -21,12 +28,14 @@ class Turn:
     Attributes:
         bell: file that can be read when the loop's thread is to stop waiting.
         rope: file by which it is rung.
+        listened: (1,) until when the middleware was last listened to, ns of the monotonic clock.
     """
 
     def __init__(self) -> None:
         self.bell, self.rope = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._turn, self._kernel = threading.RLock(), threading.Lock()
         self._loop, self._kernel_runs = 0, False
+        self.listened = np.array([FOR_EVER])
         self._views: deque[Callable[[], None]] = deque()
         self._has_views = threading.Semaphore(0)
 
@@ -39,10 +48,20 @@ class Turn:
         """Let other threads take turns with the one that calls, which is the loop's."""
         self._turn.acquire()
         self._loop = threading.get_ident()
+        self.listen()
+
+    def listen(self) -> None:
+        """Note that the middleware was listened to until now."""
+        self.listened[0] = time.monotonic_ns()
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether nobody has listened to it for longer than :data:`DEAF_NS`."""
+        return time.monotonic_ns() - int(self.listened[0]) > DEAF_NS
 
     def end(self) -> None:
         """Share no more."""
-        self._loop = 0
+        self._loop, self.listened[0] = 0, FOR_EVER
         self._turn.release()
         self._has_views.release()
 

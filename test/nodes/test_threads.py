@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros.nodes import loop
+from hapticmech_ros.nodes import turn
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.loop import Threads
@@ -107,9 +107,9 @@ def test_who_does_not_listen_is_deaf_until_he_does_again(
     process: tuple[Queued, Exchange, Threads], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     executor, exchange, threads = process
-    monkeypatch.setattr(loop, "DEAF_NS", 150_000_000)
+    monkeypatch.setattr(turn, "DEAF_NS", 150_000_000)
     wait_for(threads.have_listened, exchange)
-    assert not threads.are_deaf
+    assert not exchange.is_deaf
     goes_on, began = threading.Event(), threading.Event()
 
     def stand() -> None:
@@ -119,12 +119,12 @@ def test_who_does_not_listen_is_deaf_until_he_does_again(
     executor.queue.put(stand)
     assert began.wait(20.0)
     begun = time.monotonic()
-    wait_for(lambda: threads.are_deaf, exchange)
+    wait_for(lambda: exchange.is_deaf, exchange)
     assert time.monotonic() - begun > 0.05
     threads.have_listened()
     assert not threads.have_listened()
     goes_on.set()
-    wait_for(lambda: not threads.are_deaf, exchange)
+    wait_for(lambda: not exchange.is_deaf, exchange)
     wait_for(threads.have_listened, exchange)
 
 
@@ -133,15 +133,15 @@ def test_views_are_published_beside_the_loop_one_after_the_other(
 ) -> None:
     _, exchange, _ = process
     assert exchange.lane is not None
-    turn, published = exchange.lane.turn, list[tuple[int, int]]()
+    published = list[tuple[int, int]]()
 
     def view(number: int) -> Callable[[], None]:
         return lambda: published.append((number, threading.get_ident()))
 
     # While it works only the first one is kept: a newer one comes soon.
-    assert [turn.view(view(number)) for number in range(3)] == [True] * 3
+    assert [exchange.lane.turn.view(view(number)) for number in range(3)] == [True] * 3
     wait_for(lambda: published, exchange)
-    assert turn.view(view(3))
+    assert exchange.lane.turn.view(view(3))
     wait_for(lambda: len(published) == 2, exchange)
     assert [number for number, _ in published] == [0, 3]
     assert threading.get_ident() not in [thread for _, thread in published]
@@ -153,6 +153,6 @@ def test_without_a_lane_the_loop_is_alone() -> None:
     executor.queue.put(lambda: pytest.fail("ran"))
     with exchange.taken():
         assert threads.have_listened()
-    assert not threads.are_deaf
+    assert not exchange.is_deaf
     threads.end()
     assert executor.queue.qsize() == 1
