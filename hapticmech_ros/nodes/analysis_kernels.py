@@ -10,6 +10,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
     OTHER,
+    PLAIN,
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
@@ -141,7 +142,7 @@ def answer_states(
 
     Args:
         shared: (19,) how things stand, an :class:`AnalyserLink`; changed.
-        inputs: (1, 8) a ``lane_kernels.Reading``, of the states; changed.
+        inputs: (1, 9) a ``lane_kernels.Reading``, of the states; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the answers; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
@@ -185,7 +186,7 @@ def answer_states(
         found = wait_until(link.until, link, words, polled, 1)
         if found == NOTHING:
             continue
-        if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
+        if found == OTHER or peek(link, read, words, frame, prefix) != PLAIN:
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_stamp(link, values, most, active, grasp)
@@ -218,7 +219,7 @@ def answer_states(
         if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(read, words, polled[0], frame, copies)
+        take(read, words, frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
         message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)

@@ -26,6 +26,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     MONOTONIC,
     NOTHING,
     OTHER,
+    PLAIN,
     SECOND,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
@@ -35,6 +36,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     Link,
     Reading,
     Sending,
+    arrival,
     look_is_due,
     note_read,
     pass_over,
@@ -49,6 +51,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.wire.kernels import (
+    GAIN,
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,
@@ -64,7 +67,6 @@ from hapticmech_ros.wire.messages import (
 # Which topics are read, and which are sent.
 STATES, MODELS = 0, 1
 TO_DEVICE, TO_POINT, AS_GAIN = 0, 1, 2
-GAIN = LocalFeedbackGain.layout.start("force")
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
@@ -264,13 +266,13 @@ def answer_samples(
 
     Args:
         shared: (26,) how things stand, a :class:`ControllerLink`; changed.
-        inputs: (2, 8) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
-        passed: (n, 8) likewise, of the device's topics that are passed over.
+        inputs: (2, 9) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
+        passed: (n, 9) likewise, of the device's topics that are passed over.
         outputs: (3, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism,
             and of the gains; changed.
         words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
-            process first.
+        polled: (n,) struct pollfd of all connections but that of the analyser's process, that of
+            the device's first.
         state_frame: (words,) for the sample that has come.
         state_prefix: (words,) the bytes before its data.
         state_copies: (n, words) to fill, with those that the middleware will bring too.
@@ -317,29 +319,37 @@ def answer_samples(
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     closed, seen = Locality(locality), OperationalModelSample(known)
     while link.reads < ages.size:
-        if time_of(MONOTONIC, words) >= link.until:
+        now = time_of(MONOTONIC, words)
+        if now >= link.until:
             break
-        found = wait_until(link.until, link, words, polled, 2)
+        # A device that is silent for longer is lost: Python says so with the next model.
+        silent = link.last + link.timeout - link.ahead
+        if now > silent:
+            return TO_READ
+        found = wait_until(min(link.until, silent + 1), link, words, polled, 1)
         if found == NOTHING:
             continue
         if found == OTHER:
             return TO_READ
-        # What there is to answer with comes first.
-        if found & 1 << MODELS:
-            if not peek(link, models, words, polled[MODELS], model_frame, model_prefix):
-                return TO_READ
-            time, counted, sent = words[0], words[2], words[3]
+        # What there is to answer with comes first; nobody had to be there for it.
+        while link.reads < ages.size:
+            found = peek(link, models, words, model_frame, model_prefix)
+            if found == NOTHING:
+                break
+            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = plain_model(link, OperationalModelMessage(model), model_most, grasp, time)
-            if stamp == UNSOUND or has_paused(link.of_analyser, stamp, counted, link.period):
+            paused = has_paused(link.of_analyser, stamp, counted, link.period)
+            if found == OTHER or stamp == UNSOUND or paused:
                 return TO_READ
-            take(models, words, polled[MODELS], model_frame, model_copies)
+            take(models, words, model_frame, model_copies)
             put(known, OperationalModelMessage(model).operational_model.values)
             link.model_ns = stamp
             note_sender(link.of_analyser, stamp, counted)
-            note_read(link, models, ages, time, time - stamp, counted, sent)
-            continue
-        if not peek(link, states, words, polled[STATES], state_frame, state_prefix):
-            if pass_over(link, passed, words, polled[STATES]):
+            note_read(link, models, ages, time, came - stamp, counted, sent)
+        if link.reads == ages.size:
+            break
+        if peek(link, states, words, state_frame, state_prefix) != PLAIN:
+            if pass_over(link, passed, words, states.connection):
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
@@ -382,7 +392,7 @@ def answer_samples(
             put(account, before)
             return TO_READ
         # From here on it is answered.
-        take(states, words, polled[STATES], state_frame, state_copies)
+        take(states, words, state_frame, state_copies)
         write_stamp(device_frame, stamp)
         send_to_all(for_device, words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)

@@ -148,7 +148,7 @@ class DeviceTicks(PlainMessages):
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
+        self._commands, self._trips = np.zeros((2, 6)), np.zeros(2 * EVERY)
         self._state, self._later = SimulatedState().values, SimulatedState().values
         self._model = NO_GAIN.copy()
         self._out.obeys = True

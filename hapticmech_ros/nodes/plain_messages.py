@@ -23,6 +23,7 @@ from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
@@ -62,6 +63,7 @@ class Received(NamedTuple):
         size: how many numbers it has.
         alike: how many of the bytes all messages have.
         beside: whether it comes over the connection of the topic before, or is left to Python.
+        awaited: whether the kernel wakes up for a message, rather than to find it when it acts.
     """
 
     topic: str
@@ -70,6 +72,7 @@ class Received(NamedTuple):
     size: int
     alike: int
     beside: bool = False
+    awaited: bool = True
 
 
 class Publication(NamedTuple):
@@ -119,7 +122,7 @@ class PlainCommand:
 
     def received(self, topic: str, sources: Sources) -> Received:
         """Return a topic of such commands that are read; see :class:`Heard`."""
-        return Received(topic, sources, self.prefix, 6, _STAMP_AT)
+        return Received(topic, sources, self.prefix, 6, _STAMP_AT, awaited=False)
 
 
 class PlainMessages:
@@ -134,9 +137,9 @@ class PlainMessages:
             reads that one, by their names on the lane.
 
     Attributes:
-        inputs, outputs: (n, 8) and (m, 17) a :class:`~.lane_kernels.Reading` or
+        inputs, outputs: (n, 9) and (m, 17) a :class:`~.lane_kernels.Reading` or
             :class:`~.lane_kernels.Sending` of each topic.
-        passed: (k, 8) likewise, of each topic that is passed over.
+        passed: (k, 9) likewise, of each topic that is passed over.
         reading: of each topic that is read, views.
         frames, values, prefixes, copies: of each topic that is read words for a message, a view of
             its data, what all messages begin with, and words for those that the middleware brings.
@@ -160,7 +163,8 @@ class PlainMessages:
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
         self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
-        link.step, link.behind = STEP_NS, BEHIND_NS
+        # What nobody wakes up for is found within a period.
+        link.step, link.behind = STEP_NS, BEHIND_NS + nanoseconds(actor.period_s)
         self._shared = link
         reads, sends = kernels.Reading.layout.size, kernels.Sending.layout.size
         self.inputs = np.zeros((len(received), reads), dtype=np.int64)
@@ -268,8 +272,10 @@ class PlainMessages:
                 row.head = 0
         if -1 in first:
             return False
-        others = [number for number in waited if number not in first]
-        self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
+        topics = zip(self._received, self.reading, strict=True)
+        polled = [row.connection for one, row in topics if one.awaited and not one.beside]
+        polled += [number for number in waited if number not in first]
+        self.polled = np.array(polled, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
 
     @staticmethod
@@ -288,6 +294,7 @@ class PlainMessages:
         if origin is None or speaker is None:
             return -1
         row.head, row.number = _head(origin, speaker[1]), origin.number
+        row.connection = speaker[0]
         return speaker[0]
 
     def __call__(self, lane: Lane) -> tuple[bool, int]:

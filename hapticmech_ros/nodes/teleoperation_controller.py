@@ -93,7 +93,10 @@ class SampleAnswers(PlainMessages):
             (POINT_MODEL.of(actor.point), OperationalModelMessage.layout, analyser),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
-            received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
+            awaited = sources is device
+            received.append(
+                Received(topic, sources, prefix, fields.size, len(prefix), awaited=awaited)
+            )
         command = PlainCommand(actor.wrenches)
         *commands, gains = outputs
         frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in commands]

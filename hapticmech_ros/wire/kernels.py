@@ -8,13 +8,19 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    OperationalModelMessage,
+)
 
 # No message stands for a time before this.
 UNSOUND = -1
 # Where quaternions are in the messages of the control rate.
 MODEL_QUATERNION = OperationalModelMessage.layout.start("quaternion")
 SAMPLE_QUATERNION = DeviceStateMessage.layout.start("quaternion")
+# Where in a gain how a command depends on the device begins.
+GAIN = LocalFeedbackGain.layout.start("force")
 # Of a quaternion's length.
 QUATERNION_TOLERANCE = 1e-3
 _SECOND = 1_000_000_000
