@@ -226,9 +226,13 @@ class Process:
         while (left := end - time.monotonic_ns()) > 0:
             self.exchange.collect(1e-9 * left)
             self.exchange.deliver()
-            # A kernel takes what has come when it acts; so that Python does, too:
-            self.exchange.collect(whole=True)
-            self.exchange.deliver()
+            clock = getattr(self.actor, "clock", None)
+            if clock is not None and clock.next_ns <= self.host.now_ns():
+                # A kernel takes what has come when it acts; so that Python does, too:
+                worked = self.exchange.lane.worked
+                self.exchange.collect(whole=True)
+                self.exchange.deliver()
+                self.exchange.lane.worked = worked
             self.host.act(self.host.now_ns())
 
     def answers(self) -> list[bytes]:
