@@ -99,7 +99,7 @@ def act(
 
 @inner
 def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied: Array) -> None:
-    """Account for the period until a sample, over which ``applied`` (6,) was held."""
+    """Account for the period until a sample, over which actuators held ``applied`` (6,), N, N m."""
     if account.pose_known != 0.0:
         way, taken, driven = local(6), 0.0, 0.0
         displacement(account.pose, sample, way)
@@ -120,7 +120,11 @@ def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied:
 
 @inner
 def take_energy(account: DeviceAccount, given: float) -> None:
-    """Take E_m, J, as it is received, or NaN; the account begins with the first one."""
+    """Take E_m, J, as it is received, or NaN; the account begins with the first one.
+
+    What a commander without one gave before, be it of his own, is no debt that the next one's
+    damping has to collect.
+    """
     if np.isnan(given):
         account.received = 0.0
         return
@@ -210,7 +214,8 @@ def hold_within(
 def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added: Array) -> bool:
     """Hold a command (6,) to what may be given; return whether that changed it.
 
-    See :func:`enforce_passivity`.
+    What the device's driver ``added`` (6,), for its weight and friction, stays in the device, and
+    does not count; N and N m, world axes.
     """
     put(account.added, added)
     available = energy_available(account)
@@ -278,18 +283,6 @@ def correct(
     lead(hand, period, model.force, others, found)
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def record_sample(account: Array, sample: Array, applied: Array) -> None:
-    """Account for the period until a sample (19,), over which actuators held ``applied`` (6,).
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-        applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-    """
-    account_for_actuators(DeviceAccount(account), DeviceSample(sample), applied)
-
-
 @kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64)"
@@ -318,20 +311,6 @@ def allow_command(
     account_for_actuators(side, now, applied)
     take_energy(side, given)
     allow(side, Safety(safety), command, now, added)
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
-def enforce_passivity(account: Array, command: Array, sample: Array, added: Array) -> None:
-    """Change a command where it would give more than there is.
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        command: (6,) on the hand, by the device, N and N m, world axes; changed.
-        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-        added: (6,) by the device's driver, for its weight and friction, N and N m, world axes: what
-            it gives stays in the device, and does not count.
-    """
-    enforce(DeviceAccount(account), command, DeviceSample(sample), added)
 
 
 @kernel(

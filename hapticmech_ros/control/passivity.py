@@ -34,9 +34,6 @@ from hapticmech_ros.control.device_side_kernels import (
     allow_command,
     correct_command,
     energy_available,
-    enforce_passivity,
-    record_sample,
-    take_energy,
 )
 from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.control.other_hands import NO_OTHERS
@@ -131,36 +128,6 @@ class PassivityController:
     def available(self) -> float:
         """J that the actuators may give now; infinite while E_m is not known."""
         return energy_available(self.account)
-
-    def set_mechanism_energy(self, mechanism: float | None) -> None:
-        """Take E_m, J; None while nobody tells it.
-
-        With the first one the account begins: what a commander without one gave before, be it of
-        his own, is no debt that the next one's damping has to collect.
-        """
-        take_energy(self.account, math.nan if mechanism is None else mechanism)
-
-    def record(self, sample: Array, applied: Array) -> None:
-        """Account for the last period.
-
-        Args:
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-            applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-        """
-        record_sample(self.account.values, sample, applied)
-
-    def enforce(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
-        """Return the command (6,), changed where it would give more than there is.
-
-        Args:
-            command: (6,) on the hand, by the device, N and N m, world axes.
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-            added: (6,) by the device's driver, for its weight and friction, N and N m, world axes:
-                what it gives stays in the device, and does not count.
-        """
-        held = np.array(command, dtype=float)
-        enforce_passivity(self.account.values, held, sample, added)
-        return held
 
 
 def corrected(

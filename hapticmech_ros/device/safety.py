@@ -35,7 +35,7 @@ from hapticmech_ros.device.motion_kernels import (
     Motion,
     check_sample,
 )
-from hapticmech_ros.device.safety_kernels import Reason, Safety, apply_envelope
+from hapticmech_ros.device.safety_kernels import Reason, Safety
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.device import Device, most_servo_stiffness
@@ -208,17 +208,6 @@ class SafetyEnvelope:
         """Say that nothing leaves now; the next command is a start."""
         self.numbers.last[:] = 0.0
         self.numbers.started = 0.0
-
-    def apply(self, command: Array, position: Array) -> Array:
-        """Return what leaves (6,) for a command (6,), N and N m, world axes.
-
-        Args:
-            command: (6,) N and N m, world axes.
-            position: (3,) of the point held, m, world axes.
-        """
-        found = np.array(command, dtype=float)
-        apply_envelope(self.numbers.values, found, position)
-        return found
 
 
 # N/m and N m/rad: a finger's push of 1 N moves the device by 5 mm.

@@ -140,9 +140,6 @@ def use_parts(scene, control):
             model, answered = answer.numbers.model.values, answer.numbers.sample.values
             command = corrected(PUSH, model, answered, sample, memory, 1e-3)
         device.allow(command, sample, state.applied, 0.01 * tick)
-        device.envelope.apply(command, sample[:3])
-        device.passivity.record(sample, state.applied)
-        device.passivity.enforce(command, sample)
         assert np.isfinite(device.passivity.available)
     stamp_if_sound(np.ones(27), np.full(27, 10.0), 5, 1e-6)
 

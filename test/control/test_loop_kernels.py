@@ -12,11 +12,12 @@ from hapticmech_ros.control.account_kernels import remember_wrench
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import InFlight
-from hapticmech_ros.control.passivity import DeviceSide, PassivityController, corrected
+from hapticmech_ros.control.passivity import DeviceSide, corrected
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.device.safety import Reason
 from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
 from hapticmech_ros.scene.controller import Connection, Passivity
+from oracles.controllers import Account
 from oracles.running import varied
 
 PERIOD = 1e-3
@@ -169,9 +170,9 @@ def test_commands_are_held_to_what_there_is_by_the_least_damping(lag, filtered):
     ahead, exact, shortened = PERIOD + lag, 0, 0
     for _ in range(20):
         bounds = Passivity(allowance=10.0 ** rng.uniform(-6, -3), slack=10.0 ** rng.uniform(-4, 0))
-        account = PassivityController(bounds, INERTIA, PERIOD, limits, acts, filtered, lag)
+        account = Account(bounds, INERTIA, PERIOD, limits, acts, filtered, lag)
         applied, added, before, work, spent = *np.zeros((2, 6)), None, 0.0, 0.0
-        account.set_mechanism_energy(0.0)
+        account.receive(0.0)
         for _ in range(100):
             sample, command = sample_of(rng), wrench(rng)
             hand, twist = sample[PUSH], sample[TWIST]
@@ -182,7 +183,7 @@ def test_commands_are_held_to_what_there_is_by_the_least_damping(lag, filtered):
                 rate = way / PERIOD + 0.5 * PERIOD * (driven + hand) / INERTIA
             account.record(sample, applied)
             before, told = sample, work + 1e-3 * rng.normal()
-            account.set_mechanism_energy(told)
+            account.receive(told)
             least = max(min(0.0, told) - bounds.allowance, told - bounds.slack)
             assert account.actuators == pytest.approx(work, rel=1e-9, abs=1e-12)
             assert account.available == pytest.approx(work - least, rel=1e-9, abs=1e-12)
