@@ -10,8 +10,10 @@ loads in some milliseconds and without Numba. Rounding is the same in every run:
 reordered, fused or run in parallel.
 
 A kernel does not look at the type of an array, nor at its strides: whoever calls it gives it
-float64 or int64 arrays of its own, in C order unless the signature says otherwise. Where the
-environment says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
+float64 or int64 arrays of its own, in C order unless the signature says otherwise. A signature may
+name records and structures as well (``void(HandMemory, float64, float64[::1])``): what is given is
+one of these, or of a class below it, and the machine code finds its arrays. Where the environment
+says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
 """
 
 from __future__ import annotations
@@ -113,12 +115,13 @@ def function_at(signature: str) -> Callable[..., Any]:
 def kernel(
     signature: str, linked: bool = False, waits: bool = False
 ) -> Callable[[Function], Function]:
-    """Return a decorator that finds a function in the library.
+    """Return a decorator that finds a function in the library; other kernels may call it.
 
     Args:
-        signature: types of result and arguments, as Numba writes them.
-        linked: whether other kernels call it. They do so by its name in the library: it is
-            translated and optimised once, not as a part of each.
+        signature: types of result and arguments, as Numba writes them, or names of records and
+            structures.
+        linked: whether other kernels call it by its name in the library: it is translated and
+            optimised once, not as a part of each.
         waits: whether other threads run Python meanwhile: it takes longer, or is not to wait for
             them.
     """
@@ -128,7 +131,7 @@ def kernel(
         if _Collection.kernels is not None:
             _Collection.kernels.append(Kernel(name, signature, function, linked))
             if not linked:
-                return function
+                return inner(function)
             from hapticmech_ros.compilation.inner_functions import called_by_name
 
             return cast(Function, called_by_name(function, name, signature))

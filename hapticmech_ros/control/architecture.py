@@ -34,7 +34,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import Clutch, engage, pose_error
-from hapticmech_ros.control.kernels import control_wrenches
+from hapticmech_ros.control.kernels import answer_measurements
 from hapticmech_ros.control.loop_layout import BRAKE, ControllerSettings, ControlWrenches
 from hapticmech_ros.control.measurements import (
     ControlOutput,
@@ -51,7 +51,10 @@ from hapticmech_ros.control.measurements import (
 )
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, OperationalModelSample
+from hapticmech_ros.numerics.layout import (
+    DeviceSample,
+    OperationalModelSample,
+)
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
@@ -309,8 +312,8 @@ class ControlArchitecture:
 
         Args:
             time: s.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: as in :meth:`answer`.
             carried: (6,) the device's wrench until now, if it held the mechanism elsewhere; N and
                 N m, world axes.
@@ -331,8 +334,8 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: the one until now.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
         """
         if not clutch.is_closing:
             return clutch
@@ -375,8 +378,8 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: s, from the time of ``operational_model`` to that of ``device``; the point's pose
                 is extrapolated by its twist for as long.
             in_flight: what of earlier commands to the mechanism has not acted yet, for a device
@@ -386,21 +389,25 @@ class ControlArchitecture:
         Raises:
             InvalidInputError: an array of another size.
         """
-        settings = self.settings_at(time, clutch)
-        if in_flight is not None and operational_model.size == OPERATIONAL_MODEL.size:
-            operational_model = operational_model.copy()
-            seen = OperationalModelSample(operational_model)
+        sizes, known = (
+            (device.size, operational_model.size),
+            (DeviceSample.layout, OperationalModelSample.layout),
+        )
+        if sizes != (known[0].size, known[1].size):
+            rule = f"must be {known[0].size} and {known[1].size}"
+            raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        settings = ControllerSettings(self.settings_at(time, clutch))
+        seen = OperationalModelSample(operational_model)
+        if in_flight is not None:
+            seen = OperationalModelSample(operational_model.copy())
             x, free = seen.inverse_inertia, seen.free_acceleration
             seen.twist[:] = predicted_twist(seen.twist, x, free, seen.contact, in_flight)
             ahead += in_flight.duration
-        out = np.empty((6, 6))
-        if not control_wrenches(settings, device, operational_model, time, ahead, out):
-            sizes = device.size, operational_model.size
-            rule = f"must be {DEVICE_SAMPLE.size} and {OPERATIONAL_MODEL.size}"
-            raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        out = ControlWrenches()
+        answer_measurements(settings, DeviceSample(device), seen, time, ahead, out)
         if clutch.carried is not None:
-            out[0] = self.joined(time, clutch, out[0])
-        return out
+            out.on_hand[:] = self.joined(time, clutch, out.on_hand)
+        return out.values.reshape(6, 6)
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
         """Return the device's wrench (6,) with what it still carries on from another grasp.
@@ -494,8 +501,8 @@ class LawControl(ControlArchitecture):
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: s, from the time of ``operational_model`` to that of ``device``.
             in_flight: commands to the mechanism that have not acted yet.
 

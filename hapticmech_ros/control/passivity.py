@@ -32,10 +32,15 @@ import numpy as np
 
 from hapticmech_ros.control.device_side_kernels import (
     allow_command,
-    correct_command,
+    correct,
     energy_available,
 )
-from hapticmech_ros.control.loop_layout import DeviceAccount
+from hapticmech_ros.control.loop_layout import (
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
+)
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
@@ -119,7 +124,7 @@ class PassivityController:
         """Return E_h at a sample (19,), J, without what friction took.
 
         Args:
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
         """
         twist = DeviceSample(sample).twist
         return self.actuators + 0.5 * float(twist @ (self.account.inertia * twist))
@@ -151,7 +156,16 @@ def corrected(
         others: (19,) what corrects it for other hands; see ``other_hands``.
     """
     found = np.empty(6)
-    correct_command(command, model, answered, now, hand, period, others, found)
+    correct(
+        command,
+        LocalModel(model),
+        DeviceSample(answered),
+        DeviceSample(now),
+        HandMemory(hand),
+        period,
+        HandsCorrection(others),
+        found,
+    )
     return found
 
 
@@ -203,13 +217,13 @@ class DeviceSide:
 
         Args:
             command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device now, in SI units; see ``layout.DeviceSample``.
             applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
             to_mechanism: E_m, J, as it was received; None while nobody sends it.
             added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
         """
         found = np.array(command, dtype=float)
         given = math.nan if to_mechanism is None else to_mechanism
-        account, safety = self.passivity.account.values, self.envelope.numbers.values
-        allow_command(account, safety, found, sample, applied, added, given)
+        account, safety = self.passivity.account, self.envelope.numbers
+        allow_command(account, safety, found, DeviceSample(sample), applied, added, given)
         return found

@@ -33,10 +33,11 @@ from hapticmech_ros.device.motion_kernels import (
     SOUND,
     SPEED,
     Motion,
-    check_sample,
+    follow_sample,
 )
 from hapticmech_ros.device.safety_kernels import Reason, Safety
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.device import Device, most_servo_stiffness
 
@@ -80,7 +81,6 @@ class MotionCheck:
         numbers.slack[2:] = np.add(steps, SLOW_SLACK)
         numbers.reach = _ACROSS * device.workspace.radius or math.inf
         numbers.period = period
-        self._radius = device.workspace.radius
         self.fault = ""
         self.faults = 0
         self.stamp_ns = self._fault_ns = 0
@@ -94,12 +94,12 @@ class MotionCheck:
         """Check a sample; a fault ends once all samples of 0.1 s were sound.
 
         Args:
-            sample: (19,) of the device, see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, see ``layout.DeviceSample``.
             stamp_ns: its time, ns, by the device's clock.
         """
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
         self.stamp_ns = stamp_ns
-        code = check_sample(self.numbers.values, sample, elapsed)
+        code = follow_sample(self.numbers, DeviceSample(sample), elapsed)
         if code == SOUND:
             if self.fault and stamp_ns - self._fault_ns > SOUND_AFTER_NS:
                 self.fault = ""

@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import Balance, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
+from hapticmech_ros.mechanism.kernels.model import Data, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     SINGULAR_STEP,
@@ -82,7 +82,7 @@ class Stepper:
         self._drift = scheme.drift
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
-        work = Work(numbers, self.work)
+        self._work = work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in Work.parts})
         # What was set last, by ``prepare``.
@@ -235,15 +235,15 @@ class Stepper:
             known = factored(self._mechanism.tree, closing.active_set, start.q).packed
         parts.q[:], parts.v[:] = stepped.q, stepped.v
         judge(
-            *closing.active_set.constants,
-            known,
-            closing.packed,
-            self.work,
+            closing.active_set.model,
+            Data(closing.active_set.model.numbers, known),
+            closing.parts,
+            self._work,
             self.on_links(external),
             damps,
             stepped.work_in + stepped.contact_work,
             stepped.energy_lost,
-            found.values,
+            found,
         )
         return found
 

@@ -569,7 +569,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
         joints = b""
         if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            q, v = self._layout.coordinates(self.state.q).tolist(), self.state.v.tolist()
+            q, v = self._mechanism.coordinates(self.state.q).tolist(), self.state.v.tolist()
             joints = self._joints.encode(q, v, (), time_ns)
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)

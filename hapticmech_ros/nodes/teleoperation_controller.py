@@ -48,7 +48,7 @@ from hapticmech_ros.nodes.plain_messages import (
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
@@ -109,7 +109,10 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
+        self._known, self._grasp = (
+            np.zeros(OperationalModelSample.layout.size),
+            np.zeros(GRASP_SIZE),
+        )
         self._before, self._moved = ControllerAccount().values, Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
@@ -638,7 +641,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs.mechanism(commanded, mechanism_ns)
         if with_gain:
             outputs.gain(answer, stamp_ns)
-        outputs.view(answer.wrenches, answered_ns, side.entry)
+        outputs.view(answer.wrenches, answered_ns, side.account.energies)
 
     def _disengage_for(
         self,

@@ -69,6 +69,3 @@ class OperationalModelSample(Record):
     quaternion = Vector(4, "quaternion")
     twist = Vector(6, TWIST)
     contact = Vector(6, WRENCH)
-
-
-OPERATIONAL_MODEL = OperationalModelSample.layout

@@ -24,7 +24,7 @@ from hapticmech_ros.operational.observe_kernels import (
     ConstraintTrigger,
     Details,
     Observed,
-    count_constraints,
+    count_rigid,
     details_in,
     rates_before,
     remember_state,
@@ -117,7 +117,7 @@ class ConstraintCounter:
             s: (t,) singular values, descending.
             time: s.
         """
-        return count_constraints(self.numbers.values, np.ascontiguousarray(s, dtype=float), time)
+        return count_rigid(self.numbers, np.ascontiguousarray(s, dtype=float), time)
 
 
 def rigid_count(s: Array, perception: Perception) -> int:

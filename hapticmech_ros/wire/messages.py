@@ -24,6 +24,7 @@ from hapticmech_ros.compilation.records import (
     Whole,
     matrix,
 )
+from hapticmech_ros.control.loop_layout import ControllerEnergies
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import SECONDS, WRENCH, DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -230,17 +231,11 @@ class DeviceEnergy(Message):
 
 
 class ControllerEnergy(Message):
-    """``controller/energy``, J since rendering started; see ``control.account_kernels``.
+    """``controller/energy``, J since rendering started.
 
     Attributes:
-        to_mechanism: E_m.
-        stored: S, now.
-        injected: E_inj.
-        dissipated: E_b.
+        energies: of the controllers.
     """
 
     what = "controller energy"
-    to_mechanism = Number()
-    stored = Number()
-    injected = Number()
-    dissipated = Number()
+    energies = Nested(ControllerEnergies, flat=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
     sweep_outwards,
@@ -50,9 +50,9 @@ def from_metric(model: Model, data: Data, vector: Array) -> None:
         solve_lower_transposed(data.factor, vector)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1])")
 def lift(model: Model, data: Data, rates: Array) -> None:
-    """Replace joint rates (nv,) by Lᵀ of them."""
+    """Replace joint rates, or a change of q, (nv,) by Lᵀ of them, in the mass metric."""
     if model.path == SPARSE:
         sweep_outwards(model, data, rates, True)
         return
@@ -79,13 +79,21 @@ def free_part(model: Model, data: Data, vector: Array) -> None:
         remove(data.basis, rank, vector, model.along)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1], float64[::1], float64[::1], float64[::1])")
 def accelerate(
     model: Model, data: Data, bias_force: Array, passive: Array, bias: Array, result: Array
 ) -> None:
-    """Replace joint forces in ``result`` (nv + m,) by v̇, followed by λ.
+    """Solve Eq. 1: replace joint forces by v̇, followed by λ.
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        bias_force: (nv,) h, N m or N.
+        passive: (nv,) forces of elements without efforts, N m or N.
+        bias: (m,) Ẇv, m/s² or 1/s².
+        result: (nv + m,) Σ Jᵀ F and efforts, N m or N, replaced by v̇ and λ; λ is NaN if sparse.
     """
     nv, rank = model.nv, int(data.tail.rank)
     rates, multipliers = result[:nv], result[nv:]
@@ -111,7 +119,7 @@ def accelerate(
     from_metric(model, data, rates)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1], float64[::1])")
 def correction_of(model: Model, data: Data, residual: Array, change: Array) -> None:
     """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
     change[:] = 0.0
@@ -129,7 +137,7 @@ def correction_of(model: Model, data: Data, residual: Array, change: Array) -> N
     from_metric(model, data, change)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1])")
 def close_rates(model: Model, data: Data, rates: Array) -> None:
     """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v."""
     lift(model, data, rates)
