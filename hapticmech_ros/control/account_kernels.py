@@ -66,7 +66,6 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, lar
 
 # Samples that a memory has at most.
 MOST = 3
-CHANGE_SIZE = MeanChange.layout.size
 # Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
 _MOST_GROWTH = 1e6
 
@@ -150,7 +149,7 @@ def lead(
 
     ``gain`` (6, 6) is G, SI units.
     """
-    change, line, bend, moves = MeanChange(local(CHANGE_SIZE)), local(6), local(6), False
+    change, line, bend, moves = MeanChange(), local(6), local(6), False
     change_of_mean(memory, 0.0, period, change)
     for i in range(6):
         line[i], bend[i] = others.line[i], others.bend[i]

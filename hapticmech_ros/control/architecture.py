@@ -49,6 +49,7 @@ from hapticmech_ros.control.measurements import (
     point_ahead,
     predicted_twist,
 )
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
@@ -164,7 +165,6 @@ def blended(old: P, new: P, share: float) -> P:
     return new.model_copy(update=changed)
 
 
-_NOTHING = np.zeros(6)
 # A ramp is no longer than so many of those of a start at rest.
 LONGEST_RAMP = 6.0
 
@@ -265,7 +265,7 @@ class ControlArchitecture:
     def carried_at(self, time: float, clutch: Clutch) -> Array:
         """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
         faded = clutch.faded(time)
-        return _NOTHING if faded is None else faded
+        return NO_WRENCH if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
         """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``.

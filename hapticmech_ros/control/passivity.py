@@ -42,14 +42,13 @@ from hapticmech_ros.control.loop_layout import (
     LocalModel,
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 
-NO_WRENCH = np.zeros(6)
-NO_WRENCH.flags.writeable = False
 # Most damping, as a share of what stops the device within a sample.
 MOST_DAMPING = 0.4
 

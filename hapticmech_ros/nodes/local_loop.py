@@ -131,7 +131,7 @@ class LocalLoop:
         if self._paired or self.others is not None:
             return None
         gain = self._gain.value
-        return (NO_GAIN if gain is None else gain.model), self._gain.stamp_ns
+        return (NO_GAIN if gain is None else gain.model.values), self._gain.stamp_ns
 
     def can_correct(self, answered_ns: int, now_ns: int) -> bool:
         """Return whether a command may be obeyed: over a network none that lacks its correction.
@@ -185,7 +185,7 @@ class LocalLoop:
             newest: the newest gain's stamp, and when it came, ns.
         """
         gain = LocalFeedbackGain()
-        gain.model[:] = model
+        gain.model.values[:] = model
         self._gain.put(gain, taken_ns)
         self.order.last = newest
 
@@ -309,7 +309,7 @@ class LocalLoop:
         if row < 0:
             return command
         then, now = self.samples[row], self.samples[(self.count - 1) % REMEMBERED]
-        return corrected(command, gain.model, then, now, self.hand, self._period, others)
+        return corrected(command, gain.model.values, then, now, self.hand, self._period, others)
 
 
 class Answers(InOrder):

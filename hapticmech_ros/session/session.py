@@ -592,7 +592,7 @@ class Session:
             self._device_state = None
         if phases & MECHANISM:
             self._mechanism_state = None
-        return run_ticks(arguments)  # type: ignore[no-any-return]
+        return run_ticks(arguments)  # type: ignore[call-arg]
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""

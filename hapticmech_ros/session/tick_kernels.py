@@ -12,8 +12,8 @@ from hapticmech_ros.compilation import (
     RecordPart,
     Size,
     Structure,
-    gathering_kernel,
     inner,
+    kernel,
     put,
     shaped,
 )
@@ -444,10 +444,11 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     row[at], row[at + 1] = DeviceAccount(data.account).actuators, data.totals.constraints
 
 
-@gathering_kernel(
+@kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], int64[::1],"
     " float64[::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
-    " int64[::1])"
+    " int64[::1])",
+    gathered=True,
 )
 def run_ticks(
     numbers: Array,

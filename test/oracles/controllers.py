@@ -20,7 +20,8 @@ from hapticmech_ros.control.measurements import (
     flat_operational_model,
     operational_model_of,
 )
-from hapticmech_ros.control.passivity import NO_WRENCH, PassivityController, corrected
+from hapticmech_ros.control.passivity import PassivityController, corrected
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
