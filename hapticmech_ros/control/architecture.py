@@ -221,9 +221,13 @@ class ControlArchitecture:
         self.task = np.zeros(6)
         self.task[list(scene.task_rows)] = 1.0
         self._gain_ramp: GainRamp | None = None
-        self._settings = settings = ControllerSettings()
-        settings.task[:], settings.inertia[:] = self.task, np.diag(self.device_inertia)
-        settings.force_limit, settings.torque_limit = self.limits
+        self._settings = ControllerSettings()
+        self._settings.fill(
+            task=self.task,
+            inertia=np.diag(self.device_inertia),
+            force_limit=self.limits[0],
+            torque_limit=self.limits[1],
+        )
         self._clutch: Clutch | None = None
         self.apply_gains(scene.controller)
 
@@ -234,15 +238,23 @@ class ControlArchitecture:
         lag = 2.0 * self.delay + 1.5 * self._period
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
         self.channels = FourChannel(position, force, np.diag(self.device_inertia), lag)
-        own, channels = self._settings, self.channels
-        own.stiffness[:], own.damping[:] = channels.stiffness, channels.damping
-        own.held_stiffness[:], own.held_damping[:] = channels.held_stiffness, channels.held_damping
-        own.feedforward = joint.feedforward
-        own.joint_stiffness, own.joint_damping = joint.stiffness, joint.damping
-        own.joint_force_limit, own.joint_torque_limit = joint.force_limit, joint.torque_limit
-        own.c1, own.c4 = position.to_mechanism, position.to_device
-        own.c2, own.c3 = force.contact, force.hand
-        own.c5, own.c6 = force.mechanism_feedback, force.device_feedback
+        self._settings.fill(
+            stiffness=self.channels.stiffness,
+            damping=self.channels.damping,
+            held_stiffness=self.channels.held_stiffness,
+            held_damping=self.channels.held_damping,
+            feedforward=joint.feedforward,
+            joint_stiffness=joint.stiffness,
+            joint_damping=joint.damping,
+            joint_force_limit=joint.force_limit,
+            joint_torque_limit=joint.torque_limit,
+            c1=position.to_mechanism,
+            c2=force.contact,
+            c3=force.hand,
+            c4=position.to_device,
+            c5=force.mechanism_feedback,
+            c6=force.device_feedback,
+        )
 
     def settings_at(self, time: float, clutch: Clutch) -> Array:
         """Return what fixes the controllers at ``time`` (s) as an array (59,) for kernels.
@@ -256,10 +268,13 @@ class ControlArchitecture:
             turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            settings = self._settings
-            settings.ramp, settings.carries = clutch.duration, clutch.carried is not None
-            settings.engaged_at = clutch.time
-            settings.displacement[:], settings.turn[:] = clutch.displacement, turn.coeffs()
+            self._settings.fill(
+                ramp=clutch.duration,
+                carries=clutch.carried is not None,
+                engaged_at=clutch.time,
+                displacement=clutch.displacement,
+                turn=turn.coeffs(),
+            )
         return self._settings.values
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:

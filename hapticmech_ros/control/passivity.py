@@ -81,15 +81,22 @@ class PassivityController:
         filtered: bool = False,
         lag: float = 0.0,
     ) -> None:
-        self.account = account = DeviceAccount()
-        account.inertia[:], account.acts[:] = inertia, 1.0 if acts is None else acts
-        account.force_limit, account.torque_limit = limits
-        account.period, account.most_damping = period, MOST_DAMPING / period
-        account.kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
-        account.ahead = ahead = period + lag
-        account.moved, account.filtered = 0.5 * ahead**2, filtered
-        account.passive, account.allowance = bounds.control, bounds.allowance
-        account.slack = bounds.slack
+        self.account, ahead = DeviceAccount(), period + lag
+        self.account.fill(
+            inertia=inertia,
+            acts=np.ones(6) if acts is None else acts,
+            force_limit=limits[0],
+            torque_limit=limits[1],
+            period=period,
+            most_damping=MOST_DAMPING / period,
+            kept=lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0,
+            ahead=ahead,
+            moved=0.5 * ahead**2,
+            filtered=filtered,
+            passive=bounds.control,
+            allowance=bounds.allowance,
+            slack=bounds.slack,
+        )
 
     def begin(self) -> None:
         """Start anew: the hand takes hold, or nobody holds."""

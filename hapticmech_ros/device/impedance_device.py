@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -72,11 +73,9 @@ class ImpedanceDevice:
         self.device, self.period = device, period
         self._law = law
         numbers = hand_numbers(None if law is not None else hand, schedule)
-        layout = DeviceModel.layout
-        self.data: Array = np.concatenate((np.zeros(layout.start("hand")), numbers))
-        for name, value in _constants(device, period, planar, schedule).items():
-            self.data[layout.slice(name)] = value
+        self.data: Array = np.concatenate((np.zeros(DeviceModel.layout.start("hand")), numbers))
         self._model, self._plan = DeviceModel(self.data), self.data[kernels.MODEL_SIZE :]
+        self._model.fill(**_constants(device, period, planar, schedule))
         self.held: DeviceState | None = None
 
     @property
@@ -194,7 +193,7 @@ class ImpedanceDevice:
 
 def _constants(
     device: Device, period: float, planar: bool, schedule: GraspSchedule
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return what is constant of a device, by fields of :class:`DeviceModel`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps

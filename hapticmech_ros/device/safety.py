@@ -69,18 +69,19 @@ class MotionCheck:
 
     def __init__(self, device: Device, period: float) -> None:
         motion = device.motion
-        self.numbers = numbers = Motion()
+        self.numbers = Motion()
         steps = (
             _STEPS * device.position_resolution + _ROUNDING,
             _STEPS * device.angle_resolution + _ROUNDING,
         )
-        numbers.window[:] = WINDOWS_S
-        numbers.most_speed[:] = motion.speed, motion.angular_speed
-        numbers.most_acceleration[:] = motion.acceleration, motion.angular_acceleration
-        numbers.slack[:2] = steps
-        numbers.slack[2:] = np.add(steps, SLOW_SLACK)
-        numbers.reach = _ACROSS * device.workspace.radius or math.inf
-        numbers.period = period
+        self.numbers.fill(
+            window=WINDOWS_S,
+            most_speed=(motion.speed, motion.angular_speed),
+            most_acceleration=(motion.acceleration, motion.angular_acceleration),
+            slack=np.concatenate((steps, np.add(steps, SLOW_SLACK))),
+            reach=_ACROSS * device.workspace.radius or math.inf,
+            period=period,
+        )
         self.fault = ""
         self.faults = 0
         self.stamp_ns = self._fault_ns = 0
@@ -193,8 +194,7 @@ class SafetyEnvelope:
 
     def limit(self, limits: SafetyLimits) -> None:
         """Keep these limits from now on."""
-        for name, value in asdict(limits).items():
-            setattr(self.numbers, name, value)
+        self.numbers.fill(**asdict(limits))
 
     def place(self, centre: Array) -> None:
         """Put the workspace's centre (3,), m.

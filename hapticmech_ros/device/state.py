@@ -101,8 +101,7 @@ class DeviceState:
     @property
     def twist(self) -> Array:
         """(6,) twist of the point held, m/s and rad/s, world axes."""
-        twist: Array = self._numbers.body.twist
-        return twist
+        return self._numbers.body.twist
 
     @property
     def measured_pose(self) -> pin.SE3:
@@ -155,8 +154,7 @@ class DeviceState:
     @property
     def limb_twist(self) -> Array:
         """(6,) twist of that mass, m/s and rad/s, world axes."""
-        twist: Array = self._numbers.limb.twist
-        return twist
+        return self._numbers.limb.twist
 
     @property
     def pull(self) -> Array:

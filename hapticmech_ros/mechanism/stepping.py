@@ -90,14 +90,16 @@ class Stepper:
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
         most_open = BAUMGARTE_FAILURE if self._pulled else PROJECTION_FAILURE
-        settings = parts.settings
-        settings.semi_implicit, settings.drift_tolerance = scheme.late, scheme.drift
-        settings.projection_tolerance = PROJECTION_TOLERANCE * mechanism.length
-        settings.rounding_tolerance = ROUNDING_TOLERANCE * mechanism.length
-        settings.jump_residual = PROJECTION_FAILURE * mechanism.length
-        settings.baumgarte_rate = plan.baumgarte_rate if self._pulled else 0.0
-        settings.residual_limit = most_open * mechanism.length
-        settings.local_rates = scheme.corrected and nq != nv
+        parts.settings.fill(
+            semi_implicit=scheme.late,
+            drift_tolerance=scheme.drift,
+            projection_tolerance=PROJECTION_TOLERANCE * mechanism.length,
+            rounding_tolerance=ROUNDING_TOLERANCE * mechanism.length,
+            jump_residual=PROJECTION_FAILURE * mechanism.length,
+            baumgarte_rate=plan.baumgarte_rate if self._pulled else 0.0,
+            residual_limit=most_open * mechanism.length,
+            local_rates=scheme.corrected and nq != nv,
+        )
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)

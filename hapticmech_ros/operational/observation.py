@@ -102,9 +102,8 @@ class ConstraintCounter:
     """
 
     def __init__(self, perception: Perception) -> None:
-        self.numbers = numbers = ConstraintTrigger()
-        numbers.s_on, numbers.s_off = perception.s_on, perception.s_off
-        numbers.dwell = perception.dwell
+        self.numbers = ConstraintTrigger()
+        self.numbers.fill(s_on=perception.s_on, s_off=perception.s_off, dwell=perception.dwell)
 
     def begin(self) -> None:
         """Start anew with the next s."""
