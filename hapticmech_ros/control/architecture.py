@@ -530,9 +530,11 @@ class LawControl(ControlArchitecture):
         seen = LawInput(time, own, point, model_of(operational_model), error, rate)
         on_hand, on_mechanism = (clutch.ramp(time) * one for one in _checked(self._law(seen)))
         found = ControlWrenches()
-        found.on_hand[:] = self.joined(time, clutch, limited(self.task * on_hand, *self.limits))
-        found.on_mechanism[:] = limited(self.task * on_mechanism, *self.limits)
-        found.error[:] = error
+        found.fill(
+            on_hand=self.joined(time, clutch, limited(self.task * on_hand, *self.limits)),
+            on_mechanism=limited(self.task * on_mechanism, *self.limits),
+            error=error,
+        )
         return found.values.reshape(6, 6)
 
 

@@ -73,8 +73,8 @@ class DeviceState:
                 place = getattr(numbers, _PLACES[name])
                 place.position[:], place.rotation[:] = value.translation, value.rotation
             elif name == "measured_pose":
-                numbers.position[:], numbers.seen[:] = value.translation, value.rotation
-                numbers.quaternion[:] = quaternion_of(value.rotation)
+                turn = value.rotation
+                numbers.fill(position=value.translation, seen=turn, quaternion=quaternion_of(turn))
             elif name == "window":
                 numbers.window = value
             elif name in _NUMBERS:
