@@ -164,7 +164,13 @@ def lead(
 
 @kernel("void(ControllerAccount, float64[::1], float64)")
 def account_for_motion(account: ControllerAccount, twist: Array, duration: float) -> None:
-    """Add to E_m what the wrench that acts gave in ``duration`` (s), until the twist (6,)."""
+    """Add to E_m what the wrench that acts gave until now.
+
+    Args:
+        account: of the controller, changed.
+        twist: (6,) of the operational point now, m/s and rad/s, world axes.
+        duration: s, since the twist before.
+    """
     if account.twist_known != 0.0:
         total = 0.0
         for i in range(6):
@@ -279,7 +285,7 @@ def respond(
         settings: of the controllers.
         model: the operational model.
         time: s.
-        out: to fill; SI, world axes.
+        out: (6, 6) to fill; SI, world axes.
     """
     task, through = settings.task, force_let_through(settings, time)
     kept = let_through(settings, time) * (1.0 - settings.feedforward)

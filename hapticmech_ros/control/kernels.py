@@ -336,7 +336,15 @@ def hand_on_mechanism(
     time: float,
     commanded: Array,
 ) -> None:
-    """Fill the wrench that measured forces command on the mechanism (6,): s (C3 F_h + C5 F_c)."""
+    """Fill the wrench that measured forces command on the mechanism, s (C3 F_h + C5 F_c).
+
+    Args:
+        settings: what the scene and the clutch fix.
+        device: the device's sample.
+        model: the operational model.
+        time: s.
+        commanded: (6,) to fill, N and N m, world axes.
+    """
     through, task = force_let_through(settings, time), settings.task
     for i in range(6):
         hand, touch = device.hand_wrench[i], model.contact[i]

@@ -218,7 +218,13 @@ def _add_friction(
 
 @kernel("void(DeviceModel, float64[::1], float64[::1])")
 def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
-    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
+    """Fill what the driver adds to a command.
+
+    Args:
+        device: what it is.
+        twist: (6,) measured, m/s and rad/s, world axes.
+        added: (6,) to fill, N and N m, world axes.
+    """
     added[:] = 0.0
     if device.compensated > 0.0:
         share, damping = device.compensated, device.damping
@@ -263,7 +269,13 @@ def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedSta
 
 @kernel("void(DeviceModel, SimulatedState, float64[::1])")
 def command_device(device: DeviceModel, state: SimulatedState, command: Array) -> None:
-    """Ask actuators, within their limits, for a command (6,) and what is added at a state."""
+    """Ask actuators, within their limits, for a command and what the driver adds to it.
+
+    Args:
+        device: what it is, changed.
+        state: with the measured twist.
+        command: (6,) servo_cf, N and N m, world axes.
+    """
     given = device.command
     compensate(device, state.twist, given)
     for i in range(6):
@@ -482,10 +494,18 @@ def half_substep(device: DeviceModel, out: SimulatedState, before: Substep) -> N
 def end_substep(
     device: DeviceModel, plan: Array, ticks: int, index: int, out: SimulatedState, before: Substep
 ) -> bool:
-    """End substep ``index`` from its middle; then the hand lets go or takes hold.
+    """End a substep from its middle; then the hand lets go or takes hold.
 
-    ``before`` is as of :func:`half_substep`, and is filled with the hand's wrench in the middle.
-    Return whether the hand held.
+    Args:
+        device: what it is.
+        plan: (numbers,) of its hand.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        index: of the substep.
+        out: changed.
+        before: of :func:`half_substep`; filled with the hand's wrench in the middle.
+
+    Returns:
+        Whether the hand held.
     """
     body, own = out.body, out.own
     held: bool = out.window != OPEN

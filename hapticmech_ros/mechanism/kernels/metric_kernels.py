@@ -52,7 +52,13 @@ def from_metric(model: Model, data: Data, vector: Array) -> None:
 
 @kernel("void(Model, Data, float64[::1])")
 def lift(model: Model, data: Data, rates: Array) -> None:
-    """Replace joint rates, or a change of q, (nv,) by Lᵀ of them, in the mass metric."""
+    """Replace joint rates by Lᵀ of them.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        rates: (nv,) rates or a change of q, replaced by what they are in the mass metric.
+    """
     if model.path == SPARSE:
         sweep_outwards(model, data, rates, True)
         return
@@ -121,7 +127,14 @@ def accelerate(
 
 @kernel("void(Model, Data, float64[::1], float64[::1])")
 def correction_of(model: Model, data: Data, residual: Array, change: Array) -> None:
-    """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
+    """Fill ``change`` with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        residual: (m,) φ, rad or m.
+        change: (nv,) to fill, rad or m.
+    """
     change[:] = 0.0
     rank = int(data.tail.rank)
     if model.path == SPARSE:
@@ -139,7 +152,13 @@ def correction_of(model: Model, data: Data, residual: Array, change: Array) -> N
 
 @kernel("void(Model, Data, float64[::1])")
 def close_rates(model: Model, data: Data, rates: Array) -> None:
-    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v."""
+    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        rates: (nv,) rad/s or m/s, replaced by the nearest with W v = 0.
+    """
     lift(model, data, rates)
     free_part(model, data, rates)
     from_metric(model, data, rates)
