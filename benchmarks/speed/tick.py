@@ -14,7 +14,7 @@ from benchmarks.machine import cpu_times
 from benchmarks.oracle import oracle
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -26,7 +26,7 @@ STATES, PUSH = 200, (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
 AGREEMENT = 1e-9
 SEE, BOTH = "observe", "evaluate, analyse"
 MJ_STEP, MJ_LOOP = "mj_step", "mj_step, in its own loop"
-_X = OPERATIONAL_MODEL.slice("inverse_inertia")
+_X = OperationalModelSample.layout.slice("inverse_inertia")
 
 
 @dataclass(frozen=True, slots=True)

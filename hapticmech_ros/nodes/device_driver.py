@@ -46,7 +46,7 @@ from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
@@ -229,7 +229,7 @@ class DeviceView:
 
         Args:
             account: of passivity.
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
             time_ns: ns.
         """
         if not self._publish_energy.wanted:
@@ -344,12 +344,12 @@ def _problems(parameters: DriverParameters, device: Device, period_s: float) -> 
         yield str(error)
 
 
-_HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
+_HAND_WRENCH = DeviceSample.layout.slice("hand_wrench")
 
 
 def _sample_of(state: DeviceState, pushed: Array) -> Array:
     """Return a device's sample (19,) while others than the hand push with a wrench (6,)."""
-    numbers = state.published[: DEVICE_SAMPLE.size].copy()
+    numbers = state.published[: DeviceSample.layout.size].copy()
     numbers[_HAND_WRENCH] += pushed
     return numbers
 

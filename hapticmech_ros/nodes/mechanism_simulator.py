@@ -578,7 +578,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         points = self.simulator.evaluate(state).points
         joints = b""
         if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            q, v = self._layout.coordinates(state.q).tolist(), state.v.tolist()
+            q, v = self._mechanism.coordinates(state.q).tolist(), state.v.tolist()
             joints = self._joints.encode(q, v, (), time_ns)
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)

@@ -11,12 +11,11 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
+from hapticmech_ros.control.loop_layout import Answer, ControllerAccount, ControllerEnergies
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
     ControllerInput,
-    LedgerEntry,
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
@@ -49,7 +48,7 @@ from hapticmech_ros.nodes.plain_messages import (
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
@@ -113,7 +112,10 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
+        self._known, self._grasp = (
+            np.zeros(OperationalModelSample.layout.size),
+            np.zeros(GRASP_SIZE),
+        )
         self._before, self._moved = ControllerAccount().values, Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
@@ -164,7 +166,8 @@ class SampleAnswers(PlainMessages):
         """Return what publishes the last answer for people."""
         actor, stamp_ns = self._controller, self.link.sample_ns
         answer = ControllerCommand(Answer(self._answer.values.copy()), stamp_ns)
-        return partial(actor.publish_view, answer, actor.side.entry)
+        energies = ControllerEnergies(actor.side.account.energies.values.copy())
+        return partial(actor.publish_view, answer, energies)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -649,9 +652,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs.mechanism(commanded, mechanism_ns)
         if with_gain:
             outputs.gain(answer, stamp_ns)
-        outputs.view(answer.wrenches, answered_ns, side.entry)
+        outputs.view(answer.wrenches, answered_ns, side.account.energies)
 
-    def publish_view(self, answer: ControllerCommand, energies: LedgerEntry) -> None:
+    def publish_view(self, answer: ControllerCommand, energies: ControllerEnergies) -> None:
         """Publish an answer for people.
 
         Args:
