@@ -89,6 +89,23 @@ def test_the_graph_goes_on_where_the_disk_is_full(domain: int, peer: Peer, tmp_p
     assert "Traceback" not in said()
 
 
+def test_a_bag_that_is_recorded_to_the_end_is_a_success(
+    domain: int, peer: Peer, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    statuses = peer.statuses()
+    with run(domain, bag) as process:
+        # Of what was never rendered the end is no success.
+        peer.until(
+            lambda: statuses.well("haptic_device") and (bag / "metadata.yaml").exists(),
+            "a recording of what is rendered",
+            3 * WAIT_S,
+        )
+        process.send_signal(signal.SIGINT)
+        assert process.wait(WAIT_S) == 0
+    assert not any("incomplete" in line for line in told(bag))
+
+
 def test_nothing_is_started_where_there_is_a_bag(domain: int, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
