@@ -18,8 +18,10 @@ from typer.testing import CliRunner
 
 from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
+from hapticmech_ros.graph import private_environment, start_process, stop_process
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
+from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from oracles.users import two_points
 from ros.harness import OTHERS, RATE, WAIT_S, Peer, Statuses, figures, program, running, six
@@ -79,6 +81,10 @@ def test_a_hand_feels_the_mechanism_through_it(
 
 # N/m, of the arms at both ends of a body; m, of the second one's target.
 HOLDS, LEADS, WAY = 100.0, 300.0, 0.02
+RESTS_AT, BEGINS_AT = WAY * LEADS / (HOLDS + LEADS), 1e-4
+# s, until oscillations of the hands on their springs have died away.
+SETTLES = 2.0
+TRIES = 3
 # Patient with a machine that has other work.
 SETTINGS = (
     "diagnostics_period=0.1",
@@ -93,7 +99,6 @@ SETTINGS = (
 def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
     domain: int, peer: Peer, tmp_path: Path
 ) -> None:
-    """Led by the real one, the simulated one goes along; sessions tell how far both go."""
     arm = {"kind": "arm", "mass": 0.3, "damping": 8.0, "waypoints": [{"time": 0.0}]}
     way = [{"time": 0.0}, {"time": 0.5, "xyz": [WAY, 0.0, 0.0]}]
     leads = arm | {"stiffness": LEADS, "start_delay": 10.0, "waypoints": way}
@@ -105,24 +110,73 @@ def test_one_of_two_users_holds_it_and_the_other_one_feels_that(
     document = two_points(hands=hands, task="position", simulation={"period": 0.004})
     path.write_text(json.dumps(document), encoding="utf-8")
     statuses, told = peer.statuses(), peer.listen("a/device/state", Float64MultiArray)
-    along = DeviceStateMessage.layout.start("position")
-    # The service is as patient as the nodes.
-    with emulated("--scene", str(path), "--point", "b", "--idle-after", "100ms") as service:
-        given = (*SETTINGS, f"haply_device.uri={service.uri}")
+    # Again where the machine stalled while one led: an arm that let go holds elsewhere then.
+    for number in range(TRIES):
+        statuses.clear()
+        told.clear()
+        trace = tmp_path / f"{number}.csv"
+        found, led, interrupted = led_through_it(domain, peer, path, trace, statuses, told)
+        if not interrupted:
+            break
+    else:
+        pytest.fail(f"rendering was interrupted in each of {TRIES} tries")
+    assert "b/haptic_device" not in statuses
+    # Where springs and the friction of the real one balance, and both at the same place.
+    friction = Device(preset="inverse3").coulomb_friction
+    assert found[0] == pytest.approx(RESTS_AT, abs=friction / (HOLDS + LEADS))
+    assert found[0] == pytest.approx(led, abs=1e-4)
+
+
+def led_through_it(
+    domain: int, peer: Peer, path: Path, trace: Path, statuses: Statuses, told: list
+) -> tuple[np.ndarray, float, bool]:
+    """Return by how much the device a moved, and the emulated one of b along x: means at rest.
+
+    And whether either was let go on the way, by its hand or by its controller.
+    """
+
+    def times_held() -> list[str]:
+        devices = (statuses["a/haptic_device"], statuses["b/haply_device"])
+        controllers = (statuses[f"{point}/teleoperation_controller"] for point in "ab")
+        held = [figures(status)["times_held"] for status in devices]
+        return held + [figures(status)["engagements"] for status in controllers]
+
+    place = DeviceStateMessage.layout.slice("position")
+    # The service is as patient as the nodes: a force that ends now and then balances elsewhere.
+    patient = ("--idle-after", "100ms")
+    with emulated("--scene", str(path), "--point", "b", "--trace", str(trace), *patient) as service:
         command = [sys.executable, "-m", "hapticmech_ros", "run", str(path), "--composed"]
-        command += ["--device", "b=haply", *(word for one in given for word in ("--set", one))]
-        with program(domain, *command):
+        command += ["--device", "b=haply", "--set", f"haply_device.uri={service.uri}"]
+        for setting in SETTINGS:
+            command += ["--set", setting]
+        process = start_process(command, private_environment(domain))
+        try:
             rendering(peer, statuses, "a/haptic_device")
             rendering(peer, statuses, "b/haply_device")
             for point in "ab":
                 rendering(peer, statuses, f"{point}/teleoperation_controller", "engaged")
-            led = 0.5 * WAY * LEADS / (HOLDS + LEADS)
-            peer.until(
-                lambda: told[-1].data[along] - told[0].data[along] > led,
-                "the device a to be led",
-                3.0 * WAIT_S,
-            )
-    assert "b/haptic_device" not in statuses
+            # While processes start, one stops another.
+            peer.run(SETTLES)
+            start, held = np.array(told[-1].data[place]), times_held()
+
+            looked = Trace(trace)
+            # The emulator's time is behind on a busy machine.
+            peer.until(lambda: looked.look()[-1, 1] > BEGINS_AT, "the lead", 3.0 * WAIT_S)
+
+            def led() -> bool:
+                # What it tells is heard later than the trace is read on a busy machine.
+                return bool(abs(told[-1].data[place][0] - start[0]) > 0.5 * RESTS_AT)
+
+            peer.until(led, "the device a to be led")
+            peer.run(SETTLES)
+            told.clear()
+            at = len(looked.look())
+            peer.run(SETTLES)
+            # Delays that vary make both move about where they rest.
+            way = np.mean([message.data[place] for message in told], axis=0) - start
+            return way, float(looked.look()[at:, 1].mean()), times_held() != held
+        finally:
+            stop_process(process)
 
 
 @pytest.mark.alone
