@@ -26,7 +26,6 @@ from benchmarks.speed.tick import (
     TickTime,
     tick_times,
 )
-from hapticmech_ros.errors import InvalidInputError
 
 
 def result(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> RunResult:
@@ -163,20 +162,3 @@ def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     assert all(check["passed"] for check in document["checks"])
     assert {check["peer"] for check in document["checks"]} == {"hapticmech", "mujoco", "pinocchio"}
     assert not (tmp_path / "bench_speed.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "rule"),
-    [
-        (["--scenes", "nowhere"], "scene: must be one of"),
-        (["--peers", "nobody"], "peer: must be one of"),
-        (["--integrators", "rk9"], "integrator: must be one of"),
-        (["--integrators", "rk4:fast"], "--integrators: must be names"),
-        (["--repeats", "0"], "repeats: must be from 1"),
-    ],
-)
-def test_what_is_not_there_is_named(words: list[str], rule: str, tmp_path: Path) -> None:
-    found = CliRunner().invoke(app_of(), ["speed", *words, "--out", str(tmp_path)])
-    assert found.exit_code == 1
-    assert isinstance(found.exception, InvalidInputError)
-    assert rule in str(found.exception)
