@@ -11,13 +11,12 @@ import pinocchio as pin
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import (
-    Contender,
     Method,
+    Peer,
     Reading,
     Setting,
     State,
     UnsuitableError,
-    joint_place,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -53,30 +52,15 @@ AXIS_POINTS = (0.0, 0.2)
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-class PinocchioPeer:
+class _Pinocchio:
     """Pinocchio by ``constraintDynamics``, ``lcaba`` or ``aba``, in C++; the rule is Python."""
 
-    name = NAME
-    methods = Method("rk4", 4, SETTINGS), Method(LOOPS, 4, ARTICULATED_SETTINGS)
-
-    def missing(self) -> str:
-        """Return why it cannot run here: this package needs it anyway."""
-        return ""
-
-    def contender(
+    def __init__(
         self, scene: Scene, start: State, method: Method, step: float, setting: Setting
-    ) -> Contender:
-        """Return the scene ready to run."""
+    ) -> None:
         algorithm = ARTICULATED if method.name == LOOPS else DELASSUS
         if algorithm == ARTICULATED and not any(closure.active for closure in scene.closures):
             raise UnsuitableError(NAME, scene.name, f"no loop for {ARTICULATED}: as rk4")
-        return _Pinocchio(scene, start, step, setting, algorithm)
-
-
-class _Pinocchio:
-    def __init__(
-        self, scene: Scene, start: State, step: float, setting: Setting, algorithm: str
-    ) -> None:
         pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
         iterations = ITERATIONS if algorithm == DELASSUS else ARTICULATED_ITERATIONS
         solver = setting.get(MU, SOFTNESS), ACCURACY, iterations
@@ -144,6 +128,11 @@ class _Pinocchio:
             q = move(model, q, sixth * (v + 2.0 * (turn2 + turn3) + local_rates(tree, theta, v4)))
             v = v + sixth * (first + 2.0 * (second + third) + fourth)
         self._q, self._v = q, v
+
+
+PINOCCHIO = Peer(
+    NAME, (Method("rk4", 4, SETTINGS), Method(LOOPS, 4, ARTICULATED_SETTINGS)), _Pinocchio
+)
 
 
 def local_rates(tree: TreeModel, theta: Array, speed: Array) -> Array:
@@ -242,15 +231,15 @@ class PinocchioDynamics:
     def read(self, q: Array, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are at q, m or rad."""
         pin.framesForwardKinematics(self.model, self._data, q)
-        found = []
-        for output in outputs:
-            if output.kind == "joint":
-                at = joint_place(self.tree, output.name)
-                found.append(tuple(float(q[at + k]) for k in output.components))
-            else:
-                place = self._data.oMf[self._points[output.name]].translation
-                found.append(tuple(float(place[k]) for k in output.components))
-        return found
+        tree = self.tree
+        return [
+            output.parts(
+                q[tree.position_slice(tree.joint_names.index(output.name))]
+                if output.kind == "joint"
+                else self._data.oMf[self._points[output.name]].translation
+            )
+            for output in outputs
+        ]
 
     def _force(self, q: Array, v: Array) -> Array:
         force = self._effort.copy()

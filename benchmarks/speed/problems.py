@@ -15,6 +15,7 @@ from benchmarks.accuracy.cases import Output
 from benchmarks.accuracy.cases import cases as accuracy_cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.speed.platform import stewart_platform
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
@@ -191,7 +192,6 @@ ASKED = (
     _windows(40, SECONDS, large=True),
     _windows(80, (1.0, 2.0), large=True),
 )
-NAMES = tuple(asked.name for asked in ASKED)
 
 
 def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
@@ -200,9 +200,7 @@ def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
     Raises:
         InvalidInputError: unknown name, or no stored reference of that name and those times.
     """
-    for name in names:
-        if name not in NAMES:
-            raise InvalidInputError("scene", name, f"must be one of {list(NAMES)}")
+    refuse_unknown("scene", names, [asked.name for asked in ASKED])
     stored = {
         entry["name"]: entry for entry in json.loads(PATH.read_text(encoding="utf-8"))["cases"]
     }

@@ -17,7 +17,7 @@ from benchmarks.speed.contender import (
 )
 from benchmarks.speed.equality import Check
 from benchmarks.speed.problems import Problem
-from benchmarks.speed.result import RunResult, numbers_of, run_once, timed
+from benchmarks.speed.result import RunResult, run_once, timed
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.errors import InvalidInputError
 
@@ -106,7 +106,7 @@ def multiples_of(problem: Problem, method: Method, quick: bool) -> tuple[float, 
 def _divides(step: float, problem: Problem) -> bool:
     """Return whether all times of comparison are reached by whole steps."""
     try:
-        numbers_of(problem.times, step)
+        problem.outputs[0].numbers(step)
     except InvalidInputError:
         return False
     return True

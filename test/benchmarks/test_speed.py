@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.accuracy import cases
 from benchmarks.accuracy.cases import Output
-from benchmarks.speed import mujoco_peer, reference
+from benchmarks.speed import benchmark, mujoco_peer, reference
 from benchmarks.speed.benchmark import plan
 from benchmarks.speed.contender import (
     Method,
@@ -21,11 +21,11 @@ from benchmarks.speed.contender import (
     refuse_what_no_peer_has,
 )
 from benchmarks.speed.equality import Check, bound_of, check
-from benchmarks.speed.mujoco_peer import MujocoPeer, MujocoScene
-from benchmarks.speed.own_peer import OwnPeer
-from benchmarks.speed.pinocchio_peer import LOOPS, PinocchioPeer
+from benchmarks.speed.mujoco_peer import MUJOCO, MujocoScene
+from benchmarks.speed.own_peer import own_peer
+from benchmarks.speed.pinocchio_peer import LOOPS, PINOCCHIO
 from benchmarks.speed.problems import ASKED, Problem, problems
-from benchmarks.speed.result import numbers_of, run_once
+from benchmarks.speed.result import run_once
 from benchmarks.speed.scaling import chain
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
@@ -57,8 +57,8 @@ def test_all_simulators_compute_the_same_motion(peer: Peer, name: str) -> None:
 
 def test_by_the_same_rule_we_and_others_have_the_same_error() -> None:
     # Without closures nothing differs but rounding.
-    ours = of(PROBLEMS["spatial_arm"], OwnPeer(), "rk4")
-    for peer in (MujocoPeer(), PinocchioPeer()):
+    ours = of(PROBLEMS["spatial_arm"], own_peer(), "rk4")
+    for peer in (MUJOCO, PINOCCHIO):
         theirs = of(PROBLEMS["spatial_arm"], peer, "rk4")
         assert theirs.coarse == pytest.approx(ours.coarse, rel=1e-2)
     assert ours.fine is not None
@@ -108,7 +108,7 @@ def test_a_converted_scene_has_our_inertia(name: str) -> None:
 
 
 def test_a_peer_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mujoco_peer, "find_spec", lambda name: None)
+    monkeypatch.setattr(benchmark, "find_spec", lambda name: name != "mujoco")
     found = plan(["pendulum"])
     assert [peer.name for peer in found.peers] == ["hapticmech", "pinocchio"]
     assert set(found.absent) == {"mujoco"}
@@ -122,7 +122,7 @@ def test_what_simulators_do_not_agree_on_is_refused() -> None:
     with pytest.raises(UnsuitableError, match="friction in hinge0"):
         refuse_what_no_peer_has(rubbing, "mujoco")
     result, contender = run_once(
-        PROBLEMS["pendulum"], initial_state(rubbing), MujocoPeer(), Method("rk4", 4), 1e-3, {}
+        PROBLEMS["pendulum"], initial_state(rubbing), MUJOCO, Method("rk4", 4), 1e-3, {}
     )
     assert result.error is not None
     assert contender is not None
@@ -164,7 +164,7 @@ def test_loops_of_other_kinds_are_done_right_or_refused(kind: str) -> None:
         contender.advance(round(tip.times[0] / step))
         return np.array(contender.read((tip,))[0])
 
-    ours, did = end(OwnPeer(), Method("rk4", 4)), set()
+    ours, did = end(own_peer(), Method("rk4", 4)), set()
     for peer in PEERS[1:]:
         for method in peer.methods:
             try:
@@ -191,13 +191,14 @@ def test_a_motion_that_is_lost_is_a_line_not_a_crash() -> None:
     start = initial_state(problem.scene)
     method = Method("rk4", 4)
     setting = {mujoco_peer.CONSTANT: 0.01, mujoco_peer.EXACT: 1.0}
-    result, contender = run_once(problem, start, MujocoPeer(), method, 0.05, setting)
+    result, contender = run_once(problem, start, MUJOCO, method, 0.05, setting)
     assert result.error is None
     assert "lost" in result.failure
     assert contender is None
 
 
 def test_a_step_that_misses_a_time_is_refused() -> None:
-    assert numbers_of((0.5, 1.0), 0.25) == [2, 4]
+    output = Output("point", "tip", (0,), (0.5, 1.0), (), 0.0)
+    assert output.numbers(0.25) == [2, 4]
     with pytest.raises(InvalidInputError, match=r"must divide 0\.5 s"):
-        numbers_of((0.5, 1.0), 0.3)
+        output.numbers(0.3)
