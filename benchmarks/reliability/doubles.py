@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ from benchmarks.reliability.trial import (
     carried_out,
     observe,
     report_delays,
-    summarised,
 )
 from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire import topics
@@ -150,17 +150,16 @@ def double(rig: Rig, kind: Kind, alone: bool = False) -> Iterator[Double]:
         joined.leave(killed=True)
 
 
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+def run(quick: bool, out: Path) -> list[Figure]:
     """Let every kind of double join 50 times (quick: twice), half of them before the original."""
     number = QUICK_TRIALS if quick else TRIALS
-    figures: list[Figure] = []
     with Rig(out, PART, all_topics=True) as rig:
-        figures += report_delays(PART, rig)
+        figures = report_delays(PART, rig)
         for kind in KINDS:
             shares = rig.shares()
             ways = [(index % 2 == 0, index % 4 >= 2) for index in range(number)]
-            trials = carried_out((try_double(rig, kind, *way) for way in ways), rig, told)
-            figures += summarised(PART, kind.name, trials, rig.clean_max)
+            doubles = ((kind.name, partial(try_double, rig, kind, *way)) for way in ways)
+            figures += carried_out(PART, rig, doubles)
             rig.ready()
             figures.append(grown(kind.name, shares, rig.shares()))
     return figures

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.machine import SCENE, SUMMED, speed
 
@@ -47,6 +48,21 @@ class Figure:
         above = self.most is not None and self.value > self.most
         below = self.least is not None and self.value < self.least
         return not (above or below)
+
+
+def figures_of(part: str, where: str, trials: int) -> Callable[..., Figure]:
+    """Return what makes figures from a name and the further arguments of :class:`Figure`.
+
+    Args:
+        part: of the campaign.
+        where: the figures are from; stands before each name.
+        trials: that each summarises, unless it is given others.
+    """
+
+    def figure(name: str, value: float, unit: str = "", **more: Any) -> Figure:
+        return Figure(part, f"{where}: {name}", value, unit, **{"trials": trials, **more})
+
+    return figure
 
 
 def unmeasured(part: str, name: str, why: str) -> Figure:

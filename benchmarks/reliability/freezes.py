@@ -8,7 +8,6 @@ import os
 import random
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.children import BenchError
@@ -24,9 +23,7 @@ STOPS_WITHIN_S = 2.0
 SEED = 0
 
 
-def run(
-    quick: bool, out: Path, told: Callable[[str], None] = print, rate: float = 0.0
-) -> list[Figure]:
+def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
     """Freeze each node 100 times (quick: twice), in turn, at a control rate (Hz; 0: the scene's).
 
     For fifty periods, at least 50 ms, to 2 s: all that a loop at that rate must not overlook.
@@ -38,7 +35,7 @@ def run(
         shortest_s = SHORTEST.at(rig.period_s)
         return try_freeze(rig, node, shortest_s * (LONGEST_S / shortest_s) ** chance.random())
 
-    return each_node(PART, quick, out, rate, freeze, told)
+    return each_node(PART, quick, out, rate, freeze)
 
 
 def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:

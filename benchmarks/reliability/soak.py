@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,7 +53,7 @@ class Rendered:
     pushed: int
 
 
-def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = print) -> Rendered:
+def render(rig: Rig, seconds: float, looks: int) -> Rendered:
     """Let a graph render for so long, and look at it meanwhile.
 
     Raises:
@@ -80,25 +80,21 @@ def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = p
             samples, pushed = samples + len(found), pushed + int(on[1:].sum())
         if passed > said:
             said += TELL_S
-            told(f"{passed:.0f} of {seconds:.0f} s, {breaks} breaks")
+            print(f"{passed:.0f} of {seconds:.0f} s, {breaks} breaks")
     return Rendered(times, held, passed, peak, breaks, samples, pushed)
 
 
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let a session tick, and the graph render, for an hour (quick: a minute)."""
-    return soak(QUICK_SOAK_S if quick else SOAK_S, out, told)
-
-
-def soak(seconds: float, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let both go on for so long, and return what they hold, and the force.
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Let a session tick, and the graph render, for an hour (quick: a minute).
 
     Raises:
         BenchError: a node ended.
     """
+    seconds = QUICK_SOAK_S if quick else SOAK_S
     figures = growth(PART, "session", *session_held(seconds))
     with Rig(out, PART) as rig:
         rig.ready()
-        found = render(rig, seconds, LOOKS, told)
+        found = render(rig, seconds, LOOKS)
         figures += [
             Figure(PART, "watched for", found.seconds, "s", trials=1),
             Figure(
