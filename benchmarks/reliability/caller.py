@@ -55,9 +55,3 @@ class Caller:
         """Leave the graph."""
         self._node.destroy_node()
         self._context.try_shutdown()
-
-    def __enter__(self) -> Caller:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 
 from benchmarks.children import BenchError
@@ -44,7 +45,7 @@ class Stop:
 def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> Stop:
     """Step the clock, stop at once or once the device renders again, and let it go on."""
     since = rig.ready()
-    with Caller(rig.environment) as caller:
+    with closing(Caller(rig.environment)) as caller:
         caller.stop(False)
         stepped_ns = clock.step(seconds)
         try:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.rig import SCENE, Rig, pushing
 from benchmarks.reliability.trial import GOAL_PEAK
 from benchmarks.reliability.usage import Usage, grown, usage
@@ -26,6 +26,13 @@ LOOKS = 600
 MEBI = float(1 << 20)
 # 256 pages, of what may take an hour: 8 bytes leaked in each tick at 1 kHz are 29 MB.
 MOST_MEBI = 1.0
+# What is held, in the order of ``Usage``: one of its units, that unit, and by how much it may grow.
+KINDS = {
+    "resident memory": (MEBI, "MiB", MOST_MEBI),
+    "proportional memory": (MEBI, "MiB", MOST_MEBI),
+    "descriptors": (1.0, "", 0.0),
+    "threads": (1.0, "", 0.0),
+}
 # s between lines that tell how far it is.
 TELL_S = 60.0
 
@@ -69,8 +76,7 @@ def render(rig: Rig, seconds: float, looks: int) -> Rendered:
         for node in NODES:
             held[node].append(usage(rig.pid(node)))
         time.sleep(seconds / looks)
-        count = rig.ring.count
-        found = rig.samples(before)
+        count, found = rig.ring.count, rig.samples(before)
         before = count
         if len(found):
             on = np.concatenate(([rendering], pushing(found)))
@@ -130,18 +136,12 @@ def growth(
         held: at these times.
         what: one kind alone; all if empty.
     """
-    kinds = {
-        "resident memory": (MEBI, "MiB", MOST_MEBI),
-        "proportional memory": (MEBI, "MiB", MOST_MEBI),
-        "descriptors": (1.0, "", 0.0),
-        "threads": (1.0, "", 0.0),
-    }
-    figures = []
+    figure, figures = figures_of(part, process, len(times)), []
     for (kind, (scale, unit, most)), values in zip(
-        kinds.items(), zip(*held, strict=True), strict=True
+        KINDS.items(), zip(*held, strict=True), strict=True
     ):
-        if kind == what or not what:
+        if what in ("", kind):
             note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
-            name, value = f"{process}: growth of {kind}", grown(times, values) / scale
-            figures.append(Figure(part, name, value, unit, most, None, len(times), note))
+            grew = grown(times, values) / scale
+            figures.append(figure(f"growth of {kind}", grew, unit, most=most, note=note))
     return figures

@@ -5,15 +5,16 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,14 +64,9 @@ class Watched:
 
     def figure(self, node: str, name: str) -> str:
         """Return a figure of a node's last report."""
-        for text in self.reports.values():
-            for line in text.splitlines():
-                if line.startswith(f"{node}: "):
-                    for part in line.split("; ", 1)[1].split(", "):
-                        key, _, value = part.partition(" ")
-                        if key == name:
-                            return value
-        return ""
+        told = "\n".join(self.reports.values())
+        found = re.search(rf"^{node}: .*?[;,] {name} ([^,\n]*)", told, re.MULTILINE)
+        return found[1] if found else ""
 
     def engaged(self) -> float:
         """Return for which share of the samples the device obeyed, from the first on."""
@@ -134,7 +130,7 @@ def of_two_users(
     }
 
 
-class SplitGraph:
+class SplitGraph(AbstractContextManager["SplitGraph"]):
     """A graph of which a part runs in one namespace, and the rest in the other.
 
     Args:
@@ -180,10 +176,6 @@ class SplitGraph:
             self.stop()
             raise
 
-    def _check(self) -> None:
-        for watcher in self._watchers.values():
-            watcher.check()
-
     def _log(self, name: str) -> FilePath:
         return self._folder / f"{name}.log"
 
@@ -197,9 +189,11 @@ class SplitGraph:
         said = [(one, len(one.of("rendering"))) for one in self._watchers.values()]
 
         def rendering() -> bool:
+            for one, _ in said:
+                one.check()
             return all(len(one.of("rendering")) > before for one, before in said)
 
-        wait_until(rendering, START_TIMEOUT_S, "the devices to render", self._check)
+        wait_until(rendering, START_TIMEOUT_S, "the devices to render")
         return time.time()
 
     def kill_nodes(self, name: str) -> float:
@@ -209,7 +203,11 @@ class SplitGraph:
             RuntimeError: it has started nothing.
         """
         tasks = FilePath(f"/proc/{self._processes[name].pid}/task")
-        started = [pid for task in tasks.iterdir() for pid in _words(task / "children")]
+        started = [
+            pid
+            for task in tasks.iterdir()
+            for pid in (task / "children").read_text(encoding="utf-8").split()
+        ]
         if not started:
             raise RuntimeError(f"{name} has started nothing")
         for pid in started:
@@ -252,20 +250,8 @@ class SplitGraph:
             tuple(str(text) for text in said),
         )
 
-    def __enter__(self) -> SplitGraph:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
-
-
-def _words(file: FilePath) -> list[str]:
-    return file.read_text(encoding="utf-8").split()
 
 
 def run_for(

@@ -12,6 +12,7 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.children import BenchError, output_to
-from benchmarks.reliability.figure import Figure
+from benchmarks.children import BenchError, output_to, wait_until
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
@@ -169,21 +170,13 @@ class Attack:
         """Return whether every node says that all is well."""
         return len(self._well) >= 4 and all(self._well.values())
 
-    def is_back(self) -> bool:
-        """Return whether device and controller are well; what others warn of may last."""
-        return all(self._well.get(name, False) for name in RENDERING)
-
     def wait(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Handle messages until a condition holds.
 
         Raises:
-            BenchError: it does not, or a node has ended.
+            BenchError: it does not.
         """
-        end = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > end:
-                raise BenchError(f"waited {timeout_s:g} s in vain for {what}")
-            self._spin(0.02)
+        wait_until(condition, timeout_s, what, lambda: self._spin(0.02), look_again_s=0.0)
 
     def run(self, count: int) -> None:
         """Send until so many were refused; then be silent, and see whether the graph comes back."""
@@ -210,19 +203,20 @@ class Attack:
                 self.sent += 1
             self._ask()
             self._spin(PAUSE_S)
-            now = time.monotonic()
-            silent = max((now - received for received in self._heard_s.values()), default=0.0)
-            self.silence_s = max(self.silence_s, silent)
-            self._look_at_memory(count)
+            silences = (time.monotonic() - heard for heard in self._heard_s.values())
+            self.silence_s = max(self.silence_s, *silences, 0.0)
+            for name, process in self._graph.processes.items():
+                if self.memory[name].due(self.sent, count):
+                    self.memory[name].add(self.sent, resident(process.pid))
         self._undo(publishers)
         for _, _, publisher in publishers:
             self._node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
-        try:
-            self.wait(self.is_back, BACK_WITHIN_S, "the graph to come back")
+        with suppress(BenchError):
+            # Device and controller: what others warn of may last.
+            well = self._well
+            self.wait(lambda: all(map(well.get, RENDERING)), BACK_WITHIN_S, "the graph's return")
             self.back = True
-        except BenchError:
-            self.back = False
         if self.seen.examples:
             self.told["wrong"] = "; ".join(self.seen.examples)
         self.ended = self._graph.ended()
@@ -231,34 +225,26 @@ class Attack:
 
     def figures(self, count: int) -> list[Figure]:
         """Return what was found."""
-
-        def figure(name: str, value: float, unit: str = "", most: float = 0.0) -> Figure:
-            return Figure(PART, f"{self._where}: {name}", value, unit, most=most, trials=self.sent)
-
+        figure = figures_of(PART, self._where, self.sent)
+        warning = sorted(name for name, well in self._well.items() if not well)
+        note = "as counted by the nodes that refused them; more were taken"
+        silent = self.requests - self.answered
         return [
-            Figure(
-                PART,
-                f"{self._where}: messages delivered",
-                self.refused,
-                least=count,
-                trials=self.sent,
-                note="as counted by the nodes that refused them; more were taken",
-            ),
-            figure("processes that ended", len(self.ended)),
-            figure("longest silence of a node", self.silence_s, "s", HANG_S),
-            figure("requests without a refusal", self.requests - self.answered),
-            figure("outputs not finite", self.seen.not_finite),
+            figure("messages delivered", self.refused, least=count, note=note),
+            figure("processes that ended", len(self.ended), most=0.0),
+            figure("longest silence of a node", self.silence_s, "s", most=HANG_S),
+            figure("requests without a refusal", silent, most=0.0),
+            figure("outputs not finite", self.seen.not_finite, most=0.0),
             *self.seen.figures(PART, self._where, renders=self._free),
-            figure("graphs that did not come back", 0 if self.back else 1),
-            Figure(
-                PART,
-                f"{self._where}: nodes that still warn",
-                len(warning := [name for name, well in self._well.items() if not well]),
+            figure("graphs that did not come back", int(not self.back), most=0.0),
+            figure(
+                "nodes that still warn",
+                len(warning),
                 trials=len(self._well),
-                note=", ".join(sorted(warning)),
+                note=", ".join(warning),
             ),
             worst_growth(PART, self._where, list(self.memory.values()), self.sent),
-            Figure(PART, f"{self._where}: outputs looked at", self.seen.messages, trials=self.sent),
+            figure("outputs looked at", self.seen.messages),
         ]
 
     def close(self) -> None:
@@ -314,11 +300,6 @@ class Attack:
             elif topic.endswith("/set_operational_point") and self._grasped:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
-
-    def _look_at_memory(self, count: int) -> None:
-        for name, process in self._graph.processes.items():
-            if self.memory[name].due(self.sent, count):
-                self.memory[name].add(self.sent, resident(process.pid))
 
     def _spin(self, seconds: float) -> None:
         wait_for_messages(self._executor, seconds)
