@@ -23,6 +23,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
@@ -212,17 +213,19 @@ class _Trial:
 
 def table(found: Sequence[Felt]) -> str:
     """Return what was felt as a table for a document."""
-    lines = [
-        "| driver | engaged after, ms | drift in 1 s, µm | felt inertia / the mechanism's own "
-        "| device and point apart, mm |",
-        "|---|--:|--:|--:|--:|",
-    ]
-    lines += [
-        f"| {one.kind} | {1e3 * one.engaged_after:.0f} | {1e6 * one.drift:.1f} | "
-        f"{one.inertia:.3f} | {1e3 * one.apart:.2f} |"
+    headings = ("driver", "engaged after, ms", "drift in 1 s, µm")
+    further = ("felt inertia / the mechanism's own", "device and point apart, mm")
+    rows = (
+        (
+            one.kind,
+            f"{1e3 * one.engaged_after:.0f}",
+            f"{1e6 * one.drift:.1f}",
+            f"{one.inertia:.3f}",
+            f"{1e3 * one.apart:.2f}",
+        )
         for one in found
-    ]
-    return "\n".join(lines)
+    )
+    return Sheet("", (*headings, *further), tuple(rows)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
