@@ -22,4 +22,4 @@ def refuse_unknown(what: str, words: Iterable[str], known: Collection[str]) -> N
     """
     for word in words:
         if word not in known:
-            raise InvalidInputError(what, word, f"must be one of {list(known)}")
+            raise InvalidInputError(what, word, f"must be one of {', '.join(known)}")

@@ -7,8 +7,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class WatchedProcess(LiveProcess):
         return found
 
 
-class Served:
+class Served(AbstractContextManager["Served"]):
     """A page; as a context manager it ends it.
 
     Args:
@@ -72,15 +72,7 @@ class Served:
         self._thread = threading.Thread(target=self._page.serve, args=(self._stop.is_set,))
         self._thread.start()
 
-    def __enter__(self) -> Served:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stop.set()
         self._thread.join()
         self._page.close()
