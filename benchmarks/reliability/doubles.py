@@ -45,6 +45,8 @@ STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
 STARTS_WITHIN_S, SILENT_FOR_S = 90.0, 5.0
 # A log line is with the watcher by then, ns; and what it says of two.
 LOGGED_NS = 2_000_000
+# What was told of two so long before one was met is about another, which has left since.
+SETTLED_NS = 300_000_000
 SECOND = "more than one publisher"
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
@@ -54,8 +56,7 @@ MOST_GROWN = 1.5
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
 DRIVER, COMMANDER, GAIN = "foreign_driver", "foreign_commander", "foreign_gain"
-SCRIPTS = {DRIVER: "foreign_driver.py", COMMANDER: "foreign_commander.py"}
-SCRIPTS[GAIN] = SCRIPTS[COMMANDER]
+FOREIGN = {DRIVER: "driver", COMMANDER: "commander", GAIN: "gain"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +98,11 @@ class Double:
         self._watch, self._topic = rig.watch, kind.speaks_on
         self._graph: Graph | None = None
         self.teller: ReportingProcess | None = None
-        if kind.name in SCRIPTS:
+        if kind.name in FOREIGN:
             pushes = kind.name == COMMANDER and not alone
-            arguments = ("gain",) if kind.name == GAIN else PUSH if pushes else ()
+            arguments = (FOREIGN[kind.name], *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
-            self.teller = rig.start(SCRIPTS[kind.name], *arguments, environment=environment)
+            self.teller = rig.start("foreigner.py", *arguments, environment=environment)
             self._process = self.teller.process
         else:
             self._graph = rig.another(kind.original)
@@ -302,8 +303,8 @@ def first_heard(
 
     It may meet the newcomer up to a second after the watcher did, and says so in the callback of
     the first message that it hears; until then there may be force, or it may begin: where the other
-    one had doubled somebody before, who was killed. What was told before the watcher met the
-    newcomer was about that one.
+    one had doubled somebody before, who was killed. What was told well before the watcher met the
+    newcomer was about that one; what was told right before is that it was heard already.
 
     Args:
         first_ns: when the watcher met it; None if it never did.
@@ -313,7 +314,8 @@ def first_heard(
         asked_ns: when the newcomer was started.
     """
     if first_ns is not None:
-        received = min((at_ns for at_ns in told if at_ns > first_ns), default=first_ns)
+        known_ns = first_ns - SETTLED_NS
+        received = min((at_ns for at_ns in told if at_ns > known_ns), default=first_ns)
         # The output before that counts as well: it stands until the next one.
         begun = max(int(np.searchsorted(arrived, first_ns)) - 1, 0)
         pushed = bool(on[begun : np.searchsorted(arrived, received)].any())

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
 from benchmarks.accuracy.benchmark import AccuracyResults
-from benchmarks.accuracy.endurance import LongRun, lines
+from benchmarks.accuracy.endurance import LongRun, LongRuns
 from benchmarks.accuracy.run import (
     Run,
     settings,
@@ -111,4 +111,5 @@ def test_the_long_command_writes_its_runs_and_fails_with_them(
     document = json.loads(found.stdout)
     assert document == json.loads((tmp_path / "bench_accuracy_long.json").read_text("utf-8"))
     assert [run["off_branch"] for run in document["runs"]] == [0.0, None]
-    assert any(failure in line for line in lines(seen))
+    (sheet,) = LongRuns({}, (seen,)).sheets()
+    assert sheet.rows[0][-1] == failure
