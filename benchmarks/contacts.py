@@ -139,11 +139,9 @@ def main() -> None:
         costs[name], p90 = 1e6 * np.quantile(taken / STEPS, (0.5, 0.9))
         print(f"{name:45} {costs[name]:8.1f} {p90:8.1f}")
     for substeps in (1, 4):
-        near, free = (
-            costs[f"five_bar, {substeps} substeps, {which}"]
-            for which in ("pair out of reach", "no pair")
-        )
-        print(f"a pair out of reach, per substep of {substeps}: {(near - free) / substeps:.2f}")
+        name = f"five_bar, {substeps} substeps"
+        cost = (costs[f"{name}, pair out of reach"] - costs[f"{name}, no pair"]) / substeps
+        print(f"a pair out of reach, per substep of {substeps}: {cost:.2f}")
     print(speed_line(machine()))
 
 

@@ -106,10 +106,15 @@ def step_number(time: float, step: float) -> int:
     Raises:
         InvalidInputError: the step does not divide the time.
     """
-    number = round(time / step)
-    if abs(number - time / step) > _ON_TIME * max(number, 1):
+    if not divides(step, time):
         raise InvalidInputError("step", step, f"must divide {time:g} s, where it is compared")
-    return number
+    return round(time / step)
+
+
+def divides(step: float, time: float) -> bool:
+    """Return whether a time is reached by whole steps, both in s."""
+    number = round(time / step)
+    return abs(number - time / step) <= _ON_TIME * max(number, 1)
 
 
 def cases() -> tuple[Case, ...]:

@@ -81,7 +81,9 @@ def settings(
         InvalidInputError: unknown case or integrator, a step that is not above zero.
         SceneError: a scene is damaged.
     """
-    chosen = _chosen(names, cases() if known is None else known, quick)
+    by_name = {case.name: case for case in (cases() if known is None else known)}
+    refuse_unknown("case", names, by_name)
+    usual = [name for name, case in by_name.items() if not (quick and LARGE in case.tags)]
     refuse_unknown("integrator", integrators, INTEGRATOR_NAMES)
     for multiple in multiples:
         if not 0.0 < multiple <= LARGEST_MULTIPLE:
@@ -90,24 +92,11 @@ def settings(
     rules = cast("Sequence[IntegratorName]", integrators) or INTEGRATOR_NAMES
     return tuple(
         Setting(case, integrator, multiple * case.scene.simulation.period)
-        for case in chosen
+        for case in (by_name[name] for name in names or usual)
         for integrator in rules
-        for multiple in multiples or _usual(case, quick)
+        for multiple in multiples
+        or (QUICK_MULTIPLES if quick else LARGE_MULTIPLES if LARGE in case.tags else MULTIPLES)
     )
-
-
-def _chosen(names: Sequence[str], known: Sequence[Case], quick: bool) -> list[Case]:
-    if not names:
-        return [case for case in known if not (quick and LARGE in case.tags)]
-    by_name = {case.name: case for case in known}
-    refuse_unknown("case", names, by_name)
-    return [by_name[name] for name in names]
-
-
-def _usual(case: Case, quick: bool) -> tuple[float, ...]:
-    if quick:
-        return QUICK_MULTIPLES
-    return LARGE_MULTIPLES if LARGE in case.tags else MULTIPLES
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -141,16 +141,6 @@ def silent_from(
     return min((at_ns for at_ns in gone if asked_ns <= at_ns < ended_ns), default=ended_ns)
 
 
-@contextmanager
-def double(rig: Rig, kind: Kind, alone: bool = False) -> Iterator[Double]:
-    """Let a double join; it has left at the end, whatever happens."""
-    joined = Double(rig, kind, alone)
-    try:
-        yield joined
-    finally:
-        joined.leave(killed=True)
-
-
 def run(quick: bool, out: Path) -> list[Figure]:
     """Let every kind of double join 50 times (quick: twice), half of them before the original."""
     number = QUICK_TRIALS if quick else TRIALS
@@ -194,7 +184,10 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         graph = rig.graph_of(kind.original)
         graph.kill(kind.original)
     asked_ns = time.monotonic_ns()
-    with double(rig, kind, alone=before) as joined:
+    with ExitStack() as stack:
+        joined = Double(rig, kind, alone=before)
+        # It has left at the end, whatever happens.
+        stack.callback(joined.leave, killed=True)
         if before:
             _wait_alone(rig, kind, joined)
             since, asked_ns = rig.ring.count, time.monotonic_ns()

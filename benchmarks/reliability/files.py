@@ -113,25 +113,23 @@ def measured(number: int, out: Path) -> list[Figure]:
         _keep(tally, Path(folder) / "again", out / PART)
     there = sum(tally.outcomes.values()) + len(tally.crashes)
     read = sum(count for (_, what), count in tally.outcomes.items() if what == "read")
-    rows: tuple[tuple[str, float, str, float | None], ...] = (
-        ("mutants that ended the process", len(tally.crashes), "", 0.0),
-        ("mutants that hung", len(tally.hangs), "", 0.0),
-        ("mutants that raised an error that is not the package's", len(tally.foreign), "", 0.0),
-        ("slowest mutant, time of the processor", tally.worst["seconds"], "s", HANG_S),
-        ("slowest mutant, real time", tally.worst["real_s"], "s", None),
-        ("slowest mutant, blocked", tally.worst["blocked_s"], "s", BLOCKED_S),
-        ("memory taken by one mutant at most", tally.worst["memory_mb"], "MB", MOST_MB),
-        ("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
-    )
-    figures = [
-        Figure(PART, name, float(value), unit, most=most, trials=number)
-        for name, value, unit, most in rows
-    ]
     # Mutants that are all alike, or all refused at their first byte, would test nothing.
-    share = read / max(1, there)
-    note = "the others are refused"
-    figures.append(Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note))
-    return figures
+    share, note = read / max(1, there), "the others are refused"
+
+    def figure(name: str, value: float, unit: str = "", most: float | None = 0.0) -> Figure:
+        return Figure(PART, name, float(value), unit, most=most, trials=number)
+
+    return [
+        figure("mutants that ended the process", len(tally.crashes)),
+        figure("mutants that hung", len(tally.hangs)),
+        figure("mutants that raised an error that is not the package's", len(tally.foreign)),
+        figure("slowest mutant, time of the processor", tally.worst["seconds"], "s", HANG_S),
+        figure("slowest mutant, real time", tally.worst["real_s"], "s", None),
+        figure("slowest mutant, blocked", tally.worst["blocked_s"], "s", BLOCKED_S),
+        figure("memory taken by one mutant at most", tally.worst["memory_mb"], "MB", MOST_MB),
+        figure("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
+        Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note),
+    ]
 
 
 def _keep(tally: Tally, folder: Path, out: Path) -> None:
@@ -142,8 +140,6 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
     counts = {f"{kind} {what}": count for (kind, what), count in sorted(tally.outcomes.items())}
     report = {"outcomes": counts, "found": {str(k): found[k] for k in sorted(found)}}
     (out / "report.json").write_text(json.dumps(report, indent=1), "utf-8")
-    mutants = Mutants(folder, SEED) if found else None
     for number in sorted(found)[:200]:
-        if mutants is not None:
-            _, path = mutants.make(number)
-            shutil.copy(path, out / f"{number}{path.suffix}")
+        _, path = Mutants(folder, SEED).make(number)
+        shutil.copy(path, out / f"{number}{path.suffix}")

@@ -10,7 +10,9 @@ import signal
 import time
 from pathlib import Path
 
-from benchmarks.children import BenchError
+import psutil
+
+from benchmarks.children import wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, each_node, observe
@@ -68,10 +70,11 @@ def _stopped(pid: int) -> int:
     Raises:
         BenchError: it does not.
     """
-    path = Path("/proc") / str(pid) / "stat"
-    end = time.monotonic() + STOPS_WITHIN_S
-    # The state comes after the name, which stands in brackets and may hold anything.
-    while path.read_text("utf-8").rpartition(")")[2].split()[0] != "T":
-        if time.monotonic() > end:
-            raise BenchError(f"process {pid} does not stop on SIGSTOP")
+    process = psutil.Process(pid)
+    wait_until(
+        lambda: process.status() == psutil.STATUS_STOPPED,
+        STOPS_WITHIN_S,
+        f"process {pid} to stop on SIGSTOP",
+        look_again_s=0.0,
+    )
     return time.monotonic_ns()

@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from benchmarks.ablation.loop import PARTS, Loop
-from benchmarks.goals import Verdict, goal_sheet, unknown, verdict
+from benchmarks.goals import Verdict, at_most, goal_sheet
 from benchmarks.machine import MachineResults, cpu_times, machine
 from benchmarks.speed.mujoco_peer import MujocoScene, at_start, stepping
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
@@ -84,21 +84,13 @@ class SessionResults(MachineResults):
         """Goals, and whether they are met."""
         own = next((cost for cost in self.costs if cost.scene == SCENE), None)
         slowest = max(self.costs, key=lambda cost: cost.tick)
-        names = (
-            f"{SCENE}: a tick at most {TICK_US:g} µs",
-            f"{SCENE}: in a run at most {RUN_US:g} µs",
-            f"{SCENE}: a tick at most {RATIO:g} of its kernel",
-            f"every scene: a tick at most {ANY_US:g} µs",
-        )
-        seen = f"{slowest.scene}: {slowest.tick:.1f} µs"
-        last = verdict(names[3], seen, slowest.tick <= ANY_US)
-        if own is None:
-            return *map(unknown, names[:3]), last
+        tick, run, ratio = (own.tick, own.run, own.ratio) if own else (None, None, None)
+        every = f"{slowest.scene}: {{:.1f}} µs"
         return (
-            verdict(names[0], f"{own.tick:.1f} µs", own.tick <= TICK_US),
-            verdict(names[1], f"{own.run:.1f} µs", own.run <= RUN_US),
-            verdict(names[2], f"{own.ratio:.2f}", own.ratio <= RATIO),
-            last,
+            at_most(f"{SCENE}: a tick at most {TICK_US:g} µs", tick, TICK_US, "{:.1f} µs"),
+            at_most(f"{SCENE}: in a run at most {RUN_US:g} µs", run, RUN_US, "{:.1f} µs"),
+            at_most(f"{SCENE}: a tick at most {RATIO:g} of its kernel", ratio, RATIO, "{:.2f}"),
+            at_most(f"every scene: a tick at most {ANY_US:g} µs", slowest.tick, ANY_US, every),
         )
 
     def sheets(self) -> Iterator[Sheet]:

@@ -269,18 +269,15 @@ class PinocchioDynamics:
     def _joint_laws(self) -> tuple[Array, tuple[Array, Array, Array] | None, Array]:
         """Return efforts (nv,), and of joints with springs: places, stiffness, rest positions."""
         effort = np.zeros(self.model.nv)
-        sprung: list[tuple[int, int, float, float]] = []
+        sprung: list[tuple[float, ...]] = []
         for index, joint in enumerate(self.tree.joints):
             at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
             effort[rate] = joint.effort
             if joint.stiffness:
                 sprung.append((at.start, rate.start, joint.stiffness, joint.rest))
-        if not sprung:
-            return effort, None, np.zeros(0)
-        at_all, rate_all, stiffness, rest = (
-            np.array(column) for column in zip(*sprung, strict=True)
-        )
-        return effort, (at_all, rate_all, stiffness), rest
+        places, rates, stiffness, rest = np.array(sprung).reshape(-1, 4).T
+        laws = (places.astype(int), rates.astype(int), stiffness) if sprung else None
+        return effort, laws, rest
 
     def _add(self, scene: str, closure: Closure, pull: float) -> None:
         if closure.kind == "rod":
