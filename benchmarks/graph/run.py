@@ -27,6 +27,7 @@ from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, c
 from benchmarks.graph.plan import VIEW_HZ, Step
 from benchmarks.graph.recorded import recorded
 from benchmarks.graph.statuses import Figures, Status, around, said, status_of
+from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
@@ -92,8 +93,8 @@ def usage(processes: Mapping[str, int]) -> Usage:
     """Return the counters now, of processes by name (ids); one that has ended is left out."""
     taken = {}
     for name, pid in processes.items():
-        with suppress(psutil.NoSuchProcess):
-            taken[name] = sum(psutil.Process(pid).cpu_times()[:2])
+        with suppress(BenchError):
+            taken[name] = processor_s(pid)
     return Usage(time.monotonic(), taken, psutil.cpu_times())
 
 

@@ -22,6 +22,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
+from benchmarks.children import ROOT
+
 DEVICE, REST = "device", "rest"
 ADDRESSES = {DEVICE: "10.87.0.1", REST: "10.87.0.2"}
 _LINK_ADDRESSES = {DEVICE: "02:00:00:00:87:01", REST: "02:00:00:00:87:02"}
@@ -30,7 +32,6 @@ _SIOCETHTOOL = 0x8946
 # Checksums are left to hardware that is not there: receivers would refuse what was forwarded.
 _ETHTOOL_OFF = (0x17, 0x19, 0x1F, 0x24)
 _FORWARDER = "benchmarks.reliability.forwarder"
-ROOT = FilePath(__file__).parents[2]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.children import finding_benchmarks
 from benchmarks.reliability.emulated_network import (
     ADDRESSES,
     DEVICE,
@@ -32,7 +33,6 @@ from hapticmech_ros.graph import stop_process
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE
 
 PART = "exposure"
-ROOT = Path(__file__).resolve().parents[2]
 DOMAIN = "7"
 STARTS_WITHIN_S = 30.0
 VISITOR = [sys.executable, "-m", "benchmarks.reliability.visitor"]
@@ -67,8 +67,7 @@ def plain_environment(**given: str) -> dict[str, str]:
     """Return this environment without any choice of who finds whom, but for what is given."""
     chosen = {RANGE, PEERS, PROFILES, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_LOCALHOST_ONLY"}
     rest = {name: value for name, value in os.environ.items() if name not in chosen}
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**rest, "ROS_DOMAIN_ID": DOMAIN, "PYTHONPATH": os.pathsep.join(paths), **given}
+    return finding_benchmarks({**rest, "ROS_DOMAIN_ID": DOMAIN, **given})
 
 
 def visit(log: Path, seconds: float, *options: str) -> Visit:

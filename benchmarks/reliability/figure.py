@@ -91,14 +91,11 @@ def table(figures: Sequence[Figure]) -> str:
     """Return the figures as a table in Markdown."""
     rows = ["| part | measured | trials | figure | limit | kept |", "|---|---|---|---|---|---|"]
     for one in figures:
-        limits = []
-        if one.least is not None:
-            limits.append(f"≥ {one.least:g}")
-        if one.most is not None:
-            limits.append(f"≤ {one.most:g}")
-        limit = " and ".join(limits)
-        kept = ("yes" if one.kept else "**no**") if limit else ""
+        bounds = (("≥", one.least), ("≤", one.most))
+        limits = [f"{sign} {bound:g}" for sign, bound in bounds if bound is not None]
+        kept = ("yes" if one.kept else "**no**") if limits else ""
         name = f"{one.name} ({one.note})" if one.note else one.name
         value = "not measured" if math.isnan(one.value) else f"{one.value:.4g} {one.unit}".strip()
-        rows.append(f"| {one.part} | {name} | {one.trials} | {value} | {limit} | {kept} |")
+        cells = (one.part, name, str(one.trials), value, " and ".join(limits), kept)
+        rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"

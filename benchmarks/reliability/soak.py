@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.reliability.figure import Figure, figures_of
+from benchmarks.reliability.memory_growth import MEBI
 from benchmarks.reliability.rig import SCENE, Rig, pushing
 from benchmarks.reliability.trial import GOAL_PEAK
 from benchmarks.reliability.usage import Usage, grown, usage
@@ -23,7 +24,6 @@ from hapticmech_ros.session import Session
 PART = "soak"
 SOAK_S, QUICK_SOAK_S = 3600.0, 60.0
 LOOKS = 600
-MEBI = float(1 << 20)
 # 256 pages, of what may take an hour: 8 bytes leaked in each tick at 1 kHz are 29 MB.
 MOST_MEBI = 1.0
 # What is held, in the order of ``Usage``: one of its units, that unit, and by how much it may grow.

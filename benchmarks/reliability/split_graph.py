@@ -19,8 +19,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.children import ReportingProcess, output_to, wait_until
-from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
+from benchmarks.children import ReportingProcess, finding_benchmarks, output_to, wait_until
+from benchmarks.reliability.emulated_network import DEVICE, REST, EmulatedNetwork
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
 from hapticmech_ros.wire.messages import DeviceStateMessage
 
@@ -155,11 +155,10 @@ class SplitGraph(AbstractContextManager["SplitGraph"]):
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._watchers: dict[str, ReportingProcess] = {}
         self._stack = ExitStack()
-        environment = private_environment(domain)
+        environment = finding_benchmarks(private_environment(domain))
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
-        environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
         # rclpy and transports as the nodes have them.
         beside = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         try:

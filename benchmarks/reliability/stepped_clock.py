@@ -20,9 +20,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 SOURCE = Path(__file__).with_name("clock_shim.c")
-NANOSECONDS = 1_000_000_000
 
 
 class NoCompilerError(HapticMechError):

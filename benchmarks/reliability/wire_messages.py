@@ -16,12 +16,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -29,6 +27,7 @@ from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
 from benchmarks.children import BenchError, output_to, wait_until
+from benchmarks.reliability.caller import Stranger
 from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
@@ -104,7 +103,7 @@ def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
     return attack.figures(count)
 
 
-class Attack:
+class Attack(Stranger):
     """A stranger in the graph: sends what nobody should send, and listens to what comes of it.
 
     Args:
@@ -117,11 +116,7 @@ class Attack:
         self._graph = graph
         self._free = free
         self._where = "on topics without owner" if free else "on the wire"
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
-        self._node = rclpy.create_node("stranger", context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__("stranger", environment, EventsExecutor)
         scene = load_scene(SCENE)
         self.seen = Outputs(scene.device)
         links = [link.name for link in scene.links]
@@ -148,18 +143,18 @@ class Attack:
         self._own: set[bytes] = set()
         for topic, kind in received.items():
             self._listen(topic, kind)
-        self._node.create_subscription(
+        self.node.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_status, AS_THEY_COME
         )
         self._clients = [
-            self._node.create_client(SetParameters, f"{name}/set_parameters")
+            self.node.create_client(SetParameters, f"{name}/set_parameters")
             for name in graph.processes
         ]
         self._asked: list[Future | None] = [None] * len(self._clients)
         self.requests = self.answered = 0
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
-        self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
+        self.node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
 
     @property
     def refused(self) -> int:
@@ -182,7 +177,7 @@ class Attack:
         """Send until so many were refused; then be silent, and see whether the graph comes back."""
         self.wait(lambda: len(self._samples) == LISTENED, STARTS_WITHIN_S, "all topics' messages")
         publishers = [
-            (topic, kind, self._node.create_publisher(kind, topic, SENT_RELIABLY))
+            (topic, kind, self.node.create_publisher(kind, topic, SENT_RELIABLY))
             for topic, kind in self._kinds.items()
         ]
         self._spin(1.0)
@@ -210,7 +205,7 @@ class Attack:
                     self.memory[name].add(self.sent, resident(process.pid))
         self._undo(publishers)
         for _, _, publisher in publishers:
-            self._node.destroy_publisher(publisher)
+            self.node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
         with suppress(BenchError):
             # Device and controller: what others warn of may last.
@@ -247,11 +242,6 @@ class Attack:
             figure("outputs looked at", self.seen.messages),
         ]
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
     def _ask(self) -> None:
         """Ask a node for parameters of types that there are not, unless it has yet to answer."""
         which = self._hostile.index(len(self._clients))
@@ -278,7 +268,7 @@ class Attack:
             self._samples.setdefault(topic, message)
             self.seen.look(topic, kind, message)
 
-        self._node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
+        self.node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -302,7 +292,7 @@ class Attack:
         self._spin(0.5)
 
     def _spin(self, seconds: float) -> None:
-        wait_for_messages(self._executor, seconds)
+        wait_for_messages(self.executor, seconds)
 
 
 def _known(message: bytes) -> bytes:

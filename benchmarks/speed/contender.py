@@ -16,6 +16,8 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 
 EXTRA = "pip install '.[bench]'"
+# A revolute closure is two points of its axis on each other, m: five independent rows out of six.
+AXIS_POINTS = (0.0, 0.2)
 Reading = list[tuple[float, ...]]
 # Of how closures are kept, each a number by name that the peer explains.
 Setting = Mapping[str, float]

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import (
+    AXIS_POINTS,
     Method,
     Peer,
     Reading,
@@ -45,8 +46,6 @@ RUNGE_KUTTA: tuple[Setting, ...] = (
 SOLIMP = (0.9999, 0.9999, 1.0, 0.5, 1.0)
 TOLERANCE = 1e-12
 NAME = "mujoco"
-# A revolute closure is two points of its axis on each other: five independent rows out of six.
-AXIS_POINTS = (0.0, 0.2)
 POINT = "point/"
 
 

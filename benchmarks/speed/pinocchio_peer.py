@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import (
+    AXIS_POINTS,
     Method,
     Peer,
     Reading,
@@ -47,8 +48,6 @@ DELASSUS, ARTICULATED = "constraintDynamics", "lcaba"
 # What computes v̇ without closures is aba in both.
 LOOPS = "rk4 lcaba"
 NAME = "pinocchio"
-# A revolute closure is two points of its axis on each other: five independent rows out of six.
-AXIS_POINTS = (0.0, 0.2)
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
