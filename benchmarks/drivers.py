@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 import typer
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
@@ -28,8 +28,10 @@ from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import OperationalModelMessage
+from hapticmech_ros.wire.wrench import decode_wrench
 
 SCENE = "five_bar"
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -102,8 +104,8 @@ class Body:
     def step(self, wrench: Array) -> None:
         """Move on by a step under a wrench (6,), N and N m, world axes."""
         self.twist = self.twist + self._period * FREE * wrench / self._mass
-        turned = pin.exp3(self._period * self.twist[3:]) @ self.pose.rotation
-        self.pose = pin.SE3(turned, self.pose.translation + self._period * self.twist[:3])
+        rotation = pin.exp3(self._period * self.twist[3:]) @ self.pose.rotation
+        self.pose = pin.SE3(rotation, self.pose.translation + self._period * self.twist[:3])
 
 
 def felt(kind: Kind) -> Felt:
@@ -168,20 +170,14 @@ class _Trial:
         message = self._graph.last.get("/device/body/servo_cf" if own else "/device/servo_cf")
         if message is None:
             return np.zeros(6)
-        if isinstance(message, bytes):
-            message = deserialize_message(message, WrenchStamped)
-        f, t = message.wrench.force, message.wrench.torque
-        wrench = np.array([f.x, f.y, f.z, t.x, t.y, t.z])
-        return self._turned(wrench, self._body.pose.rotation) if own else wrench
-
-    @staticmethod
-    def _turned(wrench: Array, axes: Array) -> Array:
-        return np.concatenate([axes @ wrench[:3], axes @ wrench[3:]])
+        data = message if isinstance(message, bytes) else serialize_message(message)
+        wrench = decode_wrench(data).values
+        return turned(wrench, self._body.pose.rotation) if own else wrench
 
     def _tell(self, push: Array) -> None:
         """Say where the body is, last, and what else the driver says."""
         now, pose = self._graph.now_ns, self._body.pose
-        own = self._turned(self._told, pose.rotation.T)
+        own = turned(self._told, pose.rotation.T)
         values = {"measured_cf": self._told, "body/measured_cf": own, "hand/measured_cf": push}
         for name in self._kind.says:
             if name == "measured_cv":
@@ -225,7 +221,7 @@ def table(found: Sequence[Felt]) -> str:
         )
         for one in found
     )
-    return Sheet("", (*headings, *further), tuple(rows)).markdown()
+    return Sheet("what is felt", (*headings, *further), tuple(rows)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -98,7 +98,7 @@ def table(rows: Sequence[Row]) -> str:
         matters = f"{np.min(shares):.0f} to {np.max(shares):.0f} %"
         lines.append((f"`{scene}`", f"{1e3 * period:g}", f"{len(found)}", *errors, matters))
     headings = ("scene", "period, ms", "directions", *(f"{f:g} Hz" for f in FREQUENCIES_HZ))
-    return Sheet("", (*headings, "arm matters by"), tuple(lines)).markdown()
+    return Sheet("felt is off by", (*headings, "arm matters by"), tuple(lines)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
