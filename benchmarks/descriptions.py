@@ -73,10 +73,6 @@ class Outcome:
     difference: float | None = None
 
 
-class NoMechanismError(Exception):
-    """The peer does not read the file by itself, or nothing in it moves."""
-
-
 def files_of(collection: str) -> Iterator[tuple[str, Path]]:
     """Yield the descriptions of an installed package: path in it, and file."""
     try:
@@ -186,9 +182,6 @@ def tried(collection: str, name: str, path: Path) -> Outcome:
         ran = not why
     except HapticMechError as error:
         why = str(error)
-    except ValueError as error:
-        # The peer refuses it.
-        raise NoMechanismError(str(error)) from None
     if difference is not None and difference > SAME:
         said = [note.what for note in left_out(path).notes if note.felt and "inertia" in note.what]
         ran = bool(said)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,7 +31,6 @@ from benchmarks.reliability.trial import (
     observe,
     report_delays,
 )
-from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
@@ -96,17 +95,17 @@ class Double:
 
     def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
         self._watch, self._topic = rig.watch, kind.speaks_on
-        self._graph: Graph | None = None
         self.teller: ReportingProcess | None = None
+        self._stop: Callable[[], object]
         if kind.name in FOREIGN:
             pushes = kind.name == COMMANDER and not alone
             arguments = (FOREIGN[kind.name], *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
             self.teller = rig.start("foreigner.py", *arguments, environment=environment)
-            self._process = self.teller.process
+            self._process, self._stop = self.teller.process, self.teller.stop
         else:
-            self._graph = rig.another(kind.original)
-            self._process = self._graph.processes[kind.original]
+            graph = rig.another(kind.original)
+            self._process, self._stop = graph.processes[kind.original], graph.stop
 
     def leave(self, killed: bool) -> int:
         """End it; return when it could speak no more, ns of the monotonic clock.
@@ -118,10 +117,8 @@ class Double:
         if killed:
             self._process.kill()
             self._process.wait()
-        elif self.teller is not None:
-            self.teller.stop()
-        elif self._graph is not None:
-            self._graph.stop()
+        else:
+            self._stop()
         return silent_from(self._watch.of("publishers"), self._topic, asked_ns, time.monotonic_ns())
 
 

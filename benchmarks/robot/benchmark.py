@@ -29,13 +29,13 @@ from benchmarks.robot.environment import (
     environment_sheet,
     loop,
 )
+from benchmarks.robot.felt_environment import INTERFACES as TAKEN
+from benchmarks.robot.felt_environment import FeltEnvironment, felt_environment
 from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
 from benchmarks.robot.other_paths import Elsewhere, elsewhere, elsewhere_sheets
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
 from benchmarks.speed.contender import setting_text
-from hapticmech_ros.analysis.environment import INTERFACES as TAKEN
-from hapticmech_ros.analysis.environment import FeltEnvironment, felt_environment
 from hapticmech_ros.analysis.study import Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out

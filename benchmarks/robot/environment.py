@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from benchmarks.robot.felt_environment import FeltEnvironment, Loop
 from benchmarks.robot.tasks import IIWA
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis.environment import FeltEnvironment, Loop
 from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.analysis.transparency import CIRCLES
 from hapticmech_ros.experiment.figure_style import (

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.robot.driven import STEPS
 from benchmarks.robot.laws import Law, Setting
 from benchmarks.robot.tasks import (
     APPROACH,
@@ -32,8 +33,8 @@ from hapticmech_ros.robot.follower import DisturbanceObserver, Observed, balance
 from hapticmech_ros.robot.law import ForceTask, RobotState, Target
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall
 
-# s of control, in so many steps of MuJoCo; m of the ball at the tool.
-PERIOD, STEPS, RADIUS = 1e-3, 4, 0.01
+# s of control; m of the ball at the tool.
+PERIOD, RADIUS = 1e-3, 0.01
 # Of an error, m: with the lever for angles.
 SCALE = np.repeat((1.0, LEVER), 3)
 # N that count as contact, and m at which a trial is given up.
