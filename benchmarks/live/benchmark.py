@@ -188,7 +188,7 @@ def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> 
 def _drag(page: Page, served: Served) -> tuple[Array, Array]:
     """Return times, s, from moves (n,) and events (m,) to ticks that act on them."""
     from benchmarks.live.browser import wait_until
-    from benchmarks.live.served import sight
+    from benchmarks.live.served import hold, sight
 
     states = served.process.states
     begun = time.monotonic()
@@ -196,9 +196,7 @@ def _drag(page: Page, served: Served) -> tuple[Array, Array]:
     wait_until(lambda: states[-1][0] > begun + 1.0, "the session to begin anew")
     seen = sight(page, DRAGGED)
     x, y = seen.hand
-    wait_until(lambda: page.is_drawn(x, y), "the hand to be seen")
-    page.mouse("mouseMoved", x, y)
-    page.mouse("mousePressed", x, y, pressed=True)
+    hold(page, (x, y))
     sent = np.zeros(MOVES)
     begun = time.monotonic()
     for move in range(MOVES):
