@@ -127,8 +127,10 @@ def every_scene(
     """
     out.mkdir(parents=True, exist_ok=True)
     chosen = names or list(shipped_scenes())
-    found, rows = list(answers(partial(pushed, duration=duration), chosen, processes)), []
-    for one in found:
+    found, rows = [], []
+    for one in answers(partial(pushed, duration=duration), chosen, processes):
+        print(one, flush=True)
+        found.append(one)
         shares = np.array((one.off, one.made, one.untold)) / max(one.exchanged, 1e-300)
         numbers = (f"{one.reached:.3g}", f"{one.exchanged:.3g}", f"{one.off:.1e}")
         counts = (str(one.refined), str(one.inaccurate), one.ended)
