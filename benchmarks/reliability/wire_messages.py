@@ -208,6 +208,10 @@ class Attack(Stranger):
             self.node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
         with suppress(BenchError):
+            answered = [one for one in self._asked if one is not None]
+            what = "answers to the last requests"
+            self.wait(lambda: all(one.done() for one in answered), BACK_WITHIN_S, what)
+        with suppress(BenchError):
             # Device and controller: what others warn of may last.
             well = self._well
             self.wait(lambda: all(map(well.get, RENDERING)), BACK_WITHIN_S, "the graph's return")
@@ -245,12 +249,12 @@ class Attack(Stranger):
     def _ask(self) -> None:
         """Ask a node for parameters of types that there are not, unless it has yet to answer."""
         which = self._hostile.index(len(self._clients))
-        before = self._asked[which]
-        if before is not None and not before.done():
+        before, client = self._asked[which], self._clients[which]
+        if not client.service_is_ready() or (before is not None and not before.done()):
             return
         kind = NO_TYPE + self._hostile.index(TYPE_NUMBERS - NO_TYPE)
         parameters = [Parameter(name=name, value=ParameterValue(type=kind)) for name in ASKED]
-        asked = self._clients[which].call_async(SetParameters.Request(parameters=parameters))
+        asked = client.call_async(SetParameters.Request(parameters=parameters))
         self._asked[which] = asked
         self.requests += 1
         asked.add_done_callback(self._on_answer)
