@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from benchmarks.accuracy import cases, crossings, pushed
 from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.crossings import app
-from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
+from benchmarks.accuracy.endurance import LongRuns, hour_of, minute_of_windows
 from benchmarks.accuracy.run import Run, Setting, measure, settings
 
 from .conftest import G, falling
@@ -83,7 +83,8 @@ def test_long_runs_watch_energy_closures_and_branch() -> None:
     assert windows.off_branch is not None
     assert windows.off_branch < 1e-9
     assert max(windows.energy_rise, windows.energy_fall) < 1e-8
-    assert any("parallel" in line for line in lines(windows))
+    (sheet,) = LongRuns({}, (windows,)).sheets()
+    assert f"{windows.off_branch:.1e}" in sheet.rows[0]
 
 
 def test_crossings_are_counted_and_the_worst_ones_written(tmp_path: Path) -> None:

@@ -12,9 +12,34 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
-from benchmarks.accuracy.endurance import LongRun, lines
+from benchmarks.accuracy import cases
+from benchmarks.accuracy.endurance import LongRun, LongRuns
+from benchmarks.accuracy.run import (
+    Run,
+)
 
 from .conftest import falling
+
+LIBRARY = {case.name: case for case in cases()}
+
+
+FAILED = Run("stone", "linearly_implicit", 1e-3, "m", False, failure="KeyError: [not] there")
+PASSED = Run(
+    "stone",
+    "rk4",
+    5e-4,
+    "m",
+    own=True,
+    errors={"p": 2e-10},
+    kept=True,
+    energy_error=3e-9,
+    closure_error=1e-14,
+    rank=4,
+    rank_changes=3,
+    unexpected_ranks=1,
+    singular_times=2,
+    cpu_s_per_s=0.1,
+)
 
 
 def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:
@@ -53,4 +78,5 @@ def test_the_long_command_writes_its_runs_and_fails_with_them(
     document = json.loads(found.stdout)
     assert document == json.loads((tmp_path / "bench_accuracy_long.json").read_text("utf-8"))
     assert [run["off_branch"] for run in document["runs"]] == [0.0, None]
-    assert any(failure in line for line in lines(seen))
+    (sheet,) = LongRuns({}, (seen,)).sheets()
+    assert sheet.rows[0][-1] == failure

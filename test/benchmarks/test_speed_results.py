@@ -16,8 +16,8 @@ from benchmarks.speed.benchmark import SpeedResults, plan, run_speed
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
-from benchmarks.speed.own_peer import OwnPeer
-from benchmarks.speed.pinocchio_peer import PinocchioPeer
+from benchmarks.speed.own_peer import own_peer
+from benchmarks.speed.pinocchio_peer import PINOCCHIO
 from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import Growth, growth
 from benchmarks.speed.tick import (
@@ -119,7 +119,7 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
 
 def test_growth_is_timed_with_who_passes_the_check() -> None:
     sizes = {"windows": (3,), "chain": (3,), "platform": (6,)}
-    grown, checks = growth((OwnPeer(), PinocchioPeer()), sizes, repeats=1, budget_s=0.01)
+    grown, checks = growth((own_peer(), PINOCCHIO), sizes, repeats=1, budget_s=0.01)
     assert all(check.passed for check in checks)
     assert {one.family for one in grown} == set(sizes)
     assert all(cpu is not None for one in grown for cpu in one.cpu_s_per_step)

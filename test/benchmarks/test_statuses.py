@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.children import BenchError
 from benchmarks.graph.statuses import (
     DROPPED,
     MISSED,
@@ -32,8 +33,9 @@ def test_the_statuses_around_a_window_are_the_nearest_outside() -> None:
     ends = around([*received, spoken(2.4, "other")], DEVICE, window)
     assert ends is not None
     assert [status.stamp_ns / NANOSECONDS for status in ends] == [2.0, 5.0]
-    assert around(received[:4], DEVICE, window) is None
-    assert around(received[2:], DEVICE, window) is None
+    for half in (received[:4], received[2:]):
+        with pytest.raises(BenchError, match="before and after the window"):
+            around(half, DEVICE, window)
 
 
 def test_a_clocked_node_publishes_what_it_does_not_miss() -> None:

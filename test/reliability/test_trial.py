@@ -219,6 +219,8 @@ def test_a_newcomer_counts_from_when_the_node_that_acts_heard_it() -> None:
     assert first_heard(500 * MS, [590 * MS, 650 * MS], arrived, on, 0) == 590 * MS
     # What was told at 100 ms was about one that had left.
     assert first_heard(500 * MS, [100 * MS, 590 * MS], arrived, on, 0) == 590 * MS
+    # Told just before the watcher met it; what is told once it has left is no first message.
+    assert first_heard(500 * MS, [495 * MS, 900 * MS], arrived, on, 0) == 500 * MS
     # Nobody says that there are two: force lasts since the first message.
     assert first_heard(500 * MS, [], arrived, on, 0) == 500 * MS
     assert first_heard(500 * MS, [100 * MS], arrived, on, 0) == 500 * MS
