@@ -616,10 +616,13 @@ class DeviceDriver(ClockedActor[D]):
         published = steps - (code == kernels.TO_SAY)
         self._ticks += published
         if published:
-            self.loop.went_on(link.remembers, clock.last_deadline_ns)
-            self._last_valid.keep(self._state, published)
+            newest_ns = clock.last_deadline_ns - (steps - published) * self.period_ns
+            self.loop.went_on(link.remembers, newest_ns)
         if code == kernels.TO_SAY:
+            # Of the states before, none is known any more but that of the last return.
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
+        else:
+            self._last_valid.keep(self._state, steps)
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)

@@ -958,16 +958,25 @@ def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
         process = driven_at(place)
         actor, (peer,) = process.actor, process.peers
         codes, log = by_the_kernel(process, monkeypatch), Logged(process)
+        # The kernel does several steps; all but the last one were well.
+        process.wait.ages = np.zeros(8, dtype=np.int64)
         end = time.monotonic() + 20.0
         while not actor.failures.count:
             assert time.monotonic() < end
             if log.by_kernel > 20:
-                actor.fastest[:] = 1e-12, 100.0
-            process.go(MS // 2)
+                # Faster than it is now: some steps later.
+                speed = 1.01 * float(np.linalg.norm(actor._state.measured_twist[:3]))
+                actor.fastest[:] = min(actor.fastest[0], speed + 2e-3), 100.0
+            process.go(20 * MS if log.by_kernel > 20 else MS // 2)
             for got in process.answers()[-1:]:
                 peer.speak(encode_wrench(np.array((0.5, 0.0, 0.0, 0.0, 0.0, 0.0)), stamp_in(got)))
         process.close()
         assert "nothing moves it so fast" in actor.failures.last
+        # To a state that may be published.
+        assert actor.failures.count == 1
+        assert actor.node.active
+        gone_back_to = actor._last_valid._good.measured_twist[:3]
+        assert np.linalg.norm(gone_back_to) <= actor.fastest[0]
         if lane_kernels.TO_SAY in codes:
             return
     pytest.fail("no step was the kernel's")
