@@ -7,6 +7,7 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
+    GRACE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -179,11 +180,12 @@ def answer_states(
         Why it returns.
     """
     link, read, sends = AnalyserLink(shared), Reading(inputs[0]), Sending(outputs[0])
-    nv = v.size
+    nv, grace = v.size, 0
     while link.reads < ages.size:
-        if time_of(MONOTONIC, words) >= link.until:
+        if time_of(MONOTONIC, words) >= link.until + grace:
             break
-        found = wait_until(link.until, link, words, polled, 1)
+        grace = GRACE_NS
+        found = wait_until(link.until + grace, link, words, polled, 1)
         if found == NOTHING:
             continue
         if found == OTHER or peek(link, read, words, frame, prefix) != PLAIN:
@@ -231,4 +233,5 @@ def answer_states(
             return TO_LOOK_AT
         if left:
             return TO_SEND
+        grace = 0
     return TIME_IS_UP

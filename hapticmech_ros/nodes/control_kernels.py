@@ -23,6 +23,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
+    GRACE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -318,15 +319,17 @@ def answer_samples(
     for_gain = Sending(outputs[AS_GAIN])
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     closed, seen = Locality(locality), OperationalModelSample(known)
+    grace = 0
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
-        if now >= link.until:
+        if now >= link.until + grace:
             break
+        grace = GRACE_NS
         # A device that is silent for longer is lost: Python says so with the next model.
         silent = link.last + link.timeout - link.ahead
         if now > silent:
             return TO_READ
-        found = wait_until(min(link.until, silent + 1), link, words, polled, 1)
+        found = wait_until(min(link.until + grace, silent + 1), link, words, polled, 1)
         if found == NOTHING:
             continue
         if found == OTHER:
@@ -416,4 +419,5 @@ def answer_samples(
             return TO_LOOK_AT
         if left:
             return TO_SEND
+        grace = 0
     return TIME_IS_UP

@@ -326,7 +326,9 @@ def drive_at_deadlines(
         if now < deadline:
             if now >= link.until:
                 break
-            if wait_until(min(deadline, link.until), link, words, polled, 0) != NOTHING:
+            # After a step there is time for Python, and not in the midst of the wait for the next.
+            end = deadline if link.done > 0 else min(deadline, link.until)
+            if wait_until(end, link, words, polled, 0) != NOTHING:
                 return TO_READ
             continue
         # Commands that came meanwhile act from the next step on: nobody had to be there for them.

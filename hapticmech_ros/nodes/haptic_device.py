@@ -186,8 +186,7 @@ class DeviceTicks(PlainMessages):
     def did(self, code: int, reads: int) -> None:
         """Tell the driver what the kernel did."""
         actor, trips = self._driver, self._trips[: self.link.trips]
-        for age_ns in self.ages[:reads].tolist():
-            actor.latency.add(age_ns)
+        actor.latency.extend(self.ages[:reads])
         if self.reading[own.GAINS].read:
             link = self.link
             newest = link.gain_newest, link.gain_arrived

@@ -163,6 +163,9 @@ _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 _WAITED_NS = 20_000
 # Who has not listened to the middleware for longer than this, ns, does not hear who would stop it.
 DEAF_NS = 100_000_000
+# Time that is up in the midst of a wait is up after the next message, or so much later, ns: whoever
+# returned at any time would keep the next one waiting.
+GRACE_NS = 5_000_000
 # Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
 _UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.

@@ -60,6 +60,7 @@ from rclpy.task import Future
 from hapticmech_ros.errors import HapticMechError, shown
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.lane_kernels import ENDED, LOOK_US, ROUNDS, abort_when_still
+from hapticmech_ros.nodes.realtime import come_after_loop
 from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
@@ -353,6 +354,7 @@ class Threads:
         signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
         self._begun.wait()
         if self._turn is not None:
+            come_after_loop()
             work(self._turn)
 
     def _run_callbacks(self, turn: Turn) -> None:

@@ -348,8 +348,7 @@ class PlainMessages:
             if row.read:
                 sources.received(_continued(sources.latest, row), row.read)
         reads = link.reads
-        for age_ns in self.ages[:reads].tolist():
-            self._actor.ages.add(age_ns)
+        self._actor.ages.extend(self.ages[:reads])
         self.did(self._code, reads)
         if link.paused:
             self._actor.node.pauses.paused(link.paused)

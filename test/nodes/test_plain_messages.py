@@ -724,6 +724,8 @@ def test_what_a_device_says_beside_its_samples_needs_no_python(
     process, inputs = rendering
     actor, (device, analyser, *_) = process.actor, process.peers
     (sources,) = (who for topic, who in actor._crtk.streams if topic == POSES)
+    # Python looks for a device that is silent.
+    actor.timeout_ns = 10_000 * MS
     numbers = iter(range(1, 1000))
 
     def speak(both: bool = False) -> None:
