@@ -632,6 +632,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
+        self.node.exchange.publish_views()
         pushed = self.device.sensed(self._push)
         self.publish_view(self._state, pushed, self.side.passivity, stamp_ns)
 

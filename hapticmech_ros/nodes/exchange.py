@@ -12,11 +12,12 @@ different.
 from __future__ import annotations
 
 import ctypes
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,6 +40,8 @@ CENSUS_NS = 20_000_000
 # After a change on the lane the middleware carries messages too for so long: it may know of a
 # listener that comes or goes only then.
 SETTLES_NS = NANOSECONDS // 4
+# Callbacks of subscriptions stop a kernel so often, ns.
+CALLS_NS = 8_000_000
 # Of messages that wait for the loop to have time.
 MOST_LATER = 200
 
@@ -145,6 +148,8 @@ class Outlet:
         self._census_ns = -CENSUS_NS
         self._on_lane = 0
         self._settled_ns = 0
+        # What people see is published by several threads.
+        self._lock = threading.Lock()
 
     @property
     def wanted(self) -> bool:
@@ -162,13 +167,17 @@ class Outlet:
             if self.wanted:
                 check_finite(message)
                 self.publish_outside(message)
-        elif self.later and (self._exchange.is_linked or self._exchange.has_later):
+        elif self.later and self._exchange.may_wait:
             self._exchange.publish_later(self, message)
         else:
             self.publish_bytes(message)
 
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message by all ways on which somebody listens."""
+        with self._lock:
+            self._publish(message)
+
+    def _publish(self, message: bytes) -> None:
         line, lane = self._line, self._exchange.lane
         if not self.topic or len(message) > MOST_BYTES:
             lane = None
@@ -261,6 +270,9 @@ class Exchange:
         self.lane: Lane | None = None
         self.refusal = ""
         self._lines: dict[str, _Line] = {}
+        self._failed: deque[Callable[[], None]] = deque()
+        self._deferred: deque[Callable[[], object]] = deque()
+        self._called_ns = 0
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
         self._delivering = False
@@ -301,15 +313,45 @@ class Exchange:
         turn = self.lane.turn
         with turn.taken():
             self.settle()
+            if turn.is_of_loop:
+                yield
+                return
+            # The loop may wait for long; and what is published next is newer.
+            self.publish_kept()
+            while self._deferred:
+                self._deferred.popleft()()
             yield
-            if not turn.is_of_loop:
-                # The loop may wait for long.
-                self.publish_kept()
-                if rings:
-                    turn.ring()
+            self._called_ns = time.monotonic_ns()
+            if rings:
+                turn.ring()
+
+    def defer(self, callback: Callable[[], object]) -> bool:
+        """Let a subscription's callback wait until a kernel is stopped anyway; return whether.
+
+        Where somebody outside hears the nodes too, the middleware brings copies of all that the
+        kernel reads: it is stopped for those of some milliseconds at once (:attr:`until_called_s`).
+
+        Args:
+            callback: with its message.
+        """
+        turn = None if self.lane is None else self.lane.turn
+        if turn is None or not turn.kernel_runs or self.until_called_s <= 0.0:
+            return False
+        self._deferred.append(callback)
+        return True
+
+    @property
+    def until_called_s(self) -> float:
+        """How long callbacks may wait for others, s."""
+        return (self._called_ns + CALLS_NS - time.monotonic_ns()) / NANOSECONDS
+
+    @property
+    def has_deferred(self) -> bool:
+        """Whether callbacks wait for :meth:`taken`."""
+        return bool(self._deferred)
 
     def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
-        """Publish what people see; if it fails the actor begins anew.
+        """Publish what people see; what fails is met by :meth:`meet_failures`.
 
         Args:
             failures: of the actor.
@@ -318,8 +360,18 @@ class Exchange:
         try:
             publish()
         except Exception as error:  # noqa: BLE001 - as in Failures.run
+            self._failed.append(partial(failures.met, "view", error))
+
+    def meet_failures(self) -> None:
+        """Let an actor begin anew of which what people see could not be published."""
+        while self._failed:
             with self.taken():
-                failures.met("view", error)
+                self._failed.popleft()()
+
+    def publish_views(self) -> None:
+        """Publish what another thread is to publish, or wait for it: see :class:`.turn.Turn`."""
+        if self.lane is not None:
+            self.lane.turn.publish_views()
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
@@ -422,6 +474,12 @@ class Exchange:
     def is_linked(self) -> bool:
         """Whether another process is on the lane."""
         return self.lane is not None and self.lane.linked
+
+    @property
+    def may_wait(self) -> bool:
+        """Whether what people see may wait until the thread that asks has time."""
+        is_of_loop = self.lane is None or self.lane.turn.is_of_loop
+        return is_of_loop and (self.is_linked or self.has_later)
 
     def publish_later(self, outlet: Outlet, message: bytes) -> None:
         """Keep a message until the loop has time for it: see :meth:`publish_one`."""

@@ -26,6 +26,7 @@ import struct
 import sys
 import tempfile
 import termios
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -165,15 +166,21 @@ class Outgoing:
         self.lost = 0
         self.stalled = False
         self._behind: deque[bytes] | None = None
+        # What people see is sent by another thread.
+        self._lock = threading.Lock()
         # Since when it refuses messages; 0: it takes them.
         self._full_ns = 0
 
     def send(self, frame: bytes) -> bool:
         """Send or keep a frame; return whether the connection is still there."""
+        with self._lock:
+            return self._send(frame)
+
+    def _send(self, frame: bytes) -> bool:
         behind = self._behind
         if behind:
             self._keep(behind, frame)
-            return self.flush()
+            return self._flush(behind)
         try:
             self.connection.send(frame)
         except BlockingIOError:
@@ -211,9 +218,10 @@ class Outgoing:
 
     def flush(self) -> bool:
         """Send of what is kept as much as it takes; return whether the connection is there."""
-        behind = self._behind
-        if not behind:
-            return True
+        with self._lock:
+            return not self._behind or self._flush(self._behind)
+
+    def _flush(self, behind: deque[bytes]) -> bool:
         try:
             for _ in range(min(len(behind), MOST_AT_ONCE)):
                 self.connection.send(behind[0])

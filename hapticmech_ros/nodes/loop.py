@@ -360,21 +360,30 @@ class Threads:
     def _run_callbacks(self, turn: Turn) -> None:
         while not self._ended:
             try:
-                self._executor.spin_once(timeout_sec=SPIN_S)
+                if self._exchange.has_deferred:
+                    time.sleep(max(self._exchange.until_called_s, 0.0))
+                    with self._exchange.taken():
+                        self._run_waiting()
+                else:
+                    self._executor.spin_once(timeout_sec=SPIN_S)
             except Exception as error:  # noqa: BLE001 - the loop's thread raises it
                 self._failure = error
                 turn.ring()
                 return
             turn.listen()
 
+    def _run_waiting(self) -> None:
+        """Run the callbacks of what the middleware has brought by now, as :meth:`Inbox.look`."""
+        waiting = [True]
+        self._executor.create_task(waiting.clear)
+        for _ in range(MOST_CALLBACKS):
+            if waiting:
+                self._executor.spin_once(timeout_sec=NO_WAIT_S)
+
     def _publish_views(self, turn: Turn) -> None:
         while turn.wait_for_view():
-            with turn.taken_beside_kernel():
-                turn.publish_views()
-            is_more = True
-            while is_more:
-                with turn.taken_beside_kernel():
-                    is_more = self._exchange.publish_one()
+            turn.publish_views()
+            self._exchange.meet_failures()
 
 
 class Inbox:
@@ -464,6 +473,9 @@ class Inbox:
         if exchange.is_waiting or (lane is not None and lane.worked):
             return
         now = time.monotonic_ns()
+        if now < deadline - early:
+            # Something else is to be done.
+            return
         # Half as much again as usual: most are in time then.
         late = 3 * min(now - (deadline - early), _WAKES_WITHIN_NS) // 2
         self._late_ns += (late - self._late_ns) // _LEARNS

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -271,11 +271,13 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
         Args:
             callback: of a subscription, service or timer.
-            may_act: whether the node may have another deadline afterwards.
+            may_act: whether the node may have another deadline afterwards, or it is urgent.
         """
 
         @wraps(callback)
         def settled(*arguments: Any) -> Any:
+            if not may_act and self.exchange.defer(partial(callback, *arguments)):
+                return None
             with self.exchange.taken(may_act):
                 return callback(*arguments)
 

@@ -443,6 +443,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
+            self.node.exchange.publish_views()
             self.publish_view(state, external, deadline_ns)
         self._ticks += 1
 

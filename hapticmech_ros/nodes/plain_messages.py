@@ -22,6 +22,7 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
+from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
@@ -29,6 +30,8 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 # So many messages are enough for once.
 MOST_READ = 256
+# Views come so far apart at the least, ns, for so long after a step was late.
+GIVE_WAY_NS = 50_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Two clocks are read at one time if they are no further apart, ns.
@@ -159,6 +162,7 @@ class PlainMessages:
         # While there is something that the actor does not know yet.
         self._lane: Lane | None = None
         self._code = kernels.TIME_IS_UP
+        self._late_ns = self._viewed_ns = 0
         self._passed_over = passed_over
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
@@ -311,7 +315,7 @@ class PlainMessages:
         with lane.turn.given_to_kernel():
             while True:
                 self._code = kernel()
-                if not (self._code == kernels.TO_LOOK_AT and lane.turn.view(self._view())):
+                if not (self._code == kernels.TO_LOOK_AT and self._show(lane.turn)):
                     break
                 link.until_view = self._actor.view_every
                 if any(row.left or row.unsent for row in self._sending):
@@ -321,8 +325,21 @@ class PlainMessages:
         self.settle()
         if code == kernels.TO_LOOK_AT:
             self._view()()
+            self._actor.node.exchange.meet_failures()
         # Who has read what came before is not behind: one after the other is soon enough.
         return code == kernels.TO_READ, time.monotonic_ns() if reads else link.idle
+
+    def _show(self, turn: Turn) -> bool:
+        """Have another thread publish a view, if there is one; return whether there is.
+
+        After a pause, or where steps are late, views give way for a while.
+        """
+        now = time.monotonic_ns()
+        give_way = now - self._late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
+        if turn.is_shared and give_way:
+            return True
+        self._viewed_ns = now
+        return turn.view(self._view())
 
     def _view(self) -> Callable[[], None]:
         return partial(self._actor.node.exchange.run_view, self._actor.failures, self.view())
@@ -352,7 +369,8 @@ class PlainMessages:
         self.did(self._code, reads)
         if link.paused:
             self._actor.node.pauses.paused(link.paused)
-        lane.turn.publish_views()
+        if link.paused or self._code == kernels.TO_ACT:
+            self._late_ns = time.monotonic_ns()
 
     def _send_on(
         self,

@@ -26,6 +26,7 @@ class Turn:
     """Whose turn it is. As long as there is one thread only, all of this does nothing.
 
     Attributes:
+        kernel_runs: whether a kernel works on what the nodes have.
         bell: file that can be read when the loop's thread is to stop waiting.
         rope: file by which it is rung.
         listened: (1,) until when the middleware was last listened to, ns of the monotonic clock.
@@ -34,8 +35,10 @@ class Turn:
     def __init__(self) -> None:
         self.bell, self.rope = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._turn, self._kernel = threading.RLock(), threading.Lock()
-        self._loop, self._kernel_runs = 0, False
+        self._loop, self.kernel_runs = 0, False
         self.listened = np.array([FOR_EVER])
+        # Of what people see: whose it is to publish that, and what there is to be published.
+        self._publishing = threading.Lock()
         self._views: deque[Callable[[], None]] = deque()
         self._has_views = threading.Semaphore(0)
 
@@ -104,12 +107,12 @@ class Turn:
             yield
             return
         with self._kernel:
-            self._kernel_runs = True
+            self.kernel_runs = True
             self._turn.release()
             try:
                 yield
             finally:
-                self._kernel_runs = False
+                self.kernel_runs = False
         self._turn.acquire()
 
     @contextmanager
@@ -119,24 +122,19 @@ class Turn:
             yield
             return
         with self._turn:
-            if self._kernel_runs:
+            if self.kernel_runs:
                 self.ring()
                 # No other one begins: for that the loop's thread needs the turn.
                 with self._kernel:
                     pass
             yield
 
-    @contextmanager
-    def taken_beside_kernel(self) -> Iterator[None]:
-        """Take the turn, though a kernel may run."""
-        with self._turn:
-            yield
-
     def view(self, publish: Callable[[], None]) -> bool:
         """Have what people see published while a kernel goes on; return whether that is done.
 
         Args:
-            publish: publishes it, from copies. It is dropped if the one before is still to be done.
+            publish: publishes it, from copies, without a turn. It is dropped if the one before is
+                still to be done.
         """
         if not self.is_shared:
             return False
@@ -151,6 +149,10 @@ class Turn:
         return self.is_shared
 
     def publish_views(self) -> None:
-        """Publish those that there are: what is published next is newer."""
-        while self._views:
-            self._views.popleft()()
+        """Publish those that there are, and wait for one that is being published.
+
+        What is published next is newer.
+        """
+        with self._publishing:
+            while self._views:
+                self._views.popleft()()

@@ -109,6 +109,27 @@ def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None
         assert system.now - begun == after
 
 
+def test_a_wait_that_something_else_has_ended_teaches_nothing(system: LateSystem) -> None:
+    inbox = inbox_of(system)
+    collect = system.collect
+
+    def rung(timeout_s: float = 0.0, longest_s: float = 0.0) -> None:
+        collect(min(timeout_s, 0.1e-3), longest_s)
+
+    system.late_ns = 0
+    for _ in range(60):
+        inbox.wait(0.9e-3)
+    system.collect = rung  # type: ignore[method-assign]
+    for _ in range(200):
+        begun = system.now
+        inbox.wait(0.9e-3)
+        assert system.now - begun <= 110 * US
+    system.collect = collect  # type: ignore[method-assign]
+    begun = system.now
+    inbox.wait(0.9e-3)
+    assert 900 * US <= system.now - begun <= 910 * US
+
+
 class Busy:
     """An executor with ``waiting`` callbacks to run, some of which take no longer than none."""
 

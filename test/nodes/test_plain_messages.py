@@ -414,8 +414,7 @@ def test_views_are_published_by_another_thread_while_the_kernel_goes_on(
 
     def publish() -> None:
         while turn.wait_for_view():
-            with turn.taken_beside_kernel():
-                turn.publish_views()
+            turn.publish_views()
 
     def speak() -> None:
         end = time.monotonic() + 20.0
