@@ -603,12 +603,12 @@ class DeviceDriver(ClockedActor[D]):
         if clock is None:
             return
         self._command.put((wrenches[0], link.answered), link.received)
+        before = wrenches[1], link.answered_before
+        self._command.before, self._command.before_ns = before, link.received_before
         self.answers.went_on((link.newest, link.arrived), trips.tolist())
         steps = link.done
         if steps == 0:
             return
-        before = wrenches[1], link.answered_before
-        self._command.before, self._command.before_ns = before, link.received_before
         self._state = DeviceState(state.copy())
         self._ticks_held = max(link.held, self._ticks_held)
         clock.next_ns = link.next

@@ -663,6 +663,8 @@ class Lane:
                 self.turn.hear()
             else:
                 self._accept()
+        # Of several processes, which a kernel has left waiting.
+        found.sort(key=_arrived_ns)
         for subscription in self._filled:
             # Of several publishers.
             subscription.batch.sort(key=_sent_ns)
@@ -869,3 +871,7 @@ class Lane:
 
 def _sent_ns(item: tuple[bytes, Origin]) -> int:
     return item[1].sent_ns
+
+
+def _arrived_ns(item: Arrived) -> int:
+    return item.origin.sent_ns
