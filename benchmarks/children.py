@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,7 +33,7 @@ class BenchError(HapticMechError):
     """A run of a benchmark that could not be carried through."""
 
 
-class ReportingProcess:
+class ReportingProcess(AbstractContextManager["ReportingProcess"]):
     """A process that tells how it goes by lines of JSON, which a thread gathers.
 
     Use as a context manager: leaving it stops the process.
@@ -72,9 +72,6 @@ class ReportingProcess:
         """End the process and read it to its last word."""
         stop_process(self.process)
         self._thread.join(LOOK_AGAIN_S * 10)
-
-    def __enter__(self) -> ReportingProcess:
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.stop()

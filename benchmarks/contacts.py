@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.machine import cpu_times, machine, speed_line
 from benchmarks.speed.mujoco_peer import MujocoScene, at_start
+from benchmarks.speed.mujoco_peer import stepping as mj_stepping
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene, document_of, scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -92,7 +93,7 @@ def stepping(scene: Scene) -> Callable[[], None]:
     return call
 
 
-def mj_stepping(scene: Scene) -> Callable[[], None]:
+def in_mujoco(scene: Scene) -> Callable[[], None]:
     """Return what steps the same boxes in MuJoCo, called once a step from Python as well."""
     import mujoco
 
@@ -115,12 +116,7 @@ def mj_stepping(scene: Scene) -> Callable[[], None]:
     points = 4 * len(scene.contacts)
     if data.ncon != points or not data.nefc:
         raise RuntimeError(f"MuJoCo has {data.ncon} points where there are {points}")
-
-    def call() -> None:
-        for _ in range(STEPS):
-            mujoco.mj_step(model, data)
-
-    return call
+    return mj_stepping(model, data, STEPS)
 
 
 def main() -> None:
@@ -137,17 +133,15 @@ def main() -> None:
         boxes, points = boxes_on_floor(count), 4 * count
         callers[f"{points} points on a floor"] = stepping(boxes)
         callers[f"{points} points, no floor"] = stepping(boxes_on_floor(count, touching=False))
-        callers[f"{points} points, mj_step"] = mj_stepping(boxes)
+        callers[f"{points} points, mj_step"] = in_mujoco(boxes)
     costs = {}
     for name, taken in cpu_times(callers, rounds).items():
         costs[name], p90 = 1e6 * np.quantile(taken / STEPS, (0.5, 0.9))
         print(f"{name:45} {costs[name]:8.1f} {p90:8.1f}")
     for substeps in (1, 4):
-        near, free = (
-            costs[f"five_bar, {substeps} substeps, {which}"]
-            for which in ("pair out of reach", "no pair")
-        )
-        print(f"a pair out of reach, per substep of {substeps}: {(near - free) / substeps:.2f}")
+        name = f"five_bar, {substeps} substeps"
+        cost = (costs[f"{name}, pair out of reach"] - costs[f"{name}, no pair"]) / substeps
+        print(f"a pair out of reach, per substep of {substeps}: {cost:.2f}")
     print(speed_line(machine()))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 import typer
 
+from hapticmech_ros.analysis.study import Sheet, number
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, SceneError
 from hapticmech_ros.formats import left_out
@@ -70,10 +71,6 @@ class Outcome:
     ran: bool
     why: str = ""
     difference: float | None = None
-
-
-class NoMechanismError(Exception):
-    """The peer does not read the file by itself, or nothing in it moves."""
 
 
 def files_of(collection: str) -> Iterator[tuple[str, Path]]:
@@ -176,27 +173,20 @@ def tried(collection: str, name: str, path: Path) -> Outcome:
         return Outcome(collection, name, 0, False, f"refused: {first.key_path}: {first.rule}")
     except HapticMechError as error:
         return Outcome(collection, name, 0, False, f"refused: {error}")
-    mechanism, difference = simulator.mechanism, None
+    mechanism, difference, ran = simulator.mechanism, None, False
     try:
         difference = compare(path, mechanism, rng)
         start = simulator.initial_state()
-        end = simulator.run(start, round(SECONDS / simulator.period)).end
+        inaccurate = simulator.run(start, round(SECONDS / simulator.period)).end.account.inaccurate
+        why = f"{inaccurate} steps of a second are inaccurate" if inaccurate else ""
+        ran = not why
     except HapticMechError as error:
-        return Outcome(collection, name, mechanism.nv, False, str(error), difference)
-    except ValueError as error:
-        # The peer refuses it.
-        raise NoMechanismError(str(error)) from None
+        why = str(error)
     if difference is not None and difference > SAME:
         said = [note.what for note in left_out(path).notes if note.felt and "inertia" in note.what]
-        if not said:
-            why = f"kinetic energy differs by {difference:.1e}"
-            return Outcome(collection, name, mechanism.nv, False, why, difference)
-        why = f"said: {', '.join(said)}"
-        return Outcome(collection, name, mechanism.nv, True, why, difference)
-    if end.account.inaccurate:
-        why = f"{end.account.inaccurate} steps of a second are inaccurate"
-        return Outcome(collection, name, mechanism.nv, False, why, difference)
-    return Outcome(collection, name, mechanism.nv, True, "", difference)
+        ran = bool(said)
+        why = f"said: {', '.join(said)}" if said else f"kinetic energy differs by {difference:.1e}"
+    return Outcome(collection, name, mechanism.nv, ran, why, difference)
 
 
 def is_mechanism(path: Path) -> bool:
@@ -213,16 +203,15 @@ def is_mechanism(path: Path) -> bool:
 
 def table(outcomes: Sequence[Outcome]) -> str:
     """Return the outcomes as a table for a document."""
-    lines = ["| collection | file | freedoms | became | kinetic energy differs by |"]
-    lines.append("|---|---|--:|---|--:|")
+    rows = []
     for one in outcomes:
-        difference = "-" if one.difference is None else f"{one.difference:.0e}"
         became = one.why.replace("|", "\\|").replace("\n", " ")
         if one.ran:
             became = f"ran; {became}" if became else "ran"
-        freedoms = one.freedoms or "-"
-        lines.append(f"| {one.collection} | `{one.file}` | {freedoms} | {became} | {difference} |")
-    return "\n".join(lines)
+        file, freedoms = f"`{one.file}`", f"{one.freedoms or '-'}"
+        rows.append((one.collection, file, freedoms, became, number(one.difference, ".0e")))
+    headings = ("collection", "file", "freedoms", "became", "kinetic energy differs by")
+    return Sheet("descriptions", headings, tuple(rows), ("file", "became")).markdown()
 
 
 @app.command()
@@ -242,7 +231,7 @@ def descriptions(
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps([asdict(one) for one in outcomes], indent=1)
     (out / "descriptions.json").write_text(text, encoding="utf-8")
-    (out / "descriptions.md").write_text(table(outcomes) + "\n", encoding="utf-8")
+    (out / "descriptions.md").write_text(table(outcomes), encoding="utf-8")
     ran = sum(one.ran for one in outcomes)
     print(f"{ran} of {len(outcomes)} ran: {out / 'descriptions.md'}")
 

@@ -18,17 +18,20 @@ import numpy as np
 import pinocchio as pin
 import typer
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from benchmarks.push import LONGEST_S, WAY, time_alone
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from hapticmech_ros import Simulator, load_scene
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.messages import set_stamp, write_pose, write_wrench
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import turned
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import OperationalModelMessage
+from hapticmech_ros.wire.wrench import decode_wrench
 
 SCENE = "five_bar"
 PUSH = np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -101,8 +104,8 @@ class Body:
     def step(self, wrench: Array) -> None:
         """Move on by a step under a wrench (6,), N and N m, world axes."""
         self.twist = self.twist + self._period * FREE * wrench / self._mass
-        turned = pin.exp3(self._period * self.twist[3:]) @ self.pose.rotation
-        self.pose = pin.SE3(turned, self.pose.translation + self._period * self.twist[:3])
+        rotation = pin.exp3(self._period * self.twist[3:]) @ self.pose.rotation
+        self.pose = pin.SE3(rotation, self.pose.translation + self._period * self.twist[:3])
 
 
 def felt(kind: Kind) -> Felt:
@@ -167,20 +170,14 @@ class _Trial:
         message = self._graph.last.get("/device/body/servo_cf" if own else "/device/servo_cf")
         if message is None:
             return np.zeros(6)
-        if isinstance(message, bytes):
-            message = deserialize_message(message, WrenchStamped)
-        f, t = message.wrench.force, message.wrench.torque
-        wrench = np.array([f.x, f.y, f.z, t.x, t.y, t.z])
-        return self._turned(wrench, self._body.pose.rotation) if own else wrench
-
-    @staticmethod
-    def _turned(wrench: Array, axes: Array) -> Array:
-        return np.concatenate([axes @ wrench[:3], axes @ wrench[3:]])
+        data = message if isinstance(message, bytes) else serialize_message(message)
+        wrench = decode_wrench(data).values
+        return turned(wrench, self._body.pose.rotation) if own else wrench
 
     def _tell(self, push: Array) -> None:
         """Say where the body is, last, and what else the driver says."""
         now, pose = self._graph.now_ns, self._body.pose
-        own = self._turned(self._told, pose.rotation.T)
+        own = turned(self._told, pose.rotation.T)
         values = {"measured_cf": self._told, "body/measured_cf": own, "hand/measured_cf": push}
         for name in self._kind.says:
             if name == "measured_cv":
@@ -212,17 +209,19 @@ class _Trial:
 
 def table(found: Sequence[Felt]) -> str:
     """Return what was felt as a table for a document."""
-    lines = [
-        "| driver | engaged after, ms | drift in 1 s, µm | felt inertia / the mechanism's own "
-        "| device and point apart, mm |",
-        "|---|--:|--:|--:|--:|",
-    ]
-    lines += [
-        f"| {one.kind} | {1e3 * one.engaged_after:.0f} | {1e6 * one.drift:.1f} | "
-        f"{one.inertia:.3f} | {1e3 * one.apart:.2f} |"
+    headings = ("driver", "engaged after, ms", "drift in 1 s, µm")
+    further = ("felt inertia / the mechanism's own", "device and point apart, mm")
+    rows = (
+        (
+            one.kind,
+            f"{1e3 * one.engaged_after:.0f}",
+            f"{1e6 * one.drift:.1f}",
+            f"{one.inertia:.3f}",
+            f"{1e3 * one.apart:.2f}",
+        )
         for one in found
-    ]
-    return "\n".join(lines)
+    )
+    return Sheet("what is felt", (*headings, *further), tuple(rows)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -33,6 +33,18 @@ def unknown(goal: str) -> Verdict:
     return Verdict(goal, NOTHING, "not measured")
 
 
+def at_most(goal: str, value: float | None, limit: float, style: str) -> Verdict:
+    """Return the verdict on a figure that is to be at most so large; None: not measured.
+
+    Args:
+        goal: in words.
+        value: that was measured.
+        limit: of it.
+        style: how it is shown, such as ``{:.2f} x``.
+    """
+    return unknown(goal) if value is None else verdict(goal, style.format(value), value <= limit)
+
+
 def goal_sheet(goals: Sequence[Verdict]) -> Sheet:
     """Return the goals and whether they are met."""
     rows = tuple((one.goal, one.seen, Marked(one.outcome, STYLES[one.outcome])) for one in goals)

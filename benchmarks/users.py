@@ -16,6 +16,7 @@ import numpy as np
 import typer
 
 from hapticmech_ros import load_scene
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.analysis.users import FREQUENCIES_HZ, Row, felt_beside_others
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.scene import Scene
@@ -66,15 +67,14 @@ def held_scene(
         for label, (link, xyz) in zip((PUSHER, HOLDER), places, strict=True)
     ]
     arm: dict[str, object] = {"kind": "arm", "impedance": "firm", "waypoints": [{"time": 0}]}
-    if holder == "grip":
-        arm["grip"] = GRIP
-    elif holder == "massless":
+    if holder == "massless":
         firm = ArmHand.model_validate(arm).model_dump()
         arm = {key: firm[key] for key in SpringDamperHand.model_fields} | {"kind": "spring_damper"}
     nobody = {"kind": "constant_wrench"}
+    holders = {"grip": arm | {"grip": GRIP}, "nobody": nobody}
     hands: list[dict[str, object]] = [
         {"point": PUSHER, "hand": nobody},
-        {"point": HOLDER, "hand": nobody if holder == "nobody" else arm},
+        {"point": HOLDER, "hand": holders.get(holder, arm)},
     ]
     if stiffness:
         own = scene.controller.joint_constraint
@@ -89,19 +89,16 @@ def held_scene(
 
 def table(rows: Sequence[Row]) -> str:
     """Return the largest errors of each scene and period as a table for a document."""
-    heads = " | ".join(f"{f:g} Hz" for f in FREQUENCIES_HZ)
-    lines = [
-        f"| scene | period, ms | directions | {heads} | arm matters by |",
-        f"|---|--:|--:|{'--:|' * len(FREQUENCIES_HZ)}--:|",
-    ]
-    for key in dict.fromkeys((row.scene, row.period) for row in rows):
-        found = [row.felt for row in rows if (row.scene, row.period) == key]
+    lines = []
+    for scene, period in dict.fromkeys((row.scene, row.period) for row in rows):
+        found = [row.felt for row in rows if (row.scene, row.period) == (scene, period)]
         worst = np.max([np.abs(one.ratio - 1.0) for one in found], axis=0)
-        errors = " | ".join(f"{100.0 * error:.2g} %" for error in worst)
-        shares = [one.share for one in found]
-        share = f"{100.0 * np.min(shares):.0f} to {100.0 * np.max(shares):.0f} %"
-        lines.append(f"| `{key[0]}` | {1e3 * key[1]:g} | {len(found)} | {errors} | {share} |")
-    return "\n".join(lines)
+        shares = [100.0 * one.share for one in found]
+        errors = (f"{100.0 * error:.2g} %" for error in worst)
+        matters = f"{np.min(shares):.0f} to {np.max(shares):.0f} %"
+        lines.append((f"`{scene}`", f"{1e3 * period:g}", f"{len(found)}", *errors, matters))
+    headings = ("scene", "period, ms", "directions", *(f"{f:g} Hz" for f in FREQUENCIES_HZ))
+    return Sheet("felt is off by", (*headings, "arm matters by"), tuple(lines)).markdown()
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

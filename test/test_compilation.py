@@ -12,10 +12,23 @@ import numpy as np
 import pytest
 
 import hapticmech_ros
-from hapticmech_ros.compilation import cache, kernel, library, local, local_whole, put, shaped
+from hapticmech_ros.compilation import (
+    Part,
+    Size,
+    Structure,
+    arrays_of,
+    cache,
+    kernel,
+    library,
+    local,
+    local_whole,
+    put,
+    shaped,
+)
 from hapticmech_ros.compilation.builder import BuildError, compiled, packed
 from hapticmech_ros.compilation.decorators import Kernel
 from hapticmech_ros.compilation.library import LibraryError
+from hapticmech_ros.compilation.records import Number, Record, Vector
 
 PACKAGE = Path(hapticmech_ros.__file__).parent
 
@@ -109,6 +122,48 @@ def test_arguments_may_come_in_one_array(monkeypatch):
         checked(gathered)
 
 
+class Pulled(Record):
+    """A record, and one with more behind."""
+
+    force, place = Number(), Vector(2)
+
+
+class Sprung(Pulled):
+    rate = Number()
+
+
+class Table(Structure):
+    __slots__ = ()
+    rows, weights = Size(), Part(1)
+
+
+def pulled(one, table, by):
+    one.place[1] += by
+    table.weights[1] = one.force
+    return one.force * by + table.rows
+
+
+def test_records_and_structures_are_arguments(monkeypatch):
+    from hapticmech_ros.compilation.numba_types import teach_record, teach_structure
+
+    teach_record(Pulled)
+    teach_structure(Table)
+    kernel = Kernel("pulled", "float64(Pulled, Table, float64)", pulled)
+    left = []
+    for function in (pulled, *found(kernel)):
+        # In the middle of an array, and of a class below.
+        one = Sprung(np.arange(9.0)[2:])
+        table = Table(*arrays_of(Table, {"rows": 7}, {"weights": np.ones(3)}))
+        left.append((function(one, table, 0.5), one.values.tolist(), table.data.tolist()))
+    assert left[0] == left[1] == (8.0, [2.0, 3.0, 4.5, 5.0], [1.0, 2.0, 1.0])
+    monkeypatch.setenv("HAPTICMECH_ROS_KERNELS", "checked")
+    (checked,) = found(kernel)
+    assert checked(one, table, 0.5) == 8.0
+    for number, given in enumerate(((one.values, table, 0.5), (one, one, 0.5))):
+        with pytest.raises(LibraryError, match=f"pulled: argument {number} must be"):
+            checked(*given)
+
+
 def allocates(numbers):
     return np.empty(numbers.size)[0]
 
@@ -191,10 +246,10 @@ def test_the_users_folder_is_the_default(monkeypatch, tmp_path):
 PROCESS = """
 import sys
 import numpy as np
-from hapticmech_ros.wire.kernels import stamp_if_sound
+from hapticmech_ros.wire.kernels import sound_stamp
 values = np.zeros(27)
 values[0], values[1], values[5] = 3.0, 7.0, 1.0
-print(stamp_if_sound(values, np.full(27, 10.0), 5, 1e-6), "numba" in sys.modules)
+print(sound_stamp(values, np.full(27, 10.0), 5, 1e-6), "numba" in sys.modules)
 """
 
 

@@ -19,7 +19,7 @@ from benchmarks.__main__ import app_of
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.cli import app
 from hapticmech_ros.nodes.parameter_table import markdown as parameter_table
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.scene import document_of
 from hapticmech_ros.session.sample import run_layout
 from hapticmech_ros.wire.table import markdown
@@ -96,7 +96,7 @@ def test_programs_of_sessions_run_and_name_fields_that_there_are(tmp_path: Path)
     assert (tmp_path / "run.f64").stat().st_size == 5000 * 8 * width
     rows = re.findall(r"^\| (`.*?`) \|", text, re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    assert named | set(OPERATIONAL_MODEL) == set(run_layout(2, 2))
+    assert named | set(OperationalModelSample.layout) == set(run_layout(2, 2))
 
 
 # Those of README, devices and sessions are checked above; of bags and wrenches, CONTRIBUTING.md and

@@ -10,7 +10,7 @@ import pinocchio as pin
 from benchmarks.reliability.usage import resident
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.quaternions import quaternion_of
 
 # What is never freed, 80 bytes a call, would come to 4 MB.
@@ -42,8 +42,8 @@ def test_a_quaternion_leaves_nothing_behind():
 
 def test_engaging_leaves_nothing_behind():
     control = ControlArchitecture(load_scene("five_bar"))
-    device, operational_model = np.zeros(19), np.zeros(OPERATIONAL_MODEL.size)
-    device[6] = operational_model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
+    device, operational_model = np.zeros(19), np.zeros(OperationalModelSample.layout.size)
+    device[6] = operational_model[OperationalModelSample.layout.slice("quaternion").stop - 1] = 1.0
 
     def engage():
         control.answer(

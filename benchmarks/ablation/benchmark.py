@@ -16,8 +16,8 @@ from benchmarks.ablation.findings import (
     Unused,
     ablation_steps,
     moves_alike,
+    side_by_side,
     time_in_turn,
-    time_pair,
     unused,
 )
 from benchmarks.ablation.loop import PARTS
@@ -107,7 +107,8 @@ def run_ablation(settings: Settings, show: Show = silent) -> AblationResults:
     compared = []
     for pair, same in zip(couples, alike, strict=True):
         show(f"timing the pair: {pair.name}")
-        both = time_pair(pair.without, pair.having, settings.rounds, settings.ticks)
+        scenes = pair.without.scene(), pair.having.scene()
+        both = side_by_side(scenes, settings.rounds, settings.ticks)
         compared.append(unused(pair, same, *both))
     return AblationResults(machine(), settings, found, tuple(compared))
 

@@ -16,6 +16,7 @@ from benchmarks.ablation.scenes import Pair, Variant
 from hapticmech_ros.analysis.study import Show, silent
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.plan.scene_plan import plan_scene
+from hapticmech_ros.scene import Scene
 from hapticmech_ros.session import Session
 
 # A difference is seen from so many of its standard errors on, and counts from this share of a tick.
@@ -183,41 +184,30 @@ def time_in_turn(
         if turn % TOLD == 0:
             show(f"turn {turn + 1} of {rounds}")
         for index, scene in enumerate(scenes):
-            _time_session(Session(scene), whole[index, turn])
+            whole[index, turn] = side_by_side((scene,), 1, ticks)
             _time_parts(Loop(scene), parts[index, turn])
-    return whole / 1e3, parts / 1e3
+    return whole, parts / 1e3
 
 
-def time_pair(one: Variant, other: Variant, rounds: int, ticks: int) -> tuple[Array, Array]:
-    """Time two sessions side by side, tick by tick, the first one and the second one first in turn.
+def side_by_side(scenes: Sequence[Scene], rounds: int, ticks: int) -> Array:
+    """Time sessions side by side, tick by tick, the first one and the last one first in turn.
 
-    Each round starts both anew. A machine that slows down for a while meets both alike.
+    Each round starts all anew. A machine that slows down for a while meets all alike.
 
     Returns:
-        (rounds, ticks) of whole ticks, µs, of each.
+        (scenes, rounds, ticks) of whole ticks, µs.
     """
-    scenes = one.scene(), other.scene()
-    taken_ns = np.zeros((2, rounds, ticks))
+    taken_ns = np.zeros((len(scenes), rounds, ticks))
     for turn in range(rounds):
         sessions = [Session(scene).tick for scene in scenes]
         for number in range(-WARM_TICKS, ticks):
-            for side in (0, 1) if number % 2 else (1, 0):
+            for side in range(len(scenes))[:: 1 if number % 2 else -1]:
                 begun = perf_counter_ns()
                 sessions[side]()
                 ended = perf_counter_ns()
                 if number >= 0:
                     taken_ns[side, turn, number] = ended - begun
-    return taken_ns[0] / 1e3, taken_ns[1] / 1e3
-
-
-def _time_session(session: Session, taken_ns: Array) -> None:
-    tick = session.tick
-    for _ in range(WARM_TICKS):
-        tick()
-    for index in range(taken_ns.size):
-        begun = perf_counter_ns()
-        tick()
-        taken_ns[index] = perf_counter_ns() - begun
+    return taken_ns / 1e3
 
 
 def _time_parts(loop: Loop, taken_ns: Array) -> None:

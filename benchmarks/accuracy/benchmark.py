@@ -90,7 +90,7 @@ class AccuracyResults(MachineResults):
                 if run.failure:
                     text = f"{run.integrator}, {step_text(run.step)}"
                     failures.setdefault(run.failure, []).append(text)
-            caption = "\n".join(_why(*entry) for entry in failures.items())
+            caption = "\n".join(f"{'; '.join(who)}: {why[:160]}" for why, who in failures.items())
             rows = tuple(_marked(run) for run in members)
             yield Sheet(f"{titles.get(name, name)} ({name})", HEADINGS, rows, caption=caption)
 
@@ -190,11 +190,6 @@ def _marked(run: Run) -> tuple[str, ...]:
     if run.failure or run.kept is not None:
         line[2] = judged(line[2], run.kept is True)
     return tuple(line)
-
-
-def _why(failure: str, who: list[str]) -> str:
-    text = failure if len(failure) <= 160 else f"{failure[:157]}..."
-    return f"{'; '.join(who)}: {text}"
 
 
 def drawn(runs: Sequence[Run], known: Sequence[Case]) -> Figure:

@@ -16,9 +16,12 @@ import numpy.typing as npt
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 
 _FOLDER = Path(__file__).parent
+# Of a step: times are written in decimals, samples are multiples of the step.
+_ON_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,18 @@ class Output:
     times: tuple[float, ...]
     values: tuple[tuple[float, ...], ...]
     tolerance: float
+
+    def parts(self, place: Array) -> tuple[float, ...]:
+        """Return its components of a position (3,) or coordinate (1,), m or rad."""
+        return tuple(float(place[k]) for k in self.components)
+
+    def numbers(self, step: float) -> list[int]:
+        """Return the numbers of the steps (s) after which its times are reached.
+
+        Raises:
+            InvalidInputError: the step does not divide a time.
+        """
+        return [step_number(time, step) for time in self.times]
 
     def error(self, found: npt.ArrayLike) -> float:
         """Return the largest |found - values|, m or rad.
@@ -83,6 +98,23 @@ class Case:
     energy: float | None
     singular_times: tuple[float, ...]
     tags: frozenset[str]
+
+
+def step_number(time: float, step: float) -> int:
+    """Return the number of the step after which a time is reached, both in s.
+
+    Raises:
+        InvalidInputError: the step does not divide the time.
+    """
+    if not divides(step, time):
+        raise InvalidInputError("step", step, f"must divide {time:g} s, where it is compared")
+    return round(time / step)
+
+
+def divides(step: float, time: float) -> bool:
+    """Return whether a time is reached by whole steps, both in s."""
+    number = round(time / step)
+    return abs(number - time / step) <= _ON_TIME * max(number, 1)
 
 
 def cases() -> tuple[Case, ...]:

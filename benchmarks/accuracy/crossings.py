@@ -22,6 +22,7 @@ import typer
 
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.oracle import oracle
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism.schemes import SCHEMES
@@ -212,7 +213,7 @@ def crossings(
         _write_windows(out)
         return
     tally = merged(merge) if merge else _passed(samples, seed, processes, out)
-    _print_table(tally)
+    print(_table(tally).markdown())
     tally.write(out)
     if not tally.sound:
         raise typer.Exit(1)
@@ -236,28 +237,25 @@ def _passed(samples: int, seed: int, processes: int, out: Path) -> Tally:
     return tally
 
 
-def _print_table(tally: Tally) -> None:
-    """Print what was seen of each mechanism."""
-    print(
-        "| mechanism | crossings | with care | energy, worst | configuration, worst"
-        " | others: energy | configuration | not told | bad | raised |"
-    )
-    print("|---|" + "--:|" * 9)
+def _table(tally: Tally) -> Sheet:
+    """Return what was seen of each mechanism."""
+    rows = []
     for name in filter(tally.figures.__contains__, _mechanisms()):
         found = tally.figures[name]
         count, led, *ends = (f"{found.get(key, 0.0):.0f}" for key in COUNTED)
         worst = (f"{found.get(key, np.nan):.1e}" for key in WORST)
-        print(f"| {name} | {' | '.join((count, led, *worst, *ends))} |")
+        rows.append((name, count, led, *worst, *ends))
+    care = ("mechanism", "crossings", "with care", "energy, worst", "configuration, worst")
+    others = ("others: energy", "configuration", "not told", "bad", "raised")
+    return Sheet("crossings", (*care, *others), tuple(rows))
 
 
 def _write_windows(out: Path) -> None:
     """Print and write the table of A02."""
-    print("| N |" + "".join(f" {1e3 * step:g} ms |" for step in STEPS))
-    print("|--:|" + "--:|" * len(STEPS))
-    table = {}
-    for count in WINDOWS:
-        table[count] = [error_after(count, step) for step in STEPS]
-        print(f"| {count} |" + "".join(f" {error:.1e} |" for error in table[count]), flush=True)
+    table = {count: [error_after(count, step) for step in STEPS] for count in WINDOWS}
+    rows = ((f"{n}", *(f"{error:.1e}" for error in errors)) for n, errors in table.items())
+    headings = ("N", *(f"{1e3 * step:g} ms" for step in STEPS))
+    print(Sheet("error of A02 at 10 s, m", headings, tuple(rows)).markdown())
     (out / "bench_windows.json").write_text(json.dumps(table, indent=1), encoding="utf-8")
 
 

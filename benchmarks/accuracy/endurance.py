@@ -15,7 +15,7 @@ from benchmarks.accuracy.cases import Case, cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
 from benchmarks.accuracy.run import FAILURES
 from benchmarks.machine import MachineResults, machine
-from hapticmech_ros.analysis.study import Sheet, Show, silent
+from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
 
@@ -72,12 +72,24 @@ class LongRuns(MachineResults):
         return not any(run.failure for run in self.runs)
 
     def sheets(self) -> Iterator[Sheet]:
-        """Yield nothing: a few numbers are lines."""
-        return iter(())
-
-    def notes(self) -> list[str]:
-        """Return what was seen, and what the machine is."""
-        return [*(line for run in self.runs for line in lines(run)), *super().notes()]
+        """Yield what was seen."""
+        rows = tuple(
+            (
+                run.scene,
+                f"{run.reached:g} of {run.duration:g} s",
+                f"{run.energy_rise:.2e}",
+                f"{run.energy_fall:.2e}",
+                f"{run.closure_error:.1e}",
+                ", ".join(map(str, run.ranks)),
+                number(run.off_branch, ".1e"),
+                f"{run.cpu_s_per_s:.3g}",
+                run.failure,
+            )
+            for run in self.runs
+        )
+        headings = ("scene", "simulated", "energy rises, J", "falls, J", "closures open")
+        further = ("ranks", "uprights apart, rad", "CPU, s/s", "failed")
+        yield Sheet("long runs", (*headings, *further), rows, ("failed",))
 
 
 def endurance(show: Show = silent) -> LongRuns:
@@ -95,19 +107,6 @@ def minute_of_windows(windows: int = 2, duration: float = MINUTE, show: Show = s
     """Run a row of windows, whose uprights stay parallel unless it takes a wrong branch."""
     uprights = tuple(f"j_upright{k}" for k in range(windows + 1))
     return _long_run(n_four_bar(windows), duration, show, uprights)
-
-
-def lines(run: LongRun) -> list[str]:
-    """Return what was seen, for people."""
-    told = [
-        f"{run.scene}: {run.reached:g} s of {run.duration:g} s simulated,"
-        f" {run.cpu_s_per_s:.3g} s of CPU time per second",
-        f"  energy rises by up to {run.energy_rise:.2e} J, falls by up to {run.energy_fall:.2e} J",
-        f"  closures open by up to {run.closure_error:.1e}, rank {list(run.ranks)}",
-    ]
-    if run.off_branch is not None:
-        told.append(f"  uprights are parallel to {run.off_branch:.1e} rad")
-    return [*told, f"  failed: {run.failure}"] if run.failure else told
 
 
 def _long_run(scene: Scene, duration: float, show: Show, parallel: tuple[str, ...]) -> LongRun:

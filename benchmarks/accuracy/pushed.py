@@ -20,6 +20,7 @@ import numpy as np
 import typer
 
 from hapticmech_ros import Session
+from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.cli import run_app
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene, shipped_scenes
@@ -73,8 +74,7 @@ def pushed(name: str, duration: float = MINUTE) -> Pushed:
     simulator, pushes = Simulator(scene), HARDER * _pushes(scene)
     wrenches = np.zeros((len(simulator.mechanism.point_names), 6))
     state, ended = simulator.initial_state(), ""
-    start, exchanged, off, untold = _energy(simulator, state), 0.0, 0.0, 0.0
-    made = 0.0
+    start, exchanged, off, untold, made = _energy(simulator, state), 0.0, 0.0, 0.0, 0.0
     for step in range(round(duration / simulator.period)):
         wrenches[0] = pushes[step % len(pushes)]
         before = state.account
@@ -126,23 +126,19 @@ def every_scene(
     Ends with 1 if an energy is off by more than 1e-6 of what was exchanged, and nothing says so.
     """
     out.mkdir(parents=True, exist_ok=True)
-    print(
-        "| scene | s | exchanged, J | energy off by, J | of what was exchanged | made by contacts"
-        " | not told | refined | inaccurate | ended |"
-    )
-    print("|---|" + "--:|" * 8 + "---|")
-    found = []
-    for one in answers(
-        partial(pushed, duration=duration), names or list(shipped_scenes()), processes
-    ):
-        whole = max(one.exchanged, 1e-300)
-        print(
-            f"| {one.scene} | {one.reached:.3g} | {one.exchanged:.3g} | {one.off:.1e} |"
-            f" {one.off / whole:.1e} | {one.made / whole:.1e} | {one.untold / whole:.1e} |"
-            f" {one.refined} | {one.inaccurate} | {one.ended} |",
-            flush=True,
-        )
+    chosen = names or list(shipped_scenes())
+    found, rows = [], []
+    for one in answers(partial(pushed, duration=duration), chosen, processes):
+        print(one, flush=True)
         found.append(one)
+        shares = np.array((one.off, one.made, one.untold)) / max(one.exchanged, 1e-300)
+        numbers = (f"{one.reached:.3g}", f"{one.exchanged:.3g}", f"{one.off:.1e}")
+        counts = (str(one.refined), str(one.inaccurate), one.ended)
+        rows.append((one.scene, *numbers, *(f"{share:.1e}" for share in shares), *counts))
+    headings = ("scene", "s", "exchanged, J", "energy off by, J", "of what was exchanged")
+    further = ("made by contacts", "not told", "refined", "inaccurate", "ended")
+    title = f"pushed {HARDER:g} times as hard"
+    print(Sheet(title, (*headings, *further), tuple(rows), ("ended",)).markdown())
     text = json.dumps([asdict(one) for one in found], indent=1)
     (out / "bench_pushed.json").write_text(text, encoding="utf-8")
     if any(one.silent for one in found):

@@ -12,6 +12,7 @@ from typing import cast, get_args
 import numpy as np
 
 from benchmarks.accuracy.cases import Case, Output, cases
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.scene import Scene
@@ -25,8 +26,6 @@ FAILURES = (HapticMechError, ArithmeticError, np.linalg.LinAlgError, LookupError
 BLOCK = 100
 # Before the clock starts, as a share of a run: kernels are loaded, caches fill.
 WARM_UP, WARM_UP_SHARE = 200, 0.02
-# Of a step: output times are written in decimals, samples are multiples of the step.
-ON_TIME = 1e-6
 INTEGRATOR_NAMES: tuple[IntegratorName, ...] = get_args(IntegratorName)
 # Multiples of the step that a case's scene has, which a squeezer in hundredths of a second and a
 # pendulum in seconds can share.
@@ -82,11 +81,10 @@ def settings(
         InvalidInputError: unknown case or integrator, a step that is not above zero.
         SceneError: a scene is damaged.
     """
-    chosen = _chosen(names, cases() if known is None else known, quick)
-    for integrator in integrators:
-        if integrator not in INTEGRATOR_NAMES:
-            rule = f"must be one of {list(INTEGRATOR_NAMES)}"
-            raise InvalidInputError("integrator", integrator, rule)
+    by_name = {case.name: case for case in (cases() if known is None else known)}
+    refuse_unknown("case", names, by_name)
+    usual = [name for name, case in by_name.items() if not (quick and LARGE in case.tags)]
+    refuse_unknown("integrator", integrators, INTEGRATOR_NAMES)
     for multiple in multiples:
         if not 0.0 < multiple <= LARGEST_MULTIPLE:
             rule = f"must be above 0, and at most {LARGEST_MULTIPLE:g} steps of the scene's own"
@@ -94,26 +92,11 @@ def settings(
     rules = cast("Sequence[IntegratorName]", integrators) or INTEGRATOR_NAMES
     return tuple(
         Setting(case, integrator, multiple * case.scene.simulation.period)
-        for case in chosen
+        for case in (by_name[name] for name in names or usual)
         for integrator in rules
-        for multiple in multiples or _usual(case, quick)
+        for multiple in multiples
+        or (QUICK_MULTIPLES if quick else LARGE_MULTIPLES if LARGE in case.tags else MULTIPLES)
     )
-
-
-def _chosen(names: Sequence[str], known: Sequence[Case], quick: bool) -> list[Case]:
-    if not names:
-        return [case for case in known if not (quick and LARGE in case.tags)]
-    by_name = {case.name: case for case in known}
-    for name in names:
-        if name not in by_name:
-            raise InvalidInputError("case", name, f"must be one of {list(by_name)}")
-    return [by_name[name] for name in names]
-
-
-def _usual(case: Case, quick: bool) -> tuple[float, ...]:
-    if quick:
-        return QUICK_MULTIPLES
-    return LARGE_MULTIPLES if LARGE in case.tags else MULTIPLES
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +223,9 @@ class Watch:
 
     def __init__(self, case: Case, step: float, mechanism: Mechanism) -> None:
         self._case, self._step, self._mechanism = case, step, mechanism
-        self._numbers = [[_number(time, step) for time in o.times] for o in case.outputs]
+        self._numbers = [output.numbers(step) for output in case.outputs]
         self._wanted = {number for numbers in self._numbers for number in numbers}
-        self._found: dict[int, list[list[float]]] = {}
+        self._found: dict[int, list[tuple[float, ...]]] = {}
         self.closure_error = 0.0
         self.energy_error = None if case.energy is None else 0.0
         self.ranks: list[tuple[float, int]] = []
@@ -279,18 +262,9 @@ class Watch:
         )
 
 
-def read_output(mechanism: Mechanism, output: Output, state: MechanismState) -> list[float]:
+def read_output(mechanism: Mechanism, output: Output, state: MechanismState) -> tuple[float, ...]:
     """Return an output's components at a state, m or rad."""
-    tree = mechanism.tree
     if output.kind == "joint":
-        place = tree.position_slice(tree.joint_names.index(output.name))
-        return [float(state.q[place][k]) for k in output.components]
-    pose = mechanism.frame_pose(state.q, output.name)
-    return [float(pose.translation[k]) for k in output.components]
-
-
-def _number(time: float, step: float) -> int:
-    number = round(time / step)
-    if abs(number - time / step) > ON_TIME:
-        raise InvalidInputError("step", step, f"must divide {time:g} s, where the case is compared")
-    return number
+        tree = mechanism.tree
+        return output.parts(state.q[tree.position_slice(tree.joint_names.index(output.name))])
+    return output.parts(mechanism.frame_pose(state.q, output.name).translation)

@@ -94,8 +94,11 @@ class BareNode(Node):
         self._view = self._outputs_at("view")
         self._latched = self._outputs_at("change")
         for topic in TOPICS:
-            if name in topic.subscribers:
-                self._listen_to(topic)
+            for heard in self._names(topic) if name in topic.subscribers else ():
+                kind, raw = message_class(topic.type), topic.type == ARRAY
+                self.create_subscription(
+                    kind, heard, self._hearer(topic), COMMAND_SUBSCRIBER, raw=raw
+                )
         self._say(self._latched, 0)
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, STREAM_PUBLISHER
@@ -136,9 +139,10 @@ class BareNode(Node):
         return list(dict.fromkeys(topic.of(point) for point in points))
 
     def _outputs_at(self, rate: str) -> list[tuple[Publisher, Example]]:
+        qos = STREAM_PUBLISHER, LATCHED
         return [
             (
-                self.create_publisher(message_class(topic.type), name, _qos(topic)),
+                self.create_publisher(message_class(topic.type), name, qos[topic.qos == "latched"]),
                 example(message_class(topic.type), self._sent.get(f"/{name}")),
             )
             for topic in TOPICS
@@ -146,25 +150,15 @@ class BareNode(Node):
             for name in self._names(topic)
         ]
 
-    def _listen_to(self, topic: Topic) -> None:
-        for name in self._names(topic):
-            self.create_subscription(
-                message_class(topic.type),
-                name,
-                self._hearer(topic),
-                COMMAND_SUBSCRIBER,
-                raw=topic.type == ARRAY,
-            )
-
     def _hearer(self, topic: Topic) -> Callable[[Any], None]:
-        stamp_of: Callable[[Any], int] = array_stamp if topic.type == ARRAY else _header_stamp
+        raw = topic.type == ARRAY
         if topic.rate != "control":
             return lambda message: None
         answers = QUESTIONS.get(self.get_name()) == topic
         closes_loop = topic == DEVICE_COMMAND
 
         def receive(message: Any) -> None:
-            now, stamp = self.now_ns(), stamp_of(message)
+            now, stamp = self.now_ns(), array_stamp(message) if raw else stamp_ns(message.header)
             self._ages.add(now - stamp)
             self._received_ns = now
             if closes_loop:
@@ -183,9 +177,6 @@ class BareNode(Node):
     def _say(self, publishers: Sequence[tuple[Publisher, Example]], time_ns: int) -> None:
         for publisher, example in publishers:
             publisher.publish(example(time_ns))
-
-    def _receives(self) -> bool:
-        return self.now_ns() - self._received_ns < SILENCE_NS
 
     def _figures(self) -> dict[str, str]:
         figures: dict[str, str] = {}
@@ -206,7 +197,7 @@ class BareNode(Node):
         return {**figures, **self._ages.summary("message_age"), "refused_messages": "0"}
 
     def _publish_diagnostics(self) -> None:
-        received = self._receives()
+        received = self.now_ns() - self._received_ns < SILENCE_NS
         status = DiagnosticStatus(
             level=DiagnosticStatus.OK if received else DiagnosticStatus.WARN,
             name=self.get_name(),
@@ -269,14 +260,6 @@ def example(kind: Any, sent: Any) -> Example:
 
         return encoded_at
     return lambda stamp_ns: message
-
-
-def _qos(topic: Topic) -> Any:
-    return LATCHED if topic.qos == "latched" else STREAM_PUBLISHER
-
-
-def _header_stamp(message: Any) -> int:
-    return stamp_ns(message.header)
 
 
 if __name__ == "__main__":

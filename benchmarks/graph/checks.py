@@ -161,7 +161,8 @@ def _passing_messages(ends: Ends, within: Sequence[Status]) -> tuple[Check, ...]
 
 
 def _right(ends: Ends, within: Sequence[Status], session: Expected) -> tuple[Check, ...]:
-    counts = [number for s in within if s.node == ANALYSER for number in _numbers(s.message)]
+    felt = (s.message for s in within if s.node == ANALYSER)
+    counts = [int(word) for message in felt for word in re.findall(r"\d+", message)]
     closed = [_listed(s.message) for s in within if s.node == MECHANISM]
     errors = [s.figures.get("closure_error", 0.0) for s in within if s.node == MECHANISM]
     failures = ends[MECHANISM][1].figures.get("failures", 0.0)
@@ -188,10 +189,6 @@ def _right(ends: Ends, within: Sequence[Status], session: Expected) -> tuple[Che
             f"{max(errors, default=0.0):.1e} m",
         ),
     )
-
-
-def _numbers(text: str) -> list[int]:
-    return [int(word) for word in re.findall(r"\d+", text)]
 
 
 def _listed(text: str) -> tuple[str, ...]:

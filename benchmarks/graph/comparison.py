@@ -8,7 +8,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from benchmarks.goals import Verdict, unknown, verdict
+from benchmarks.goals import Verdict, at_most, unknown, verdict
 from benchmarks.graph.checks import Check, check_sizes
 from benchmarks.graph.plan import KINDS, Configuration
 from benchmarks.graph.recorded import ANSWERED, ASKED, LOST, RECORDED_TRIP, UNSEEN
@@ -176,19 +176,17 @@ def _lost(where: str, found: Comparison | None) -> Verdict:
 
 def _kept(where: str, found: Comparison | None, rate_hz: float) -> list[Verdict]:
     tolerance, name = RATE_TOLERANCE * rate_hz, f"{DEVICE}: {RATE}"
-    goals = (
-        f"{where}: device at {rate_hz:g} ± {tolerance:g} Hz in every run",
-        f"{where}: at most {MISSED_LIMIT:g} % of the device's deadlines missed",
-    )
     runs = () if found is None else found.real.runs
     rates = [run.figures[name] for run in runs if name in run.figures]
-    if not rates:
-        return [unknown(goal) for goal in goals]
-    worst = max(rates, key=lambda rate: abs(rate - rate_hz))
-    missed = _figures(found)[f"{DEVICE}: {MISSED}"]
+    worst = max(rates, key=lambda rate: abs(rate - rate_hz), default=None)
+    goal = f"{where}: device at {rate_hz:g} ± {tolerance:g} Hz in every run"
+    rarely = f"{where}: at most {MISSED_LIMIT:g} % of the device's deadlines missed"
+    missed = _figures(found).get(f"{DEVICE}: {MISSED}")
     return [
-        verdict(goals[0], f"{worst:.2f} Hz", abs(worst - rate_hz) <= tolerance),
-        verdict(goals[1], f"{missed:.3f} %", missed <= MISSED_LIMIT),
+        unknown(goal)
+        if worst is None
+        else verdict(goal, f"{worst:.2f} Hz", abs(worst - rate_hz) <= tolerance),
+        at_most(rarely, missed, MISSED_LIMIT, "{:.3f} %"),
     ]
 
 
@@ -196,18 +194,15 @@ def _latencies(where: str, found: Comparison | None) -> list[Verdict]:
     verdicts = []
     for share, limit in RATIO_LIMITS.items():
         goal = f"{where}: {share} of {ROUND_TRIP} at most {limit:g} x bare"
-        ratio = None if found is None else found.ratio(latency(ROUND_TRIP, share))
-        if found is None or ratio is None:
-            verdicts.append(unknown(goal))
-            continue
-        seen, beside = f"{ratio:.2f} x", found.ratio(latency(RECORDED_TRIP, share))
-        if beside is not None:
-            seen += f"; {RECORDED_TRIP} at the recorder {beside:.2f} x"
-        verdicts.append(verdict(goal, seen, ratio <= limit))
+        ratio, beside = (
+            None if found is None else found.ratio(latency(hop, share))
+            for hop in (ROUND_TRIP, RECORDED_TRIP)
+        )
+        recorded = "" if beside is None else f"; {RECORDED_TRIP} at the recorder {beside:.2f} x"
+        verdicts.append(at_most(goal, ratio, limit, f"{{:.2f}} x{recorded}"))
     return verdicts
 
 
 def _processor(where: str, found: Comparison | None) -> Verdict:
     goal = f"{where}: at most {CPU_LIMIT:g} % of one core"
-    share = _figures(found).get(processor_share("composed"))
-    return unknown(goal) if share is None else verdict(goal, f"{share:.1f} %", share <= CPU_LIMIT)
+    return at_most(goal, _figures(found).get(processor_share("composed")), CPU_LIMIT, "{:.1f} %")

@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.system.discovery import Transport
@@ -90,29 +91,22 @@ class Plan:
     views_hz: tuple[float, ...] = (VIEW_HZ,)
 
     def __post_init__(self) -> None:
-        for what, rates, (low, high) in (
-            ("rate, Hz", self.rates_hz, RATE_LIMITS_HZ),
-            ("view rate, Hz", self.views_hz, VIEW_LIMITS_HZ),
-        ):
-            for rate in rates:
-                if not low <= rate <= high:
-                    raise InvalidInputError(what, rate, f"must be {low:g} to {high:g}")
-        known: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
-            ("layout", self.layouts, LAYOUTS),
-            ("transport", self.transports, TRANSPORTS),
-        )
-        for what, chosen, possible in known:
-            for one in chosen:
-                if one not in possible:
-                    raise InvalidInputError(what, one, f"must be one of {', '.join(possible)}")
         given = (self.rates_hz, self.layouts, self.recorded, self.transports, self.views_hz)
         if not all(given):
             rule = "must have a rate, a layout, a transport, a view rate, and record or not"
             raise InvalidInputError("plan", self, rule)
-        if not (math.isfinite(self.seconds) and self.seconds >= 1.0):
-            raise InvalidInputError("seconds", self.seconds, "must be 1 or more")
-        if self.repeats < 1:
-            raise InvalidInputError("repeats", self.repeats, "must be 1 or more")
+        refuse_unknown("layout", self.layouts, LAYOUTS)
+        refuse_unknown("transport", self.transports, TRANSPORTS)
+        limits = (
+            ("rate, Hz", self.rates_hz, RATE_LIMITS_HZ),
+            ("view rate, Hz", self.views_hz, VIEW_LIMITS_HZ),
+            ("seconds", (self.seconds,), (1.0, sys.float_info.max)),
+            ("repeats", (self.repeats,), (1, sys.maxsize)),
+        )
+        for what, values, (low, high) in limits:
+            for value in values:
+                if not low <= value <= high:
+                    raise InvalidInputError(what, value, f"must be {low:g} or more, to {high:g}")
 
     def configurations(self) -> tuple[Configuration, ...]:
         """Return every configuration once."""

@@ -27,6 +27,7 @@ from benchmarks.graph.checks import ENGAGED, Check, Expected, check_recording, c
 from benchmarks.graph.plan import VIEW_HZ, Step
 from benchmarks.graph.recorded import recorded
 from benchmarks.graph.statuses import Figures, Status, around, said, status_of
+from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
@@ -39,11 +40,12 @@ ENGAGES_WITHIN_S = 30.0
 SETTLES_S = 2.0
 # Nodes speak once a second; one that is overloaded may be late.
 SPEAKS_WITHIN_S = 6.0
-PROBE = "benchmarks.graph.graph_probe"
-RECORDER = "hapticmech_ros.nodes.recorder"
-BARE = "benchmarks.graph.bare_node"
-# The benchmark ends the recorder itself.
-FOR_EVER_S = 1e6
+# Prints what the nodes say of themselves.
+PROBE = [sys.executable, "-m", "benchmarks.graph.graph_probe"]
+BARE = [sys.executable, "-m", "benchmarks.graph.bare_node"]
+# Records every topic until it is ended; tells ``ready`` once it listens.
+RECORDER = [sys.executable, "-m", "hapticmech_ros.nodes.recorder", "--duration", "1e6"]
+RECORDER += ["--start-timeout", "1e6"]
 # Name of a figure: processor time that the host of a virtual machine gave to others.
 STOLEN = "stolen by the host, %"
 
@@ -91,8 +93,8 @@ def usage(processes: Mapping[str, int]) -> Usage:
     """Return the counters now, of processes by name (ids); one that has ended is left out."""
     taken = {}
     for name, pid in processes.items():
-        with suppress(psutil.NoSuchProcess):
-            taken[name] = sum(psutil.Process(pid).cpu_times()[:2])
+        with suppress(BenchError):
+            taken[name] = processor_s(pid)
     return Usage(time.monotonic(), taken, psutil.cpu_times())
 
 
@@ -144,10 +146,10 @@ def _run(
     environment = graph_environment()
     with ExitStack() as stack:
         with output_to(folder / "nodes.log"):
-            probe = stack.enter_context(ReportingProcess(probe_command(), environment))
+            probe = stack.enter_context(ReportingProcess(PROBE, environment))
             others = {"probe": probe}
             if step.configuration.recorded:
-                command = recorder_command(bag, scene)
+                command = [*RECORDER, "--out", str(bag), "--scene", scene]
                 others["recorder"] = stack.enter_context(ReportingProcess(command, environment))
             graph = stack.enter_context(start_graph(step, scene, environment))
         processes = ids({**graph.processes, **{n: one.process for n, one in others.items()}})
@@ -156,18 +158,14 @@ def _run(
         _wait(graph, seconds)
         after, ended_ns = usage(processes), time.time_ns()
         wait_until(
-            lambda: set(NODES) <= _speaking(probe, ended_ns),
+            lambda: set(NODES) <= {s.node for s in _statuses(probe) if s.stamp_ns >= ended_ns},
             SPEAKS_WITHIN_S,
             "every node's figures after the window",
             graph.check,
         )
         statuses = _statuses(probe)
-    window, ends = (begun_ns, ended_ns), {}
-    for node in NODES:
-        pair = around(statuses, node, window)
-        if pair is None:
-            raise BenchError(f"{node} gave no figures before and after the window")
-        ends[node] = pair
+    window = (begun_ns, ended_ns)
+    ends = {node: around(statuses, node, window) for node in NODES}
     within = [
         status
         for status in statuses
@@ -191,15 +189,16 @@ def wait_until_engaged(graph: Graph, probe: ReportingProcess) -> None:
         NodeDiedError: a node has ended.
     """
 
+    def last() -> dict[str, str]:
+        return {status.node: status.message for status in _statuses(probe)}
+
     def engaged() -> bool:
-        last = {status.node: status.message for status in _statuses(probe)}
-        return set(NODES) <= set(last) and last[CONTROLLER] == ENGAGED
+        return set(NODES) <= set(last()) and last()[CONTROLLER] == ENGAGED
 
     try:
         wait_until(engaged, ENGAGES_WITHIN_S, "the graph to engage", graph.check)
     except BenchError as error:
-        last = {status.node: status.message for status in _statuses(probe)}
-        said_last = "; ".join(f"{node}: {message}" for node, message in sorted(last.items()))
+        said_last = "; ".join(f"{node}: {message}" for node, message in sorted(last().items()))
         raise BenchError(f"{error} ({said_last or 'no node spoke'})") from None
     _wait(graph, SETTLES_S)
 
@@ -209,10 +208,6 @@ def _wait(graph: Graph, seconds: float) -> None:
     while (left := end - time.monotonic()) > 0.0:
         graph.check()
         time.sleep(min(left, 0.5))
-
-
-def _speaking(probe: ReportingProcess, since_ns: int) -> set[str]:
-    return {status.node for status in _statuses(probe) if status.stamp_ns >= since_ns}
 
 
 def _statuses(probe: ReportingProcess) -> list[Status]:
@@ -230,8 +225,7 @@ class BareGraph(Graph):
         arguments = ros_arguments({"scene": scene, "view_rate": view_hz})
         try:
             for group in [",".join(NODES)] if composed else list(NODES):
-                command = [sys.executable, "-m", BARE, group, *arguments]
-                self.processes[group] = start_process(command, environment)
+                self.processes[group] = start_process([*BARE, group, *arguments], environment)
         except BaseException:
             self.stop()
             raise
@@ -258,17 +252,3 @@ def graph_environment() -> dict[str, str]:
     environment.setdefault("OPENBLAS_NUM_THREADS", "1")
     environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     return environment
-
-
-def recorder_command(bag: Path, scene: str) -> list[str]:
-    """Return the command that records every topic of a graph until a signal ends it.
-
-    It prints a line of JSON with the event ``ready`` once it listens.
-    """
-    command = [sys.executable, "-m", RECORDER, "--out", str(bag), "--scene", scene]
-    return [*command, "--duration", str(FOR_EVER_S), "--start-timeout", str(FOR_EVER_S)]
-
-
-def probe_command() -> list[str]:
-    """Return the command that prints what the nodes say of themselves."""
-    return [sys.executable, "-m", PROBE]

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.children import BenchError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER, DEVICE, MECHANISM
@@ -50,12 +52,9 @@ def status_of(facts: Mapping[str, object]) -> Status:
     given = facts.get("figures")
     figures = {}
     for key, text in given.items() if isinstance(given, Mapping) else ():
-        try:
-            value = float(text)
-        except ValueError:
-            continue
-        if math.isfinite(value):
-            figures[key] = value
+        with suppress(ValueError):
+            if math.isfinite(value := float(text)):
+                figures[key] = value
     stamp = facts.get("stamp_ns")
     return Status(
         str(facts.get("node")),
@@ -65,14 +64,18 @@ def status_of(facts: Mapping[str, object]) -> Status:
     )
 
 
-def around(
-    statuses: Sequence[Status], node: str, window: tuple[int, int]
-) -> tuple[Status, Status] | None:
-    """Return a node's last status before a window (ns) and its first one behind; None without."""
+def around(statuses: Sequence[Status], node: str, window: tuple[int, int]) -> tuple[Status, Status]:
+    """Return a node's last status before a window (ns) and its first one behind.
+
+    Raises:
+        BenchError: there are not both.
+    """
     own = [status for status in statuses if status.node == node]
     before = [status for status in own if status.stamp_ns <= window[0]]
     behind = [status for status in own if status.stamp_ns >= window[1]]
-    return (before[-1], behind[0]) if before and behind else None
+    if not (before and behind):
+        raise BenchError(f"{node} gave no figures before and after the window")
+    return before[-1], behind[0]
 
 
 def gained(ends: tuple[Status, Status], figure: str) -> float:

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -21,7 +22,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 import typer
 
-from benchmarks.children import BenchError, ReportingProcess, wait_until
+from benchmarks.children import ReportingProcess, wait_until
 from benchmarks.haply.emulated import Emulator, Trace, emulated
 from benchmarks.machine import MachineResults, machine
 from benchmarks.push import WAY, time_alone
@@ -222,22 +223,19 @@ def _felt(scene: str, device: str, label: str, folder: Path, domain: int) -> Fel
         parameters = {f"{DRIVER}.uri": service.uri}
         environment = private_environment(domain)
         with Graph(str(path), nodes=NODES, parameters=parameters, environment=environment):
-            trace, end = Trace(rows), time.monotonic() + PATIENCE_S
-            while time.monotonic() < end:
+            trace = Trace(rows)
+
+            def took() -> float:
+                """Return how long the push took for the way, s; zero as long as it has not."""
                 found = trace.look()
                 pushed = found[np.linalg.norm(found[:, 7:10], axis=1) > 0.5 * PUSH_N]
-                if len(pushed):
-                    moved = (pushed[:, 1:4] - pushed[0, 1:4]) @ push / PUSH_N
-                    there = np.flatnonzero(moved >= WAY)
-                    if len(there):
-                        took = float(pushed[there[0], 0] - pushed[0, 0])
-                        return Felt(
-                            scene,
-                            label,
-                            (took / alone) ** 2,
-                        )
-                time.sleep(0.05)
-    raise BenchError(f"{scene} does not move by {WAY:g} m through the driver")
+                moved = (pushed[:, 1:4] - pushed[:1, 1:4]) @ push / PUSH_N
+                there = pushed[moved >= WAY, 0]
+                return float(there[0] - pushed[0, 0]) if there.size else 0.0
+
+            what = f"{scene} to move by {WAY:g} m through the driver"
+            taken = wait_until(took, PATIENCE_S, what, look_again_s=0.05)
+    return Felt(scene, label, (taken / alone) ** 2)
 
 
 def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87) -> HaplyResults:
@@ -256,8 +254,7 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
         folder = Path(name)
         scene = folder / "five_bar_haply.yaml"
         copy_scene("five_bar", scene, ["device={preset: inverse3}", "task=position", SWINGING])
-        rig = _Rig(scene, folder, domain)
-        try:
+        with closing(_Rig(scene, folder, domain)) as rig:
             rig.wait_for_force()
             before, begun = rig.ring.count, time.monotonic()
             time.sleep(5.0)
@@ -268,8 +265,6 @@ def run_benchmark(kills: int, frames: int, show: Show = silent, domain: int = 87
                 for victim in VICTIMS:
                     ends[victim].append(_ends(rig, victim))
                     show(f"{number}: {victim} {1e3 * ends[victim][-1]:.1f} ms")
-        finally:
-            rig.close()
         ideal = "{preset: inverse3, coulomb_friction: 0.0, actuator_bandwidth: 0.0}"
         felt = tuple(
             _felt(one, device, label, folder, domain)

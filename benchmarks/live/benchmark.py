@@ -7,6 +7,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -133,31 +134,28 @@ def run_benchmark(
     from benchmarks.live.served import Served
 
     names = list(dict.fromkeys((DRAGGED, *scenes)))
-    with tempfile.TemporaryDirectory() as folder, Served(names) as served:
-        browser = Browser(Path(folder))
-        try:
-            page = browser.page()
-            page.prepare(_COUNTING)
-            page.prepare(_LISTENING)
-            served.opened_in(page)
-            show(f"dragging {DRAGGED}")
-            drags = [_drag(page, served) for _ in range(rounds)]
-            seen = [_look(page, served, name, seconds, show) for name in scenes]
-        finally:
-            browser.close()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Served(names) as served,
+        closing(Browser(Path(folder))) as browser,
+    ):
+        page = browser.page()
+        page.prepare(_COUNTING)
+        page.prepare(_LISTENING)
+        served.opened_in(page)
+        show(f"dragging {DRAGGED}")
+        drags = [_drag(page, served) for _ in range(rounds)]
+        seen = [_look(page, served, name, seconds, show) for name in scenes]
     with (
         tempfile.TemporaryDirectory() as folder,
         running(DRAGGED, Path(folder)) as (place, received),
+        closing(Browser(Path(folder))) as browser,
     ):
-        browser = Browser(Path(folder))
-        try:
-            page = browser.page()
-            page.prepare(_LISTENING)
-            page.open(place)
-            show(f"dragging {DRAGGED} in a graph")
-            in_graph = drag_in_steps(page, received, DRAGGED, jumps)
-        finally:
-            browser.close()
+        page = browser.page()
+        page.prepare(_LISTENING)
+        page.open(place)
+        show(f"dragging {DRAGGED} in a graph")
+        in_graph = drag_in_steps(page, received, DRAGGED, jumps)
     mouse, told = (np.concatenate([one[k] for one in drags]) for k in (0, 1))
     return LiveResults(
         machine(),
@@ -190,7 +188,7 @@ def _look(page: Page, served: Served, name: str, seconds: float, show: Show) -> 
 def _drag(page: Page, served: Served) -> tuple[Array, Array]:
     """Return times, s, from moves (n,) and events (m,) to ticks that act on them."""
     from benchmarks.live.browser import wait_until
-    from benchmarks.live.served import sight
+    from benchmarks.live.served import hold, sight
 
     states = served.process.states
     begun = time.monotonic()
@@ -198,9 +196,7 @@ def _drag(page: Page, served: Served) -> tuple[Array, Array]:
     wait_until(lambda: states[-1][0] > begun + 1.0, "the session to begin anew")
     seen = sight(page, DRAGGED)
     x, y = seen.hand
-    wait_until(lambda: page.is_drawn(x, y), "the hand to be seen")
-    page.mouse("mouseMoved", x, y)
-    page.mouse("mousePressed", x, y, pressed=True)
+    hold(page, (x, y))
     sent = np.zeros(MOVES)
     begun = time.monotonic()
     for move in range(MOVES):

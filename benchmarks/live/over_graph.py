@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -48,10 +48,8 @@ class _Forces:
         self._thread.start()
 
     def _spin(self) -> None:
-        try:
+        with suppress(ExternalShutdownException):
             self._executor.spin()
-        except ExternalShutdownException:
-            return
 
     def _received(self, message: WrenchStamped) -> None:
         force = message.wrench.force
@@ -80,11 +78,8 @@ def running(scene: str, folder: Path) -> Iterator[tuple[str, _Forces]]:
                 lambda: re.findall(r"\[live_page\]: (http\S+)", output.read_text("utf-8")),
                 "the page's address",
             )
-            forces = _Forces()
-            try:
+            with closing(_Forces()) as forces:
                 yield found[0], forces
-            finally:
-                forces.close()
         finally:
             stop_process(process)
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class WatchedProcess(LiveProcess):
         return found
 
 
-class Served:
+class Served(AbstractContextManager["Served"]):
     """A page; as a context manager it ends it.
 
     Args:
@@ -72,15 +72,7 @@ class Served:
         self._thread = threading.Thread(target=self._page.serve, args=(self._stop.is_set,))
         self._thread.start()
 
-    def __enter__(self) -> Served:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stop.set()
         self._thread.join()
         self._page.close()
@@ -144,12 +136,17 @@ def sight(page: Page, scene: str) -> Sight:
     return Sight(state, frame, (left + 0.5 * width, top + 0.5 * height), centre, scale)
 
 
+def hold(page: Page, place: tuple[float, float]) -> None:
+    """Take hold of what is at a place (x, y) of the page, once it is drawn."""
+    wait_until(lambda: page.is_drawn(*place), "what is to be dragged")
+    page.mouse("mouseMoved", *place)
+    page.mouse("mousePressed", *place, pressed=True)
+
+
 def drag(page: Page, start: tuple[float, float], pixels: float) -> tuple[float, float]:
     """Take hold of what is at a place, pull it to the left, and return where (x, y) it is then."""
     x, y = start
-    wait_until(lambda: page.is_drawn(x, y), "what is to be dragged")
-    page.mouse("mouseMoved", x, y)
-    page.mouse("mousePressed", x, y, pressed=True)
+    hold(page, start)
     for share in np.linspace(0.0, 1.0, 20).tolist():
         page.mouse("mouseMoved", x - share * pixels, y, pressed=True)
     return x - pixels, y

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Annotated, ClassVar
 
 import typer
@@ -25,8 +25,7 @@ from benchmarks.graph.statuses import MISSED, ROUND_TRIP, Figures, latency
 from benchmarks.machine import MachineResults, machine
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
-from hapticmech_ros.cli.study import JsonOption, carry_out
-from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.cli.study import JsonOption, carry_out, numbers
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.wire.topics import DEVICE
 
@@ -40,16 +39,15 @@ SHOWN = {
 COMMAND_PERIOD_S = 0.5
 
 
-def ways() -> dict[str, dict[str, object] | None]:
-    """Return what is compared: parameters of the nodes, by name; None for the bare graph."""
-    return {
-        "off": {"realtime": "off"},
-        "auto": {"realtime": "auto"},
-        "auto, any CPU": {"realtime": "auto", "cpu_affinity": "any"},
-        "on": {"realtime": "on"},
-        "on, any CPU": {"realtime": "on", "cpu_affinity": "any"},
-        "bare graph": None,
-    }
+# What is compared: parameters of the nodes, by name; None for the bare graph.
+WAYS: dict[str, dict[str, object] | None] = {
+    "off": {"realtime": "off"},
+    "auto": {"realtime": "auto"},
+    "auto, any CPU": {"realtime": "auto", "cpu_affinity": "any"},
+    "on": {"realtime": "on"},
+    "on, any CPU": {"realtime": "on", "cpu_affinity": "any"},
+    "bare graph": None,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,16 +92,16 @@ class RealtimeResults(MachineResults):
         rows = []
         for (busy, way), runs in sorted(groups.items(), key=lambda item: item[0][0]):
             seen = [
-                (_median([run.figures[name] for run in runs if name in run.figures]), style)
+                ([run.figures[name] for run in runs if name in run.figures], style)
                 for name, style in SHOWN.items()
             ]
-            middle = [statistics.median(run.command_s[0] for run in runs)]
+            middle = [median(run.command_s[0] for run in runs)]
             rows.append(
                 (
                     str(busy),
                     way,
                     f"{sum(not run.failure for run in runs)} of {len(runs)}",
-                    *(number(value, style) for value, style in seen),
+                    *(number(median(of) if of else None, style) for of, style in seen),
                     *(f"{1e3 * one:.0f}" for one in (*middle, max(r.command_s[1] for r in runs))),
                 )
             )
@@ -143,7 +141,7 @@ def run_benchmark(
     runs = []
     for busy in load:
         for repeat in range(1, repeats + 1):
-            for way, settings in ways().items():
+            for way, settings in WAYS.items():
                 show(f"{busy} busy programs, realtime {way}: run {repeat} of {repeats}")
                 given = tuple((settings or {}).items())
                 configuration = Configuration(RATE_HZ, "separate", recorded, settings=given)
@@ -156,7 +154,7 @@ def run_benchmark(
                         busy,
                         ", ".join(run.faults),
                         run.figures,
-                        (statistics.median(commands), max(commands)),
+                        (median(commands), max(commands)),
                     )
                 )
     return RealtimeResults(machine(), seconds, recorded, tuple(runs))
@@ -173,17 +171,10 @@ def realtime(
     json_only: JsonOption = False,
 ) -> None:
     """Time the graph with real-time scheduling and pinned processors, and without."""
-    try:
-        loads = [int(text) for text in load.split(",")]
-    except ValueError:
-        raise InvalidInputError("--load", load, "must be numbers between commas") from None
+    loads = numbers("--load", load, int)
     carry_out(
         lambda show: run_benchmark(out, seconds, repeats, loads, record, show), out, json_only
     )
-
-
-def _median(values: Sequence[float]) -> float | None:
-    return statistics.median(values) if values else None
 
 
 @contextmanager

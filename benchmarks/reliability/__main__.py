@@ -81,10 +81,9 @@ def run_part(name: str, quick: bool, out: Path, rate: float = 0.0) -> list[Figur
     """
     part = importlib.import_module(f"{HERE}.{name}")
     try:
-        figures: list[Figure] = part.run(quick, out, **({"rate": rate} if rate else {}))
+        return list[Figure](part.run(quick, out, **({"rate": rate} if rate else {})))
     except HapticMechError as error:
         return [unmeasured(name, PARTS[name], f"broke off: {error}")]
-    return figures
 
 
 def _parser() -> argparse.ArgumentParser:

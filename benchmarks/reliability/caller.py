@@ -1,12 +1,13 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A client of the device's emergency stop, in this process."""
+"""Nodes of this process in a graph of others: a client of the device's emergency stop."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Mapping
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -19,22 +20,45 @@ from hapticmech_ros.wire.topics import EMERGENCY_STOP
 ANSWERS_WITHIN_S = 5.0
 
 
-class Caller:
-    """Calls the emergency stop of a graph.
+class Stranger:
+    """A node of this process in a graph of others.
 
     Args:
+        name: of the node.
         environment: of the graph; this process takes over how the middleware is set in it.
+        executor: kind that handles its messages.
+
+    Attributes:
+        node, executor: of it.
     """
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, name: str, environment: Mapping[str, str], executor: Any = SingleThreadedExecutor
+    ) -> None:
         names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_DOMAIN_ID")
         os.environ.update({name: environment[name] for name in names if name in environment})
         self._context = Context()
         rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
-        self._node = rclpy.create_node("stop_caller", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._client = self._node.create_client(SetBool, EMERGENCY_STOP)
+        self.node = rclpy.create_node(name, context=self._context)
+        self.executor = executor(context=self._context)
+        self.executor.add_node(self.node)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+
+class Caller(Stranger):
+    """Calls the emergency stop of a graph.
+
+    Args:
+        environment: of the graph.
+    """
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        super().__init__("stop_caller", environment)
+        self._client = self.node.create_client(SetBool, EMERGENCY_STOP)
 
     def stop(self, on: bool) -> tuple[bool, int]:
         """Call it; return whether it succeeded, and when the answer was here (monotonic, ns).
@@ -45,19 +69,8 @@ class Caller:
         if not self._client.wait_for_service(ANSWERS_WITHIN_S):
             raise BenchError(f"waited {ANSWERS_WITHIN_S:g} s in vain for {EMERGENCY_STOP}")
         answer = self._client.call_async(SetBool.Request(data=on))
-        self._executor.spin_until_future_complete(answer, ANSWERS_WITHIN_S)
+        self.executor.spin_until_future_complete(answer, ANSWERS_WITHIN_S)
         now_ns, result = time.monotonic_ns(), answer.result()
         if result is None:
             raise BenchError(f"waited {ANSWERS_WITHIN_S:g} s in vain for {EMERGENCY_STOP}'s answer")
         return bool(result.success), now_ns
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-    def __enter__(self) -> Caller:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

@@ -7,10 +7,12 @@ from __future__ import annotations
 import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 
+from benchmarks.reliability.emergency import summarised_stops, try_stop
 from benchmarks.reliability.figure import Figure, unmeasured
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.stepped_clock import NoCompilerError, SteppedClock, compiler
@@ -20,7 +22,6 @@ from benchmarks.reliability.trial import (
     carried_out,
     observe,
     report_delays,
-    summarised,
 )
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE
@@ -34,18 +35,14 @@ WRONG_S = 1.0
 _STEPPED = re.compile(r"\b(step|jump|went|go|moved|back|forward|ahead|set|changed)", re.IGNORECASE)
 
 
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+def run(quick: bool, out: Path) -> list[Figure]:
     """Step every clock 50 times each way (quick: twice)."""
     try:
         compiler()
     except NoCompilerError as error:
         return [unmeasured(PART, "steps of clocks", str(error))]
     number = QUICK_TRIALS if quick else TRIALS
-    return [
-        *_machine(number, out, told),
-        *_one_host(number, out, told),
-        *_simulated(number, out, told),
-    ]
+    return [*_machine(number, out), *_one_host(number, out), *_simulated(number, out)]
 
 
 def about_clock(sentence: str) -> bool:
@@ -99,49 +96,44 @@ def _stepped(*names: str) -> Iterator[list[SteppedClock]]:
         yield [stack.enter_context(SteppedClock(folder, name)) for name in names]
 
 
-def _machine(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    hosted, words = tuple(NODES), "machine's clock"
+def _machine(number: int, out: Path) -> list[Figure]:
+    """Step the clock of all nodes; then also call the emergency stop after it."""
+    hosted, sizes = tuple(NODES), steps(number, STEPS_S)
     with _stepped("day") as (clock,), Rig(out, "clocks_machine", [(hosted, clock)]) as rig:
-        sizes = steps(number, STEPS_S)
-        trials = carried_out((try_step(rig, clock, size, words) for size in sizes), rig, told)
-        figures = report_delays(PART, rig) + summarised(PART, words, trials, rig.clean_max)
-    return figures + _emergency_stops(number, out, told)
+        figures = report_delays(PART, rig) + _each_size(rig, clock, sizes, "machine's clock")
+        stops = []
+        for index, seconds in enumerate(sizes):
+            stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
+            print(stops[-1].line)
+    return figures + summarised_stops(PART, stops)
 
 
-def _one_host(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
+def _each_size(rig: Rig, clock: SteppedClock, sizes: Sequence[float], words: str) -> list[Figure]:
+    faults = ((words, partial(try_step, rig, clock, size, words)) for size in sizes)
+    return carried_out(PART, rig, faults)
+
+
+def _one_host(number: int, out: Path) -> list[Figure]:
     rest = tuple(name for name in NODES if name != DEVICE)
-    with _stepped("near", "far") as (near, far):
-        hosts = [((DEVICE,), near), (rest, far)]
-        with Rig(out, "clocks_host", hosts) as rig:
+    with (
+        _stepped("near", "far") as (near, far),
+        Rig(out, "clocks_host", [((DEVICE,), near), (rest, far)]) as rig,
+    ):
 
-            def wrong(index: int, seconds: float) -> Trial:
-                at_device = _by_turns(index)
-                clock, words = (near, "device's host") if at_device else (far, "other host")
-                return try_wrong_host(rig, clock, seconds, at_device, words)
+        def wrong(index: int, seconds: float) -> Trial:
+            at_device = _by_turns(index)
+            clock, words = (near, "device's host") if at_device else (far, "other host")
+            return try_wrong_host(rig, clock, seconds, at_device, words)
 
-            sizes = enumerate(steps(number, STEPS_S))
-            trials = carried_out((wrong(*one) for one in sizes), rig, told)
-            return summarised(PART, "one host's clock", trials, rig.clean_max)
+        sizes = enumerate(steps(number, STEPS_S))
+        return carried_out(PART, rig, (("one host's clock", partial(wrong, *one)) for one in sizes))
 
 
-def _simulated(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    given, words = {"use_sim_time": True}, "/clock"
+def _simulated(number: int, out: Path) -> list[Figure]:
+    given = {"use_sim_time": True}
     with (
         _stepped("day") as (clock,),
         # Each process that hears 1 kHz of /clock takes a fifth of a core for it alone.
         Rig(out, "clocks_sim", parameters=given, clock=clock, composed=True) as rig,
     ):
-        sizes = steps(number, SIMULATED_STEPS_S)
-        trials = carried_out((try_step(rig, clock, size, words) for size in sizes), rig, told)
-        return summarised(PART, words, trials, rig.clean_max)
-
-
-def _emergency_stops(number: int, out: Path, told: Callable[[str], None]) -> list[Figure]:
-    from benchmarks.reliability.emergency import summarised_stops, try_stop
-
-    with _stepped("day") as (clock,), Rig(out, "clocks_stop", [(tuple(NODES), clock)]) as rig:
-        stops = []
-        for index, seconds in enumerate(steps(number, STEPS_S)):
-            stops.append(try_stop(rig, clock, seconds, at_once=_by_turns(index)))
-            told(stops[-1].line)
-        return summarised_stops(PART, stops)
+        return _each_size(rig, clock, steps(number, SIMULATED_STEPS_S), "/clock")

@@ -7,10 +7,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.children import ROOT
 from benchmarks.reliability.figure import Figure, save, table
 from hapticmech_ros.errors import HapticMechError
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "reliability.md"
+DOCUMENT = ROOT / "docs" / "reliability.md"
 # The figures that the document shows, kept beside the code that measured them.
 RESULTS = Path(__file__).with_name("results.json")
 BEGIN, END = "<!-- campaign: begin -->", "<!-- campaign: end -->"

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,7 @@ from benchmarks.reliability.trial import (
     carried_out,
     observe,
     report_delays,
-    summarised,
 )
-from hapticmech_ros.graph import Graph
 from hapticmech_ros.wire import topics
 from hapticmech_ros.wire.topics import ANALYSER, CONTROLLER
 from hapticmech_ros.wire.topics import DEVICE as DEVICE_NODE
@@ -45,6 +44,8 @@ STAYS_S, JOINS_WITHIN_S = 1.5, 20.0
 STARTS_WITHIN_S, SILENT_FOR_S = 90.0, 5.0
 # A log line is with the watcher by then, ns; and what it says of two.
 LOGGED_NS = 2_000_000
+# What was told of two so long before one was met is about another, which has left since.
+SETTLED_NS = 300_000_000
 SECOND = "more than one publisher"
 # A publisher counts its messages up, and reliable subscribers get them in order.
 NEWER_BY = 16
@@ -54,8 +55,7 @@ MOST_GROWN = 1.5
 # else the hand pushes it away, and is braked when the graph takes hold of it again.
 PUSH = ("4.0", "0", "0", "0", "0", "0")
 DRIVER, COMMANDER, GAIN = "foreign_driver", "foreign_commander", "foreign_gain"
-SCRIPTS = {DRIVER: "foreign_driver.py", COMMANDER: "foreign_commander.py"}
-SCRIPTS[GAIN] = SCRIPTS[COMMANDER]
+FOREIGN = {DRIVER: "driver", COMMANDER: "commander", GAIN: "gain"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +95,17 @@ class Double:
 
     def __init__(self, rig: Rig, kind: Kind, alone: bool) -> None:
         self._watch, self._topic = rig.watch, kind.speaks_on
-        self._graph: Graph | None = None
         self.teller: ReportingProcess | None = None
-        if kind.name in SCRIPTS:
+        self._stop: Callable[[], object]
+        if kind.name in FOREIGN:
             pushes = kind.name == COMMANDER and not alone
-            arguments = ("gain",) if kind.name == GAIN else PUSH if pushes else ()
+            arguments = (FOREIGN[kind.name], *(PUSH if pushes else ()))
             environment = rig.environment_of(kind.original)
-            self.teller = rig.start(SCRIPTS[kind.name], *arguments, environment=environment)
-            self._process = self.teller.process
+            self.teller = rig.start("foreigner.py", *arguments, environment=environment)
+            self._process, self._stop = self.teller.process, self.teller.stop
         else:
-            self._graph = rig.another(kind.original)
-            self._process = self._graph.processes[kind.original]
+            graph = rig.another(kind.original)
+            self._process, self._stop = graph.processes[kind.original], graph.stop
 
     def leave(self, killed: bool) -> int:
         """End it; return when it could speak no more, ns of the monotonic clock.
@@ -117,10 +117,8 @@ class Double:
         if killed:
             self._process.kill()
             self._process.wait()
-        elif self.teller is not None:
-            self.teller.stop()
-        elif self._graph is not None:
-            self._graph.stop()
+        else:
+            self._stop()
         return silent_from(self._watch.of("publishers"), self._topic, asked_ns, time.monotonic_ns())
 
 
@@ -140,27 +138,16 @@ def silent_from(
     return min((at_ns for at_ns in gone if asked_ns <= at_ns < ended_ns), default=ended_ns)
 
 
-@contextmanager
-def double(rig: Rig, kind: Kind, alone: bool = False) -> Iterator[Double]:
-    """Let a double join; it has left at the end, whatever happens."""
-    joined = Double(rig, kind, alone)
-    try:
-        yield joined
-    finally:
-        joined.leave(killed=True)
-
-
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
+def run(quick: bool, out: Path) -> list[Figure]:
     """Let every kind of double join 50 times (quick: twice), half of them before the original."""
     number = QUICK_TRIALS if quick else TRIALS
-    figures: list[Figure] = []
     with Rig(out, PART, all_topics=True) as rig:
-        figures += report_delays(PART, rig)
+        figures = report_delays(PART, rig)
         for kind in KINDS:
             shares = rig.shares()
             ways = [(index % 2 == 0, index % 4 >= 2) for index in range(number)]
-            trials = carried_out((try_double(rig, kind, *way) for way in ways), rig, told)
-            figures += summarised(PART, kind.name, trials, rig.clean_max)
+            doubles = ((kind.name, partial(try_double, rig, kind, *way)) for way in ways)
+            figures += carried_out(PART, rig, doubles)
             rig.ready()
             figures.append(grown(kind.name, shares, rig.shares()))
     return figures
@@ -194,7 +181,10 @@ def try_double(rig: Rig, kind: Kind, before: bool, killed: bool = False) -> Tria
         graph = rig.graph_of(kind.original)
         graph.kill(kind.original)
     asked_ns = time.monotonic_ns()
-    with double(rig, kind, alone=before) as joined:
+    with ExitStack() as stack:
+        joined = Double(rig, kind, alone=before)
+        # It has left at the end, whatever happens.
+        stack.callback(joined.leave, killed=True)
         if before:
             _wait_alone(rig, kind, joined)
             since, asked_ns = rig.ring.count, time.monotonic_ns()
@@ -303,8 +293,8 @@ def first_heard(
 
     It may meet the newcomer up to a second after the watcher did, and says so in the callback of
     the first message that it hears; until then there may be force, or it may begin: where the other
-    one had doubled somebody before, who was killed. What was told before the watcher met the
-    newcomer was about that one.
+    one had doubled somebody before, who was killed. What was told well before the watcher met the
+    newcomer was about that one; what was told right before is that it was heard already.
 
     Args:
         first_ns: when the watcher met it; None if it never did.
@@ -314,7 +304,8 @@ def first_heard(
         asked_ns: when the newcomer was started.
     """
     if first_ns is not None:
-        received = min((at_ns for at_ns in told if at_ns > first_ns), default=first_ns)
+        known_ns = first_ns - SETTLED_NS
+        received = min((at_ns for at_ns in told if at_ns > known_ns), default=first_ns)
         # The output before that counts as well: it stands until the next one.
         begun = max(int(np.searchsorted(arrived, first_ns)) - 1, 0)
         pushed = bool(on[begun : np.searchsorted(arrived, received)].any())

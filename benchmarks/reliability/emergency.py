@@ -7,11 +7,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 
 from benchmarks.children import BenchError
 from benchmarks.reliability.caller import Caller
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.stepped_clock import SteppedClock
 
@@ -44,7 +45,7 @@ class Stop:
 def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> Stop:
     """Step the clock, stop at once or once the device renders again, and let it go on."""
     since = rig.ready()
-    with Caller(rig.environment) as caller:
+    with closing(Caller(rig.environment)) as caller:
         caller.stop(False)
         stepped_ns = clock.step(seconds)
         try:
@@ -60,23 +61,20 @@ def try_stop(rig: Rig, clock: SteppedClock, seconds: float, at_once: bool) -> St
         last = int(arrived[on][-1]) if on.any() else stepped_ns
         after = arrived[~on & (arrived >= last)]
         zero_ms = float(after[0] - answered_ns) / MS if after.size else math.inf
-        try:
+        with suppress(BenchError):
             caller.stop(False)
-            rig.settle()
-        except BenchError:
-            rig.renew()
+        rig.ready()
     when = "at once" if at_once else "once it renders again"
     return Stop(f"clock {seconds:+g} s, {when}", success, zero_ms)
 
 
 def summarised_stops(part: str, stops: Sequence[Stop]) -> list[Figure]:
     """Return the worst of some calls as figures."""
-    number = len(stops)
-    share = 100.0 * sum(stop.success for stop in stops) / number if number else math.nan
+    figure = figures_of(part, "emergency stop after a step", len(stops))
+    share = 100.0 * sum(stop.success for stop in stops) / len(stops) if stops else math.nan
     worst = max((stop.zero_ms for stop in stops), default=math.nan)
-    name = "emergency stop after a step"
     note = "the answer and the output reach two processes"
     return [
-        Figure(part, f"{name}: answered success", share, "%", None, 100.0, number),
-        Figure(part, f"{name}: zero after its answer", worst, "ms", WAYS_MS, None, number, note),
+        figure("answered success", share, "%", least=100.0),
+        figure("zero after its answer", worst, "ms", most=WAYS_MS, note=note),
     ]

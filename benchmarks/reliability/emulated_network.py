@@ -21,7 +21,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
-from types import TracebackType
+
+from benchmarks.children import ROOT
 
 DEVICE, REST = "device", "rest"
 ADDRESSES = {DEVICE: "10.87.0.1", REST: "10.87.0.2"}
@@ -31,7 +32,6 @@ _SIOCETHTOOL = 0x8946
 # Checksums are left to hardware that is not there: receivers would refuse what was forwarded.
 _ETHTOOL_OFF = (0x17, 0x19, 0x1F, 0x24)
 _FORWARDER = "benchmarks.reliability.forwarder"
-ROOT = FilePath(__file__).parents[2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +105,7 @@ class EmulatedNetwork:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def command(self, side: str, command: Sequence[str]) -> list[str]:
@@ -133,15 +128,12 @@ class EmulatedNetwork:
     def close(self) -> None:
         """End the forwarder, and take the namespaces away; what runs in them keeps them alive."""
         if self._forwarder is not None:
-            if self._forwarder.stdin is not None:
-                self._forwarder.stdin.close()
             try:
-                self._forwarder.wait(2.0)
+                # Ends its input first.
+                self._forwarder.communicate(timeout=2.0)
             except subprocess.TimeoutExpired:
                 self._forwarder.kill()
-                self._forwarder.wait()
-            if self._forwarder.stdout is not None:
-                self._forwarder.stdout.close()
+                self._forwarder.communicate()
             self._forwarder = None
         for name in (*self.namespaces.values(), self._wire):
             if FilePath("/run/netns", name).exists():
@@ -162,17 +154,8 @@ class EmulatedNetwork:
             for link in ("lo", "net0"):
                 _ip("-n", name, "link", "set", link, "up")
             _ip("-n", name, "route", "add", "224.0.0.0/4", "dev", "net0")
-            _ip(
-                "-n",
-                name,
-                "neighbour",
-                "add",
-                ADDRESSES[other],
-                "lladdr",
-                _LINK_ADDRESSES[other],
-                "dev",
-                "net0",
-            )
+            there = (ADDRESSES[other], "lladdr", _LINK_ADDRESSES[other])
+            _ip("-n", name, "neighbour", "add", *there, "dev", "net0")
             _ip("-n", self._wire, "link", "set", outer, "mtu", _MTU, "up")
         self._forwarder = subprocess.Popen(
             ["ip", "netns", "exec", self._wire, sys.executable, "-m", _FORWARDER, "end0", "end1"],

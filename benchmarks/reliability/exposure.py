@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.children import finding_benchmarks
 from benchmarks.reliability.emulated_network import (
     ADDRESSES,
     DEVICE,
@@ -32,7 +33,6 @@ from hapticmech_ros.graph import stop_process
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE
 
 PART = "exposure"
-ROOT = Path(__file__).resolve().parents[2]
 DOMAIN = "7"
 STARTS_WITHIN_S = 30.0
 VISITOR = [sys.executable, "-m", "benchmarks.reliability.visitor"]
@@ -67,8 +67,7 @@ def plain_environment(**given: str) -> dict[str, str]:
     """Return this environment without any choice of who finds whom, but for what is given."""
     chosen = {RANGE, PEERS, PROFILES, "FASTDDS_BUILTIN_TRANSPORTS", "ROS_LOCALHOST_ONLY"}
     rest = {name: value for name, value in os.environ.items() if name not in chosen}
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**rest, "ROS_DOMAIN_ID": DOMAIN, "PYTHONPATH": os.pathsep.join(paths), **given}
+    return finding_benchmarks({**rest, "ROS_DOMAIN_ID": DOMAIN, **given})
 
 
 def visit(log: Path, seconds: float, *options: str) -> Visit:
@@ -114,36 +113,27 @@ def run(quick: bool, out: Path) -> list[Figure]:
     closed = [visit(out / f"closed_{i}.log", 8.0) for i in range(trials)]
     opened = [visit(out / f"open_{i}.log", 8.0, "--discovery", "subnet") for i in range(trials)]
     warned = sum("open to the network" in one.told for one in opened)
+
+    def most(name: str, what: str) -> Figure:
+        worst = max(getattr(one, what) for one in closed)
+        return Figure(PART, name, float(worst), most=0.0, trials=trials)
+
+    def least(name: str, visits: list[Visit], what: str, bound: float) -> Figure:
+        worst = min(getattr(one, what) for one in visits)
+        return Figure(PART, name, float(worst), least=bound, trials=trials)
+
     return [
-        Figure(
-            PART, "topics found from another host", _most(closed, "topics"), "", 0.0, None, trials
-        ),
-        Figure(PART, "its pushes obeyed", _most(closed, "pushes"), "", 0.0, None, trials),
-        Figure(PART, "its parameters set", _most(closed, "parameters"), "", 0.0, None, trials),
-        Figure(PART, "nodes stopped by it", _most(closed, "transitions"), "", 0.0, None, trials),
-        Figure(
-            PART,
-            "topics found on its own host",
-            _least(closed, "seen_here"),
-            "",
-            None,
-            10.0,
-            trials,
-        ),
-        Figure(PART, "opened: topics found", _least(opened, "topics"), "", None, 10.0, trials),
-        Figure(PART, "opened: pushes obeyed", _least(opened, "pushes"), "", None, 1.0, trials),
-        Figure(PART, "opened: parameters set", _least(opened, "parameters"), "", None, 1.0, trials),
-        Figure(PART, "opened: nodes stopped", _least(opened, "transitions"), "", None, 1.0, trials),
+        most("topics found from another host", "topics"),
+        most("its pushes obeyed", "pushes"),
+        most("its parameters set", "parameters"),
+        most("nodes stopped by it", "transitions"),
+        least("topics found on its own host", closed, "seen_here", 10.0),
+        least("opened: topics found", opened, "topics", 10.0),
+        least("opened: pushes obeyed", opened, "pushes", 1.0),
+        least("opened: parameters set", opened, "parameters", 1.0),
+        least("opened: nodes stopped", opened, "transitions", 1.0),
         Figure(PART, "opened: said at the start", warned, "runs", None, trials, trials),
     ]
-
-
-def _most(visits: list[Visit], name: str) -> float:
-    return float(max(getattr(one, name) for one in visits))
-
-
-def _least(visits: list[Visit], name: str) -> float:
-    return float(min(getattr(one, name) for one in visits))
 
 
 def _wait_for_graph(network: EmulatedNetwork) -> None:

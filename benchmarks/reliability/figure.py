@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.machine import SCENE, SUMMED, speed
 
@@ -49,6 +50,21 @@ class Figure:
         return not (above or below)
 
 
+def figures_of(part: str, where: str, trials: int) -> Callable[..., Figure]:
+    """Return what makes figures from a name and the further arguments of :class:`Figure`.
+
+    Args:
+        part: of the campaign.
+        where: the figures are from; stands before each name.
+        trials: that each summarises, unless it is given others.
+    """
+
+    def figure(name: str, value: float, unit: str = "", **more: Any) -> Figure:
+        return Figure(part, f"{where}: {name}", value, unit, **{"trials": trials, **more})
+
+    return figure
+
+
 def unmeasured(part: str, name: str, why: str) -> Figure:
     """Return a figure of what could not be measured: it has a limit, which it does not keep."""
     return Figure(part, name, math.nan, "", 0.0, note=why)
@@ -75,14 +91,11 @@ def table(figures: Sequence[Figure]) -> str:
     """Return the figures as a table in Markdown."""
     rows = ["| part | measured | trials | figure | limit | kept |", "|---|---|---|---|---|---|"]
     for one in figures:
-        limits = []
-        if one.least is not None:
-            limits.append(f"≥ {one.least:g}")
-        if one.most is not None:
-            limits.append(f"≤ {one.most:g}")
-        limit = " and ".join(limits)
-        kept = ("yes" if one.kept else "**no**") if limit else ""
+        bounds = (("≥", one.least), ("≤", one.most))
+        limits = [f"{sign} {bound:g}" for sign, bound in bounds if bound is not None]
+        kept = ("yes" if one.kept else "**no**") if limits else ""
         name = f"{one.name} ({one.note})" if one.note else one.name
         value = "not measured" if math.isnan(one.value) else f"{one.value:.4g} {one.unit}".strip()
-        rows.append(f"| {one.part} | {name} | {one.trials} | {value} | {limit} | {kept} |")
+        cells = (one.part, name, str(one.trials), value, " and ".join(limits), kept)
+        rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows) + "\n"

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from rosbags.typesys import Stores, get_typestore
 
+from benchmarks.children import ROOT
 from hapticmech_ros.bag import BagWriter
 
-ROOT = Path(__file__).resolve().parents[2]
 JSON_SCENE = {
     "format": "hapticmech-scene/1",
     "model": "MODEL",

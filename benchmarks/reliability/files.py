@@ -33,6 +33,7 @@ MOST_MB, GROWTH_MB = 1000.0, 20.0
 # Medians of so many parts of a worker's life are compared; it needs so many files to tell.
 PARTS, LEAST_FILES = 400, 40
 PART = "files"
+WORST = ("seconds", "real_s", "blocked_s", "memory_mb")
 
 
 @dataclass(slots=True)
@@ -42,9 +43,9 @@ class Tally:
     Attributes:
         outcomes: how many were read and refused, by kind.
         crashes, hangs, foreign: what was found, by the mutant's number.
-        slowest_s: of the processor, for one file.
-        longest_s, blocked_s: of real time for one file, and without what it ran or was queued for.
-        memory_mb: most that a worker, or a child of it, took above what it had.
+        worst: the largest of what workers say: ``seconds`` of the processor for one file;
+            ``real_s`` and ``blocked_s``, of real time, and without what it ran or was queued for;
+            ``memory_mb`` that a worker, or a child of it, took above what it had.
         resident_mb: in memory after each file, by process.
     """
 
@@ -52,20 +53,14 @@ class Tally:
     crashes: dict[int, str] = field(default_factory=dict)
     hangs: dict[int, str] = field(default_factory=dict)
     foreign: dict[int, str] = field(default_factory=dict)
-    slowest_s: float = 0.0
-    longest_s: float = 0.0
-    blocked_s: float = 0.0
-    memory_mb: float = 0.0
+    worst: dict[str, float] = field(default_factory=lambda: dict.fromkeys(WORST, 0.0))
     resident_mb: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, number: int, said: dict[str, Any]) -> None:
         """Count what a worker says of a mutant."""
         kind, outcome = str(said["kind"]), str(said["outcome"])
         self.outcomes[kind, outcome.split(":")[0]] += 1
-        self.slowest_s = max(self.slowest_s, said["seconds"])
-        self.longest_s = max(self.longest_s, said["real_s"])
-        self.blocked_s = max(self.blocked_s, said["blocked_s"])
-        self.memory_mb = max(self.memory_mb, said["memory_mb"])
+        self.worst = {name: max(before, said[name]) for name, before in self.worst.items()}
         self.resident_mb[said["process"]].append(said["resident_mb"])
         if outcome.startswith("foreign"):
             self.foreign[number] = f"{kind}: {outcome}"
@@ -77,8 +72,8 @@ class Tally:
     def silent(self, number: int) -> None:
         """Count a mutant of which nothing was heard until patience ended."""
         self.hangs[number] = f"nothing for {PATIENCE_S:g} s"
-        self.longest_s = max(self.longest_s, PATIENCE_S)
-        self.blocked_s = max(self.blocked_s, PATIENCE_S)
+        for name in ("real_s", "blocked_s"):
+            self.worst[name] = max(self.worst[name], PATIENCE_S)
 
     @property
     def growth_mb(self) -> float:
@@ -118,25 +113,23 @@ def measured(number: int, out: Path) -> list[Figure]:
         _keep(tally, Path(folder) / "again", out / PART)
     there = sum(tally.outcomes.values()) + len(tally.crashes)
     read = sum(count for (_, what), count in tally.outcomes.items() if what == "read")
-    rows: tuple[tuple[str, float, str, float | None], ...] = (
-        ("mutants that ended the process", len(tally.crashes), "", 0.0),
-        ("mutants that hung", len(tally.hangs), "", 0.0),
-        ("mutants that raised an error that is not the package's", len(tally.foreign), "", 0.0),
-        ("slowest mutant, time of the processor", tally.slowest_s, "s", HANG_S),
-        ("slowest mutant, real time", tally.longest_s, "s", None),
-        ("slowest mutant, blocked", tally.blocked_s, "s", BLOCKED_S),
-        ("memory taken by one mutant at most", tally.memory_mb, "MB", MOST_MB),
-        ("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
-    )
-    figures = [
-        Figure(PART, name, float(value), unit, most=most, trials=number)
-        for name, value, unit, most in rows
-    ]
     # Mutants that are all alike, or all refused at their first byte, would test nothing.
-    share = read / max(1, there)
-    note = "the others are refused"
-    figures.append(Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note))
-    return figures
+    share, note = read / max(1, there), "the others are refused"
+
+    def figure(name: str, value: float, unit: str = "", most: float | None = 0.0) -> Figure:
+        return Figure(PART, name, float(value), unit, most=most, trials=number)
+
+    return [
+        figure("mutants that ended the process", len(tally.crashes)),
+        figure("mutants that hung", len(tally.hangs)),
+        figure("mutants that raised an error that is not the package's", len(tally.foreign)),
+        figure("slowest mutant, time of the processor", tally.worst["seconds"], "s", HANG_S),
+        figure("slowest mutant, real time", tally.worst["real_s"], "s", None),
+        figure("slowest mutant, blocked", tally.worst["blocked_s"], "s", BLOCKED_S),
+        figure("memory taken by one mutant at most", tally.worst["memory_mb"], "MB", MOST_MB),
+        figure("growth of a worker's resident memory", tally.growth_mb, "MB", GROWTH_MB),
+        Figure(PART, "share of mutants read", share, "", 0.9, 0.05, number, note),
+    ]
 
 
 def _keep(tally: Tally, folder: Path, out: Path) -> None:
@@ -147,8 +140,6 @@ def _keep(tally: Tally, folder: Path, out: Path) -> None:
     counts = {f"{kind} {what}": count for (kind, what), count in sorted(tally.outcomes.items())}
     report = {"outcomes": counts, "found": {str(k): found[k] for k in sorted(found)}}
     (out / "report.json").write_text(json.dumps(report, indent=1), "utf-8")
-    mutants = Mutants(folder, SEED) if found else None
     for number in sorted(found)[:200]:
-        if mutants is not None:
-            _, path = mutants.make(number)
-            shutil.copy(path, out / f"{number}{path.suffix}")
+        _, path = Mutants(folder, SEED).make(number)
+        shutil.copy(path, out / f"{number}{path.suffix}")

@@ -8,10 +8,11 @@ import os
 import random
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.children import BenchError
+import psutil
+
+from benchmarks.children import wait_until
 from benchmarks.reliability.figure import Figure
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.trial import Fault, Trial, each_node, observe
@@ -24,9 +25,7 @@ STOPS_WITHIN_S = 2.0
 SEED = 0
 
 
-def run(
-    quick: bool, out: Path, told: Callable[[str], None] = print, rate: float = 0.0
-) -> list[Figure]:
+def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
     """Freeze each node 100 times (quick: twice), in turn, at a control rate (Hz; 0: the scene's).
 
     For fifty periods, at least 50 ms, to 2 s: all that a loop at that rate must not overlook.
@@ -38,7 +37,7 @@ def run(
         shortest_s = SHORTEST.at(rig.period_s)
         return try_freeze(rig, node, shortest_s * (LONGEST_S / shortest_s) ** chance.random())
 
-    return each_node(PART, quick, out, rate, freeze, told)
+    return each_node(PART, quick, out, rate, freeze)
 
 
 def try_freeze(rig: Rig, node: str, seconds: float) -> Trial:
@@ -71,10 +70,11 @@ def _stopped(pid: int) -> int:
     Raises:
         BenchError: it does not.
     """
-    path = Path("/proc") / str(pid) / "stat"
-    end = time.monotonic() + STOPS_WITHIN_S
-    # The state comes after the name, which stands in brackets and may hold anything.
-    while path.read_text("utf-8").rpartition(")")[2].split()[0] != "T":
-        if time.monotonic() > end:
-            raise BenchError(f"process {pid} does not stop on SIGSTOP")
+    process = psutil.Process(pid)
+    wait_until(
+        lambda: process.status() == psutil.STATUS_STOPPED,
+        STOPS_WITHIN_S,
+        f"process {pid} to stop on SIGSTOP",
+        look_again_s=0.0,
+    )
     return time.monotonic_ns()

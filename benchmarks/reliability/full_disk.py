@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import os
 import subprocess
+from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 
 from hapticmech_ros.errors import HapticMechError
 
@@ -32,12 +32,9 @@ class FullDisk:
 
     def fill(self) -> None:
         """Leave no room on it."""
-        with (self.path / "filler").open("ab", buffering=0) as file:
-            try:
-                while file.write(_BLOCK):
-                    pass
-            except OSError:
-                return
+        with (self.path / "filler").open("ab", buffering=0) as file, suppress(OSError):
+            while file.write(_BLOCK):
+                pass
 
     def __enter__(self) -> FullDisk:
         if os.geteuid():
@@ -49,11 +46,6 @@ class FullDisk:
             raise NoDiskError(done.stderr.strip())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         # Also while somebody has a file of it open still.
         subprocess.run(["umount", "--lazy", str(self.path)], check=False, capture_output=True)

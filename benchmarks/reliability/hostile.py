@@ -55,14 +55,14 @@ class Hostile:
         """
         rng, way = self._rng, self._rng.random()
         if way < 0.12:
-            return self._bytes(int(rng.integers(0, 400)))
+            return self._rng.bytes(int(rng.integers(0, 400)))
         whole = self._numbers(kind, sample, now_ns)
         if way < 0.25:
             return self._flipped(whole)
         if way < 0.33:
             return whole[: int(rng.integers(0, len(whole) + 1))]
         if way < 0.38:
-            return whole + self._bytes(int(rng.integers(1, 64)))
+            return whole + self._rng.bytes(int(rng.integers(1, 64)))
         if way < 0.41:
             return self._length_changed(whole)
         return whole
@@ -73,7 +73,7 @@ class Hostile:
 
     def _numbers(self, kind: Any, sample: bytes, now_ns: int) -> bytes:
         if kind is UInt8:
-            return sample[:4] + self._bytes(1)
+            return sample[:4] + self._rng.bytes(1)
         if kind is Float64MultiArray:
             return self._array(sample, now_ns)
         if kind is String:
@@ -84,7 +84,7 @@ class Hostile:
         """Return a text that commands nothing."""
         text = WORDS[self.index(len(WORDS))]
         if self._rng.random() < 0.3:
-            text = self._bytes(int(self._rng.integers(0, 400)))
+            text = self._rng.bytes(int(self._rng.integers(0, 400)))
         return b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
 
     def _array(self, sample: bytes, now_ns: int) -> bytes:
@@ -109,15 +109,16 @@ class Hostile:
         values = self._changed(values)
         seconds, rest = divmod(now_ns, NANOSECONDS)
         if rng.random() < 0.25:
-            seconds = int(rng.choice(STAMPS)) if rng.random() < 0.5 else seconds + self._apart()
+            seconds = (
+                int(rng.choice(STAMPS))
+                if rng.random() < 0.5
+                else seconds + int(rng.integers(-20, 20))
+            )
             rest = int(rng.choice((0, 1, 999_999_999, 1_000_000_000, 2**32 - 1)))
         frame = self._frame()
         head = struct.pack("<4siII", b"\0\1\0\0", seconds, rest, len(frame)) + frame
         head += b"\0" * (-(len(head) - 4) % 8)
         return head + values.tobytes()
-
-    def _apart(self) -> int:
-        return int(self._rng.integers(-20, 20))
 
     def _frame(self) -> bytes:
         way = self._rng.random()
@@ -156,11 +157,8 @@ class Hostile:
         changed = bytearray(message)
         if len(changed) >= 12:
             at = 4 + 4 * self.index((len(changed) - 4) // 4)
-            changed[at : at + 4] = self._bytes(4) if self.index(2) else b"\xff\xff\xff\xff"
+            changed[at : at + 4] = self._rng.bytes(4) if self.index(2) else b"\xff\xff\xff\xff"
         return bytes(changed)
-
-    def _bytes(self, size: int) -> bytes:
-        return self._rng.bytes(size)
 
 
 def _array_size(message: bytes) -> int:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.reliability.figure import Figure
@@ -20,9 +19,7 @@ GONE_S = 0.3
 MOMENT_NS = 1_000_000
 
 
-def run(
-    quick: bool, out: Path, told: Callable[[str], None] = print, rate: float = 0.0
-) -> list[Figure]:
+def run(quick: bool, out: Path, rate: float = 0.0) -> list[Figure]:
     """Kill each node 100 times (quick: twice), in turn, at a control rate (Hz; 0: the scene's)."""
     missed = 0
 
@@ -32,7 +29,7 @@ def run(
             missed += 1
         return trial
 
-    figures = each_node(PART, quick, out, rate, kill, told)
+    figures = each_node(PART, quick, out, rate, kill)
     note = (
         "the watcher met the new device later than the controller did, or the moment of the "
         "kill is not known to a millisecond"

@@ -45,11 +45,9 @@ class MemoryGrowth:
     @property
     def mebi(self) -> float:
         """Growth after the first quarter, MiB; NaN of too few samples, or of the dead."""
-        if len(self.sent) * (1.0 - WARM_UP_SHARE) < LEAST_SAMPLES + 1:
-            return math.nan
-        if not np.isfinite(self.resident).all():
-            return math.nan
-        return grown(self.sent, self.resident) / MEBI
+        few = len(self.sent) * (1.0 - WARM_UP_SHARE) < LEAST_SAMPLES + 1
+        known = not few and np.isfinite(self.resident).all()
+        return grown(self.sent, self.resident) / MEBI if known else math.nan
 
     @property
     def limit_mebi(self) -> float:

@@ -19,9 +19,10 @@ from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Header
 
 from benchmarks.reliability.fake_graph import FakeGraph
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from benchmarks.reliability.usage import resident
@@ -58,18 +59,18 @@ def run_in_process(count: int, out: Path, scenes: Sequence[str] = SCENES) -> lis
     (out / "messages_in_process.txt").write_text("\n".join(lines), "utf-8")
     sent = sum(trial.sent for trial in trials)
 
-    def figure(name: str, value: float, unit: str = "", most: float | None = 0.0) -> Figure:
-        return Figure(PART, f"in process: {name}", value, unit, most=most, trials=sent)
-
+    figure = figures_of(PART, "in process", sent)
     return [
-        Figure(PART, "in process: messages", sent, least=count, trials=sent),
-        figure("exceptions that escaped", sum(trial.escaped for trial in trials)),
-        figure("defects that were survived", sum(trial.defects() for trial in trials)),
-        figure("outputs not finite", sum(trial.graph.seen.not_finite for trial in trials)),
-        figure("samples beyond the force limit", sum(t.graph.seen.beyond for t in trials)),
-        figure("longest callback or tick", max(t.longest_s for t in trials), "s", HANG_S),
-        figure("looks at a graph that had not come back", sum(t.lost for t in trials)),
-        Figure(PART, "in process: looks", sum(t.looks for t in trials), trials=sent),
+        figure("messages", sent, least=count),
+        figure("exceptions that escaped", sum(trial.escaped for trial in trials), most=0.0),
+        figure("defects that were survived", sum(trial.defects() for trial in trials), most=0.0),
+        figure("outputs not finite", sum(one.graph.seen.not_finite for one in trials), most=0.0),
+        figure(
+            "samples beyond the force limit", sum(t.graph.seen.beyond for t in trials), most=0.0
+        ),
+        figure("longest callback or tick", max(t.longest_s for t in trials), "s", most=HANG_S),
+        figure("looks at a graph that had not come back", sum(t.lost for t in trials), most=0.0),
+        figure("looks", sum(trial.looks for trial in trials)),
         worst_growth(PART, "in process", [trial.memory for trial in trials], sent),
     ]
 
@@ -89,7 +90,10 @@ class Trial:
         self.scene = load_scene(scene)
         self._held, self._expiring = pushing(self.scene)
         self.graph = FakeGraph(scene, [*self._held, *self._expiring])
-        self._hostile = Hostile(seed, frames(self.scene))
+        points = [point.name for point in self.scene.operational_points]
+        frames = [*points, *(link.name for link in self.scene.links)]
+        frames += [*(f"{name}_world" for name in points), "device", "device_world"]
+        self._hostile = Hostile(seed, frames)
         self.sent = self.escaped = self.looks = self.lost = 0
         self.longest_s = 0.0
         self.memory = MemoryGrowth()
@@ -134,7 +138,7 @@ class Trial:
             told += [f"    {level}: {text}" for level, text in host.log.lines if level == "fatal"]
             faults = sorted({text for level, text in host.log.lines if level == "error"})
             told += [f"    {text[:300]}" for text in faults[:40]]
-        return told + [f"  {example}" for example in self._examples]
+        return told + [f"  {example}" for example in self._examples[:20]]
 
     def _put(self, topic: str, kind: Any) -> None:
         sample = self._samples.get(topic, b"")
@@ -148,8 +152,7 @@ class Trial:
             call()
         except Exception as error:  # noqa: BLE001 - counted: in a node it would end the process
             self.escaped += 1
-            if len(self._examples) < 20:
-                self._examples.append(f"escaped: {error!r}")
+            self._examples.append(f"escaped: {error!r}")
         self.longest_s = max(self.longest_s, time.monotonic() - before)
 
     def _run(self, seconds: float) -> None:
@@ -160,7 +163,7 @@ class Trial:
     def _look(self) -> None:
         """Let everyone else be silent, put the world back, and see whether the graph renders."""
         graph = self.graph
-        zero = serialize_message(stamped(WrenchStamped()))
+        zero = serialize_message(WrenchStamped(header=Header(frame_id="world")))
         for topic in (*self._held, *self._expiring):
             self._timed(partial(graph.put, topic, zero))
         for topic, message in self._homes.items():
@@ -174,9 +177,8 @@ class Trial:
         self.looks += 1
         if not all(answers) or not all(host.active for host in graph.hosts.values()):
             self.lost += 1
-            if len(self._examples) < 20:
-                told = {name: host.actor.status()[1] for name, host in graph.hosts.items()}
-                self._examples.append(f"not back after {self.sent}: {told}")
+            told = {name: host.actor.status()[1] for name, host in graph.hosts.items()}
+            self._examples.append(f"not back after {self.sent}: {told}")
 
     def _wholes(self) -> dict[str, bytes]:
         """Return a whole message for every topic that is heard."""
@@ -188,25 +190,9 @@ class Trial:
         return found
 
 
-def stamped(message: Any) -> Any:
-    """Return a message in ``world``."""
-    message.header.frame_id = "world"
-    return message
-
-
 def pushing(scene: Scene) -> tuple[list[str], list[str]]:
     """Return the topics of wrenches: persistent ones first, those that expire second."""
     bodies = [point.name for point in scene.operational_points]
     bodies += [link.name for link in scene.links]
-    prefixes = ["/device", *(f"/mechanism/{body}" for body in bodies)]
-    names = [
-        f"{prefix}/{'hand_cf' if prefix == '/device' else 'external_cf'}" for prefix in prefixes
-    ]
+    names = ["/device/hand_cf", *(f"/mechanism/{body}/external_cf" for body in bodies)]
     return [f"{name}/persistent" for name in names], [f"{name}/somebody" for name in names]
-
-
-def frames(scene: Scene) -> list[str]:
-    """Return the names of frames that mean something in a scene."""
-    points = [point.name for point in scene.operational_points]
-    links = [link.name for link in scene.links]
-    return [*points, *links, *(f"{name}_world" for name in points), "device", "device_world"]

@@ -50,21 +50,17 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
         quick: a few short trials instead of all.
         out: folder for logs and what was watched.
     """
-    reason = not_permitted()
-    if reason:
+    if reason := not_permitted():
         return [unmeasured(PART, "all of it", reason)]
-    seconds = 6.0 if quick else 60.0
-    trials = (
-        [(0.01, "all of it"), (0.05, "all of it")]
-        if quick
-        else [(delay, kind) for delay in DELAYS for kind in KINDS]
-    )
+    seconds, outages = (6.0, 1) if quick else (60.0, 5)
+    kinds, delays = (["all of it"], (0.01, 0.05)) if quick else (list(KINDS), DELAYS)
     figures: list[Figure] = []
-    for delay, kind in trials:
-        figures += _path(delay, kind, seconds, out)
-    for delay, kind in [(0.05, "plain")] if quick else [(d, "plain") for d in DELAYS]:
-        figures += _outage(delay, kind, 1 if quick else 5, out)
-    figures += _outage(0.05, "plain", 1 if quick else 5, out, one_way=True)
+    for delay in delays:
+        for kind in kinds:
+            figures += _path(delay, kind, seconds, out)
+    for delay in (0.05,) if quick else DELAYS:
+        figures += _outage(delay, "plain", outages, out)
+    figures += _outage(0.05, "plain", outages, out, one_way=True)
     figures += _outage(0.05, "plain", 1, out, LONG_OUTAGE_S)
     figures += _undeclared(0.05, seconds, out)
     figures += _clocks(0.01, seconds, out)
@@ -75,10 +71,10 @@ def run(quick: bool, out: FilePath) -> list[Figure]:
 def _firm_arm(seconds: float, out: FilePath) -> str:
     """Return a scene's file: an arm that holds firmly and moves, walls of 2000 N/m."""
     scene = scene_of(Trial(SCENE, hand="firm", seconds=seconds))
-    document = document_of(scene.model_copy(update={"connection": Connection()}))
+    scene = scene.model_copy(update={"connection": Connection()})
     file = out / "a_firm_arm.yaml"
     out.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(document), encoding="utf-8")
+    file.write_text(json.dumps(document_of(scene)), encoding="utf-8")
     return str(file)
 
 

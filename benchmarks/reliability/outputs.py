@@ -17,7 +17,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.wire.cdr import decode
@@ -84,13 +84,11 @@ class Outputs:
         reached = math.nan if self.device is None else self.largest / self.device.force_limit
         shares, forces = (LEAST_SHARE, LEAST_FORCE) if renders else (None, None)
 
-        def figure(name: str, value: float, most: float | None, least: float | None) -> Figure:
-            return Figure(part, f"{where}: {name}", value, "", most, least, self.samples)
-
+        figure = figures_of(part, where, self.samples)
         return [
-            figure("samples beyond the force limit", self.beyond, 0.0, None),
-            figure("share of samples with force", share, None, shares),
-            figure("largest force, of the limit", reached, None, forces),
+            figure("samples beyond the force limit", self.beyond, most=0.0),
+            figure("share of samples with force", share, least=shares),
+            figure("largest force, of the limit", reached, least=forces),
         ]
 
     def _keep(self, text: str) -> None:

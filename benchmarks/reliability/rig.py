@@ -116,7 +116,7 @@ class Rig:
             if self._clock is not None:
                 self.start("clock_source.py", environment=self._clock.environment(self.environment))
             self._stack.callback(self._stop_graph)
-            begun = self._begun()
+            begun = self.renew()
             if self._clean:
                 self._run_clean(begun)
         except BaseException:
@@ -155,11 +155,8 @@ class Rig:
     def renew(self) -> int:
         """End the graph and start it again, all nodes; return the ring's number before."""
         self._stop_graph()
-        return self._begun()
-
-    def _begun(self) -> int:
         before = self.ring.count
-        self._start_graph()
+        self._graphs += [self._graph(nodes) for nodes, _ in self._hosts]
         return before
 
     def graph_of(self, node: str) -> Graph:
@@ -264,10 +261,6 @@ class Rig:
 
     def _clock_of(self, node: str) -> SteppedClock | None:
         return next((clock for nodes, clock in self._hosts if node in nodes), None)
-
-    def _start_graph(self) -> None:
-        for nodes, _ in self._hosts:
-            self._graphs.append(self._graph(nodes))
 
     def _stop_graph(self) -> None:
         while self._graphs:

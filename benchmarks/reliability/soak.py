@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
+from benchmarks.reliability.memory_growth import MEBI
 from benchmarks.reliability.rig import SCENE, Rig, pushing
 from benchmarks.reliability.trial import GOAL_PEAK
 from benchmarks.reliability.usage import Usage, grown, usage
@@ -23,9 +24,15 @@ from hapticmech_ros.session import Session
 PART = "soak"
 SOAK_S, QUICK_SOAK_S = 3600.0, 60.0
 LOOKS = 600
-MEBI = float(1 << 20)
 # 256 pages, of what may take an hour: 8 bytes leaked in each tick at 1 kHz are 29 MB.
 MOST_MEBI = 1.0
+# What is held, in the order of ``Usage``: one of its units, that unit, and by how much it may grow.
+KINDS = {
+    "resident memory": (MEBI, "MiB", MOST_MEBI),
+    "proportional memory": (MEBI, "MiB", MOST_MEBI),
+    "descriptors": (1.0, "", 0.0),
+    "threads": (1.0, "", 0.0),
+}
 # s between lines that tell how far it is.
 TELL_S = 60.0
 
@@ -53,7 +60,7 @@ class Rendered:
     pushed: int
 
 
-def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = print) -> Rendered:
+def render(rig: Rig, seconds: float, looks: int) -> Rendered:
     """Let a graph render for so long, and look at it meanwhile.
 
     Raises:
@@ -69,8 +76,7 @@ def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = p
         for node in NODES:
             held[node].append(usage(rig.pid(node)))
         time.sleep(seconds / looks)
-        count = rig.ring.count
-        found = rig.samples(before)
+        count, found = rig.ring.count, rig.samples(before)
         before = count
         if len(found):
             on = np.concatenate(([rendering], pushing(found)))
@@ -80,25 +86,21 @@ def render(rig: Rig, seconds: float, looks: int, told: Callable[[str], None] = p
             samples, pushed = samples + len(found), pushed + int(on[1:].sum())
         if passed > said:
             said += TELL_S
-            told(f"{passed:.0f} of {seconds:.0f} s, {breaks} breaks")
+            print(f"{passed:.0f} of {seconds:.0f} s, {breaks} breaks")
     return Rendered(times, held, passed, peak, breaks, samples, pushed)
 
 
-def run(quick: bool, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let a session tick, and the graph render, for an hour (quick: a minute)."""
-    return soak(QUICK_SOAK_S if quick else SOAK_S, out, told)
-
-
-def soak(seconds: float, out: Path, told: Callable[[str], None] = print) -> list[Figure]:
-    """Let both go on for so long, and return what they hold, and the force.
+def run(quick: bool, out: Path) -> list[Figure]:
+    """Let a session tick, and the graph render, for an hour (quick: a minute).
 
     Raises:
         BenchError: a node ended.
     """
+    seconds = QUICK_SOAK_S if quick else SOAK_S
     figures = growth(PART, "session", *session_held(seconds))
     with Rig(out, PART) as rig:
         rig.ready()
-        found = render(rig, seconds, LOOKS, told)
+        found = render(rig, seconds, LOOKS)
         figures += [
             Figure(PART, "watched for", found.seconds, "s", trials=1),
             Figure(
@@ -134,18 +136,12 @@ def growth(
         held: at these times.
         what: one kind alone; all if empty.
     """
-    kinds = {
-        "resident memory": (MEBI, "MiB", MOST_MEBI),
-        "proportional memory": (MEBI, "MiB", MOST_MEBI),
-        "descriptors": (1.0, "", 0.0),
-        "threads": (1.0, "", 0.0),
-    }
-    figures = []
+    figure, figures = figures_of(part, process, len(times)), []
     for (kind, (scale, unit, most)), values in zip(
-        kinds.items(), zip(*held, strict=True), strict=True
+        KINDS.items(), zip(*held, strict=True), strict=True
     ):
-        if kind == what or not what:
+        if what in ("", kind):
             note = f"{values[-1] / scale:.4g} {unit} at the end".replace("  ", " ")
-            name, value = f"{process}: growth of {kind}", grown(times, values) / scale
-            figures.append(Figure(part, name, value, unit, most, None, len(times), note))
+            grew = grown(times, values) / scale
+            figures.append(figure(f"growth of {kind}", grew, unit, most=most, note=note))
     return figures

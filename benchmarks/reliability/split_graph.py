@@ -5,21 +5,22 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.children import ReportingProcess, output_to, wait_until
-from benchmarks.reliability.emulated_network import DEVICE, REST, ROOT, EmulatedNetwork
+from benchmarks.children import ReportingProcess, finding_benchmarks, output_to, wait_until
+from benchmarks.reliability.emulated_network import DEVICE, REST, EmulatedNetwork
 from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
 from hapticmech_ros.wire.messages import DeviceStateMessage
 
@@ -63,14 +64,9 @@ class Watched:
 
     def figure(self, node: str, name: str) -> str:
         """Return a figure of a node's last report."""
-        for text in self.reports.values():
-            for line in text.splitlines():
-                if line.startswith(f"{node}: "):
-                    for part in line.split("; ", 1)[1].split(", "):
-                        key, _, value = part.partition(" ")
-                        if key == name:
-                            return value
-        return ""
+        told = "\n".join(self.reports.values())
+        found = re.search(rf"^{node}: .*?[;,] {name} ([^,\n]*)", told, re.MULTILINE)
+        return found[1] if found else ""
 
     def engaged(self) -> float:
         """Return for which share of the samples the device obeyed, from the first on."""
@@ -134,7 +130,7 @@ def of_two_users(
     }
 
 
-class SplitGraph:
+class SplitGraph(AbstractContextManager["SplitGraph"]):
     """A graph of which a part runs in one namespace, and the rest in the other.
 
     Args:
@@ -159,11 +155,10 @@ class SplitGraph:
         self._processes: dict[str, subprocess.Popen[str]] = {}
         self._watchers: dict[str, ReportingProcess] = {}
         self._stack = ExitStack()
-        environment = private_environment(domain)
+        environment = finding_benchmarks(private_environment(domain))
         # Namespaces are hosts: nothing of loopback only, and no network but the emulated one.
         environment.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
-        environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
         # rclpy and transports as the nodes have them.
         beside = {**environment, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         try:
@@ -180,10 +175,6 @@ class SplitGraph:
             self.stop()
             raise
 
-    def _check(self) -> None:
-        for watcher in self._watchers.values():
-            watcher.check()
-
     def _log(self, name: str) -> FilePath:
         return self._folder / f"{name}.log"
 
@@ -197,9 +188,11 @@ class SplitGraph:
         said = [(one, len(one.of("rendering"))) for one in self._watchers.values()]
 
         def rendering() -> bool:
+            for one, _ in said:
+                one.check()
             return all(len(one.of("rendering")) > before for one, before in said)
 
-        wait_until(rendering, START_TIMEOUT_S, "the devices to render", self._check)
+        wait_until(rendering, START_TIMEOUT_S, "the devices to render")
         return time.time()
 
     def kill_nodes(self, name: str) -> float:
@@ -209,7 +202,11 @@ class SplitGraph:
             RuntimeError: it has started nothing.
         """
         tasks = FilePath(f"/proc/{self._processes[name].pid}/task")
-        started = [pid for task in tasks.iterdir() for pid in _words(task / "children")]
+        started = [
+            pid
+            for task in tasks.iterdir()
+            for pid in (task / "children").read_text(encoding="utf-8").split()
+        ]
         if not started:
             raise RuntimeError(f"{name} has started nothing")
         for pid in started:
@@ -252,20 +249,8 @@ class SplitGraph:
             tuple(str(text) for text in said),
         )
 
-    def __enter__(self) -> SplitGraph:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
-
-
-def _words(file: FilePath) -> list[str]:
-    return file.read_text(encoding="utf-8").split()
 
 
 def run_for(

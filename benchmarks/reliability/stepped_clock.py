@@ -20,9 +20,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hapticmech_ros.errors import HapticMechError
+from hapticmech_ros.numerics.times import NANOSECONDS
 
 SOURCE = Path(__file__).with_name("clock_shim.c")
-NANOSECONDS = 1_000_000_000
 
 
 class NoCompilerError(HapticMechError):
@@ -89,19 +89,11 @@ class SteppedClock:
 
     def step(self, seconds: float) -> int:
         """Step the clock forward, or back if negative; return when, ns of the monotonic clock."""
-        return self.set(self.offset_ns + round(seconds * NANOSECONDS))
-
-    def set(self, offset_ns: int) -> int:
-        """Put the clock so far ahead of the machine's; return when, ns of the monotonic clock."""
-        mapped, packed = self._mapped(), struct.pack("=q", offset_ns)
-        when = time.monotonic_ns()
+        packed = struct.pack("=q", self.offset_ns + round(seconds * NANOSECONDS))
+        mapped, when = self._mapped(), time.monotonic_ns()
         # Eight bytes at an aligned place: whoever reads sees the old offset or the new one.
         mapped[:] = packed
         return when
-
-    def now_ns(self) -> int:
-        """Return what the clock says, ns since the epoch."""
-        return time.time_ns() + self.offset_ns
 
     def _mapped(self) -> mmap.mmap:
         if self._map is None:

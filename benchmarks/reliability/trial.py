@@ -8,12 +8,13 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.children import BenchError, wait_until
-from benchmarks.reliability.figure import Figure
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.rig import MS, Rig, pushing
 from benchmarks.reliability.sample import DEVICE, Samples
 from hapticmech_ros.nodes.entry import NODES
@@ -173,23 +174,25 @@ def observe(rig: Rig, fault: Fault, about: Callable[[str], bool], alive: bool = 
 
 
 def carried_out(
-    trials: Iterable[Trial], rig: Rig, told: Callable[[str], None] = print
-) -> list[Trial]:
-    """Return trials, and tell of each as it was done."""
-    done = []
-    for trial in trials:
-        told(trial.log(rig.clean_max))
-        done.append(trial)
-    return done
+    part: str, rig: Rig, faults: Iterable[tuple[str, Callable[[], Trial]]]
+) -> list[Figure]:
+    """Carry out trials, tell of each as it was done, and return the figures of each name.
+
+    Args:
+        part: of the campaign.
+        rig: where they happen.
+        faults: name that trials are summarised by, and what does one.
+    """
+    done: dict[str, list[Trial]] = {}
+    for name, fault in faults:
+        done.setdefault(name, []).append(fault())
+        print(done[name][-1].log(rig.clean_max))
+    found = (summarised(part, name, trials, rig.clean_max) for name, trials in done.items())
+    return [figure for figures in found for figure in figures]
 
 
 def each_node(
-    part: str,
-    quick: bool,
-    out: Path,
-    rate: float,
-    try_fault: Callable[[Rig, str], Trial],
-    told: Callable[[str], None] = print,
+    part: str, quick: bool, out: Path, rate: float, try_fault: Callable[[Rig, str], Trial]
 ) -> list[Figure]:
     """Do something to each node 100 times (quick: twice), in turn, and return the figures.
 
@@ -199,16 +202,13 @@ def each_node(
         out: folder for logs.
         rate: control rate, Hz; 0: the scene's.
         try_fault: what is done to a node.
-        told: called with a line for each.
     """
     nodes = list(NODES) * (QUICK_TRIALS if quick else TRIALS)
     with Rig(out, part, rate=rate) as rig:
-        trials = carried_out((try_fault(rig, node) for node in nodes), rig, told)
+        figures = carried_out(part, rig, ((node, partial(try_fault, rig, node)) for node in nodes))
         rig.ready()
-        figures = [*report_delays(part, rig), report_sockets(part, rig)]
-    for index, node in enumerate(NODES):
-        figures += summarised(part, node, trials[index :: len(NODES)], rig.clean_max)
-    return figures
+        left = Figure(part, "sockets left behind", rig.sockets_left(), most=0.0, trials=1)
+        return [*report_delays(part, rig), left, *figures]
 
 
 def seen(found: Samples, fault: Fault, offset_ns: int = 0, period_s: float = 0.001) -> Seen:
@@ -267,15 +267,13 @@ def _made_ns(arrived: np.ndarray, stamps: np.ndarray, lasted_ns: int) -> np.ndar
 
 
 def _said(rig: Rig, since_ns: int, about: Callable[[str], bool]) -> str:
-    def found() -> list[str]:
-        sentences = [event["text"] for event in rig.said(since_ns) if not event["well"]]
-        return [sentence for sentence in sentences if about(sentence)]
+    def found() -> str:
+        sentences = (event["text"] for event in rig.said(since_ns) if not event["well"])
+        return next(filter(about, sentences), "")
 
-    try:
-        wait_until(found, SAID_WITHIN_S, "a sentence")
-    except BenchError:
-        return ""
-    return found()[0]
+    with suppress(BenchError):
+        return wait_until(found, SAID_WITHIN_S, "a sentence")
+    return ""
 
 
 def _trace(rig: Rig, fault: Fault) -> str:
@@ -292,95 +290,65 @@ def _trace(rig: Rig, fault: Fault) -> str:
         (e["at_ns"], f"{e['node']}: {e['text']}") for e in rig.said(fault.cause_ns - 5000 * MS)
     ]
     lines.append((fault.released_ns, "the fault's end"))
-    lines += largest_force(found, fault.cause_ns)
+    after = found[arrived >= fault.cause_ns]
+    if len(after):
+        force = np.nan_to_num(after["force"], nan=np.inf)
+        most = int(np.argmax(force))
+        lines.append((int(after["arrived_ns"][most]), f"largest force: {force[most]:.3f} N"))
     return "\n".join(f"{since(at_ns)}  {text}" for at_ns, text in sorted(lines))
-
-
-def largest_force(found: Samples, since_ns: int) -> list[tuple[int, str]]:
-    """Return when the sample with most force arrived since a time, and a sentence; or nothing."""
-    after = found[found["arrived_ns"] >= since_ns]
-    if not len(after):
-        return []
-    force = np.nan_to_num(after["force"], nan=np.inf)
-    most = int(np.argmax(force))
-    return [(int(after["arrived_ns"][most]), f"largest force: {force[most]:.3f} N")]
 
 
 def summarised(part: str, name: str, trials: Sequence[Trial], clean_max: float) -> list[Figure]:
     """Return the worst of some trials as figures, with the limits that they have to keep."""
-    number = len(trials)
+    figure = figures_of(part, name, len(trials))
 
-    def worst(what: str, values: Sequence[float], unit: str, most: float | None) -> Figure:
-        return Figure(
-            part, f"{name}: {what}", max(values, default=math.nan), unit, most, None, number
-        )
+    def worst(of: Callable[[Trial], float]) -> float:
+        return max(map(of, trials), default=math.nan)
 
-    zeros = [1e3 * trial.zero_s for trial in trials]
+    def share(of: Callable[[Trial], object]) -> float:
+        return 100.0 * float(np.mean([bool(of(trial)) for trial in trials])) if trials else math.nan
+
     zero_goal = max((1e3 * trial.zero_goal_s for trial in trials), default=None)
-    received = [1e3 * trial.heard_s for trial in trials]
-    back = [trial.back_s for trial in trials]
-    judged = [trial.peak / clean_max for trial in trials if not trial.paused]
-    paused = [trial.peak / clean_max for trial in trials if trial.paused]
-    above = sum(peak > GOAL_PEAK for peak in judged)
-    share = 100.0 * float(np.mean([bool(trial.said) for trial in trials])) if trials else math.nan
-    alive = float(np.mean([100.0 * trial.alive for trial in trials])) if trials else math.nan
-    stale = Figure(
-        part,
-        f"{name}: outputs with force before the first zero",
-        sum(t.stale for t in trials),
-        "",
-        0.0,
-        None,
-        number,
+    judged, paused = (
+        [trial.peak / clean_max for trial in trials if trial.paused is left_out]
+        for left_out in (False, True)
     )
+    most = max(judged, default=math.nan)
+    above = sum(peak > GOAL_PEAK for peak in judged)
+    why = "the machine kept the device's process waiting right before"
     return [
-        worst("zero force after, by the device's stamps, worst", zeros, "ms", zero_goal),
-        worst("zero force after, by arrival, worst", received, "ms", None),
-        worst("rendering again after, worst", back, "s", GOAL_BACK_S),
-        Figure(
-            part,
-            f"{name}: largest force, of a clean run's",
-            max(judged, default=math.nan),
-            "",
-            GOAL_PEAK,
-            None,
-            len(judged),
+        figure(
+            "zero force after, by the device's stamps, worst",
+            worst(lambda trial: 1e3 * trial.zero_s),
+            "ms",
+            most=zero_goal,
         ),
-        Figure(
-            part,
-            f"{name}: trials with more force than {GOAL_PEAK} of that",
-            above,
-            "",
-            trials=number,
+        figure("zero force after, by arrival, worst", worst(lambda one: 1e3 * one.heard_s), "ms"),
+        figure(
+            "rendering again after, worst", worst(lambda one: one.back_s), "s", most=GOAL_BACK_S
         ),
-        Figure(
-            part,
-            f"{name}: the same in trials left out",
-            max(paused, default=0.0),
-            trials=len(paused),
-            note="the machine kept the device's process waiting right before",
+        figure("largest force, of a clean run's", most, most=GOAL_PEAK, trials=len(judged)),
+        figure(f"trials with more force than {GOAL_PEAK} of that", above),
+        figure(
+            "the same in trials left out", max(paused, default=0.0), trials=len(paused), note=why
         ),
-        Figure(part, f"{name}: said", share, "%", None, 100.0, number),
-        Figure(part, f"{name}: all other nodes went on", alive, "%", None, 100.0, number),
-        stale,
+        figure("said", share(lambda trial: trial.said), "%", least=100.0),
+        figure("all other nodes went on", share(lambda trial: trial.alive), "%", least=100.0),
+        figure(
+            "outputs with force before the first zero",
+            sum(trial.stale for trial in trials),
+            most=0.0,
+        ),
     ]
-
-
-def report_sockets(part: str, rig: Rig) -> Figure:
-    """Return how many sockets of the lane are left by nodes that are no more."""
-    return Figure(part, "sockets left behind", rig.sockets_left(), "", 0.0, None, 1)
 
 
 def report_delays(part: str, rig: Rig) -> list[Figure]:
     """Return how late the watcher itself is, and what a clean run's force is."""
     late = rig.lateness_ns / MS
+    figure = figures_of(part, "watcher", len(late))
     note = "arrival less stamp, of a clean run"
-
-    def figure(name: str, value: float) -> Figure:
-        return Figure(part, f"watcher: lateness, {name}", value, "ms", trials=len(late), note=note)
-
     return [
         Figure(part, "clean run: largest force", rig.clean_max, "N", trials=1),
-        figure("median", float(np.median(late))),
-        figure("worst", float(late.max())),
+        figure("lateness, median", float(np.median(late)), "ms", note=note),
+        figure("lateness, worst", float(late.max()), "ms", note=note),
     ]

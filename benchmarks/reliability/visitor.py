@@ -96,11 +96,10 @@ class Visitor(Node):
                     self.pushed_by.add(pair.value)
 
 
-def main() -> None:
-    """Visit for a while."""
-    seconds, meddle = float(sys.argv[1]), "--meddle" in sys.argv
+if __name__ == "__main__":
+    seconds = float(sys.argv[1])
     rclpy.init()
-    node = Visitor(meddle)
+    node = Visitor("--meddle" in sys.argv)
     begun = time.monotonic()
     while (passed := time.monotonic() - begun) < seconds:
         node.visit(last=passed > seconds / 2)
@@ -108,7 +107,3 @@ def main() -> None:
     print(json.dumps(node.report()), flush=True)
     node.destroy_node()
     rclpy.try_shutdown()
-
-
-if __name__ == "__main__":
-    main()

@@ -12,23 +12,23 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import Float64MultiArray
 
-from benchmarks.children import BenchError, output_to
-from benchmarks.reliability.figure import Figure
+from benchmarks.children import BenchError, output_to, wait_until
+from benchmarks.reliability.caller import Stranger
+from benchmarks.reliability.figure import Figure, figures_of
 from benchmarks.reliability.free_topics import free_topics, gentler
 from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
@@ -103,7 +103,7 @@ def run_wire(count: int, out: Path, free: bool = False) -> list[Figure]:
     return attack.figures(count)
 
 
-class Attack:
+class Attack(Stranger):
     """A stranger in the graph: sends what nobody should send, and listens to what comes of it.
 
     Args:
@@ -116,11 +116,7 @@ class Attack:
         self._graph = graph
         self._free = free
         self._where = "on topics without owner" if free else "on the wire"
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=int(environment["ROS_DOMAIN_ID"]))
-        self._node = rclpy.create_node("stranger", context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__("stranger", environment, EventsExecutor)
         scene = load_scene(SCENE)
         self.seen = Outputs(scene.device)
         links = [link.name for link in scene.links]
@@ -147,18 +143,18 @@ class Attack:
         self._own: set[bytes] = set()
         for topic, kind in received.items():
             self._listen(topic, kind)
-        self._node.create_subscription(
+        self.node.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_status, AS_THEY_COME
         )
         self._clients = [
-            self._node.create_client(SetParameters, f"{name}/set_parameters")
+            self.node.create_client(SetParameters, f"{name}/set_parameters")
             for name in graph.processes
         ]
         self._asked: list[Future | None] = [None] * len(self._clients)
         self.requests = self.answered = 0
         self._grasped: list[PoseStamped] = []
         grasped = f"mechanism/{POINT}/operational_point"
-        self._node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
+        self.node.create_subscription(PoseStamped, grasped, self._grasped.append, LATCHED)
 
     @property
     def refused(self) -> int:
@@ -169,27 +165,19 @@ class Attack:
         """Return whether every node says that all is well."""
         return len(self._well) >= 4 and all(self._well.values())
 
-    def is_back(self) -> bool:
-        """Return whether device and controller are well; what others warn of may last."""
-        return all(self._well.get(name, False) for name in RENDERING)
-
     def wait(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Handle messages until a condition holds.
 
         Raises:
-            BenchError: it does not, or a node has ended.
+            BenchError: it does not.
         """
-        end = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > end:
-                raise BenchError(f"waited {timeout_s:g} s in vain for {what}")
-            self._spin(0.02)
+        wait_until(condition, timeout_s, what, lambda: self._spin(0.02), look_again_s=0.0)
 
     def run(self, count: int) -> None:
         """Send until so many were refused; then be silent, and see whether the graph comes back."""
         self.wait(lambda: len(self._samples) == LISTENED, STARTS_WITHIN_S, "all topics' messages")
         publishers = [
-            (topic, kind, self._node.create_publisher(kind, topic, SENT_RELIABLY))
+            (topic, kind, self.node.create_publisher(kind, topic, SENT_RELIABLY))
             for topic, kind in self._kinds.items()
         ]
         self._spin(1.0)
@@ -210,19 +198,24 @@ class Attack:
                 self.sent += 1
             self._ask()
             self._spin(PAUSE_S)
-            now = time.monotonic()
-            silent = max((now - received for received in self._heard_s.values()), default=0.0)
-            self.silence_s = max(self.silence_s, silent)
-            self._look_at_memory(count)
+            silences = (time.monotonic() - heard for heard in self._heard_s.values())
+            self.silence_s = max(self.silence_s, *silences, 0.0)
+            for name, process in self._graph.processes.items():
+                if self.memory[name].due(self.sent, count):
+                    self.memory[name].add(self.sent, resident(process.pid))
         self._undo(publishers)
         for _, _, publisher in publishers:
-            self._node.destroy_publisher(publisher)
+            self.node.destroy_publisher(publisher)
         self._spin(RECOVERS_S)
-        try:
-            self.wait(self.is_back, BACK_WITHIN_S, "the graph to come back")
+        with suppress(BenchError):
+            answered = [one for one in self._asked if one is not None]
+            what = "answers to the last requests"
+            self.wait(lambda: all(one.done() for one in answered), BACK_WITHIN_S, what)
+        with suppress(BenchError):
+            # Device and controller: what others warn of may last.
+            well = self._well
+            self.wait(lambda: all(map(well.get, RENDERING)), BACK_WITHIN_S, "the graph's return")
             self.back = True
-        except BenchError:
-            self.back = False
         if self.seen.examples:
             self.told["wrong"] = "; ".join(self.seen.examples)
         self.ended = self._graph.ended()
@@ -231,50 +224,37 @@ class Attack:
 
     def figures(self, count: int) -> list[Figure]:
         """Return what was found."""
-
-        def figure(name: str, value: float, unit: str = "", most: float = 0.0) -> Figure:
-            return Figure(PART, f"{self._where}: {name}", value, unit, most=most, trials=self.sent)
-
+        figure = figures_of(PART, self._where, self.sent)
+        warning = sorted(name for name, well in self._well.items() if not well)
+        note = "as counted by the nodes that refused them; more were taken"
+        silent = self.requests - self.answered
         return [
-            Figure(
-                PART,
-                f"{self._where}: messages delivered",
-                self.refused,
-                least=count,
-                trials=self.sent,
-                note="as counted by the nodes that refused them; more were taken",
-            ),
-            figure("processes that ended", len(self.ended)),
-            figure("longest silence of a node", self.silence_s, "s", HANG_S),
-            figure("requests without a refusal", self.requests - self.answered),
-            figure("outputs not finite", self.seen.not_finite),
+            figure("messages delivered", self.refused, least=count, note=note),
+            figure("processes that ended", len(self.ended), most=0.0),
+            figure("longest silence of a node", self.silence_s, "s", most=HANG_S),
+            figure("requests without a refusal", silent, most=0.0),
+            figure("outputs not finite", self.seen.not_finite, most=0.0),
             *self.seen.figures(PART, self._where, renders=self._free),
-            figure("graphs that did not come back", 0 if self.back else 1),
-            Figure(
-                PART,
-                f"{self._where}: nodes that still warn",
-                len(warning := [name for name, well in self._well.items() if not well]),
+            figure("graphs that did not come back", int(not self.back), most=0.0),
+            figure(
+                "nodes that still warn",
+                len(warning),
                 trials=len(self._well),
-                note=", ".join(sorted(warning)),
+                note=", ".join(warning),
             ),
             worst_growth(PART, self._where, list(self.memory.values()), self.sent),
-            Figure(PART, f"{self._where}: outputs looked at", self.seen.messages, trials=self.sent),
+            figure("outputs looked at", self.seen.messages),
         ]
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._node.destroy_node()
-        self._context.try_shutdown()
 
     def _ask(self) -> None:
         """Ask a node for parameters of types that there are not, unless it has yet to answer."""
         which = self._hostile.index(len(self._clients))
-        before = self._asked[which]
-        if before is not None and not before.done():
+        before, client = self._asked[which], self._clients[which]
+        if not client.service_is_ready() or (before is not None and not before.done()):
             return
         kind = NO_TYPE + self._hostile.index(TYPE_NUMBERS - NO_TYPE)
         parameters = [Parameter(name=name, value=ParameterValue(type=kind)) for name in ASKED]
-        asked = self._clients[which].call_async(SetParameters.Request(parameters=parameters))
+        asked = client.call_async(SetParameters.Request(parameters=parameters))
         self._asked[which] = asked
         self.requests += 1
         asked.add_done_callback(self._on_answer)
@@ -292,7 +272,7 @@ class Attack:
             self._samples.setdefault(topic, message)
             self.seen.look(topic, kind, message)
 
-        self._node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
+        self.node.create_subscription(kind, topic, received, SENT_RELIABLY, raw=True)
 
     def _on_status(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -315,13 +295,8 @@ class Attack:
                 publisher.publish(self._grasped[0])
         self._spin(0.5)
 
-    def _look_at_memory(self, count: int) -> None:
-        for name, process in self._graph.processes.items():
-            if self.memory[name].due(self.sent, count):
-                self.memory[name].add(self.sent, resident(process.pid))
-
     def _spin(self, seconds: float) -> None:
-        wait_for_messages(self._executor, seconds)
+        wait_for_messages(self.executor, seconds)
 
 
 def _known(message: bytes) -> bytes:

@@ -29,13 +29,13 @@ from benchmarks.robot.environment import (
     environment_sheet,
     loop,
 )
+from benchmarks.robot.felt_environment import INTERFACES as TAKEN
+from benchmarks.robot.felt_environment import FeltEnvironment, felt_environment
 from benchmarks.robot.laws import OBSERVED, OURS, Setting, settings
 from benchmarks.robot.other_paths import Elsewhere, elsewhere, elsewhere_sheets
 from benchmarks.robot.tasks import ROBOTS, TASKS
 from benchmarks.robot.trial import Measured, Stage
 from benchmarks.speed.contender import setting_text
-from hapticmech_ros.analysis.environment import INTERFACES as TAKEN
-from hapticmech_ros.analysis.environment import FeltEnvironment, felt_environment
 from hapticmech_ros.analysis.study import Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -132,18 +132,8 @@ class RobotResults(MachineResults):
 
     def sheets(self) -> Iterator[Sheet]:
         """Yield settings, measurements and goals."""
-        settled = [
-            (
-                one.robot,
-                one.condition,
-                one.law,
-                "none" if one.values is None else setting_text(one.values),
-                str(one.tried),
-            )
-            for one in self.chosen
-        ]
-        if settled:
-            yield self._settings(settled)
+        if self.chosen:
+            yield self._settings()
         for task in dict.fromkeys(row.task for row in self.rows):
             for condition in CONDITIONS:
                 yield self._sheet(task, condition)
@@ -161,11 +151,21 @@ class RobotResults(MachineResults):
             return {}
         return {"felt_environment.png": environment_figure(self.environments)}
 
-    def _settings(self, settled: Sequence[tuple[str, ...]]) -> Sheet:
+    def _settings(self) -> Sheet:
+        rows = (
+            (
+                one.robot,
+                one.condition,
+                one.law,
+                "none" if one.values is None else setting_text(one.values),
+                str(one.tried),
+            )
+            for one in self.chosen
+        )
         return Sheet(
             "settings",
             ("robot", "condition", "law", "chosen", "tried"),
-            tuple(settled),
+            tuple(rows),
             ("condition", "law", "chosen"),
             "largest relative difference of D, h and J between MuJoCo and us: "
             + ", ".join(f"{name} {value:.1e}" for name, value in self.difference.items()),
@@ -356,9 +356,7 @@ def run_benchmark(
     chosen: list[Chosen] = []
     rows: list[Row] = []
     robots = {"iiwa14": ("reach",)} if quick else ROBOTS
-    if not laws:
-        robots = {}
-    for robot, names in robots.items():
+    for robot, names in robots.items() if laws else ():
         tasks = [TASKS[name]() for name in names]
         stages = {
             condition: [Stage(task, unknown) for task in tasks]

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.robot.driven import STEPS, DrivenRobot
 from benchmarks.robot.tasks import IIWA, IIWA_LIMITS
-from benchmarks.robot.trial import PERIOD, STEPS
+from benchmarks.robot.trial import PERIOD
 from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import turned
-from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, Interface, servo_torque
+from hapticmech_ros.robot.interfaces import FeedbackPort, FeedbackSettings, Interface
 from hapticmech_ros.robot.law import Gains, OperationalLaw
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Wall
 
@@ -75,47 +74,18 @@ class Felt:
         return self.hand_j >= -ALLOWED_J
 
 
-class _Robot:
-    """A robot in MuJoCo and what drives it."""
+class _Robot(DrivenRobot):
+    """An iiwa in MuJoCo, which a wall is before."""
 
     def __init__(self, interface: Interface, rate: float, with_rates: bool) -> None:
-        self._with_rates = with_rates
         scene = load_scene(IIWA)
         gains = Gains(linear_rate=rate, angular_rate=rate)
-        self._law = OperationalLaw(
-            Mechanism(scene), gains=gains, torque_limits=np.array(IIWA_LIMITS)
-        )
-        self.q = self._law.posture
-        self.start = self._law.state(self.q, 0.0 * self.q).point.pose.translation.copy()
+        law = OperationalLaw(Mechanism(scene), gains=gains, torque_limits=np.array(IIWA_LIMITS))
+        start = law.state(law.posture, 0.0 * law.posture).point.pose.translation
+        self.start = start.copy()
         wall = Wall(self.start + (GAP + RADIUS) * INTO, -INTO)
-        self.robot = MujocoRobot(scene, around=Around(wall, RADIUS), step=PERIOD / STEPS)
-        self.robot.put(self.q, 0.0 * self.q)
-        settings = FollowerSettings(interface, PERIOD, has_sensor=True)
-        self.follower, self._interface = Follower(self._law, settings), interface
-        self._order: Order | None = None
-
-    def go_on(self, time: float) -> Array:
-        """Move for a period under the last order, take a new one, and return the contact (6,)."""
-        robot = self.robot
-        self.follower.update_joints(robot.q, robot.v, time)
-        sensed = turned(robot.contact_wrench(), robot.pose.rotation.T)
-        self.follower.update_wrench(sensed, time)
-        order = self.follower.order(time)
-        robot.advance(self._torque(), STEPS)
-        if order is None:
-            return np.zeros(6)
-        self._order = order
-        return order.contact
-
-    def _torque(self) -> Array:
-        order = self._order
-        if order is None:
-            return self._law.resting(self.q)
-        if self._interface == "effort":
-            return order.values
-        if self._interface == "velocity":
-            return servo_torque(self.robot, None, order.values)
-        return servo_torque(self.robot, order.values, order.rates if self._with_rates else None)
+        robot = MujocoRobot(scene, around=Around(wall, RADIUS), step=PERIOD / STEPS)
+        super().__init__(robot, law, interface, with_rates, PERIOD)
 
 
 def felt(
@@ -152,7 +122,7 @@ def felt(
         acted, before = given, point.twist.copy()
         least, most = min(least, hand_j), max(most, coupling)
         robot.follower.update_target(point.pose, point.twist, PERIOD * tick)
-        contact = robot.go_on(PERIOD * tick)
+        contact = robot.move(PERIOD * tick, robot.robot.contact_wrench())
         given = port.wrench(contact, point.twist)
         forces.append(-float(INTO @ contact[:3]))
         hands.append(float(INTO @ sample.hand_wrench[:3]))

@@ -9,14 +9,15 @@ of its own: the felt impedance along one is a number, as that of the environment
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from benchmarks.robot.felt_environment import FeltEnvironment, Loop
 from benchmarks.robot.tasks import IIWA
 from hapticmech_ros import load_scene
-from hapticmech_ros.analysis.environment import FeltEnvironment, Loop
 from hapticmech_ros.analysis.study import Sheet
 from hapticmech_ros.analysis.transparency import CIRCLES
 from hapticmech_ros.experiment.figure_style import (
@@ -29,8 +30,8 @@ from hapticmech_ros.experiment.figure_style import (
 )
 from hapticmech_ros.robot.law import Gains
 from hapticmech_ros.robot.linear_environment import Impedance
-from hapticmech_ros.scene import scene_from_document
 
+CARRIAGE = Path(__file__).with_name("carriage.yaml")
 ENVIRONMENTS: dict[str, Impedance] = {
     "spring": Impedance(300.0, 6.0),
     "mass, spring, damper": Impedance(300.0, 6.0, 0.3),
@@ -48,29 +49,10 @@ CAPTION = (
 )
 
 
-def _link(name: str, parent: str, axis: tuple[int, int, int]) -> dict[str, object]:
-    inertia = dict.fromkeys(("ixx", "iyy", "izz"), 0.001)
-    return {
-        "name": name,
-        "parent": parent,
-        "joint": {"name": f"along_{name}", "type": "prismatic", "axis": axis, "damping": 0.1},
-        "inertial": {"mass": 0.3, "inertia": inertia},
-    }
-
-
 def loop() -> Loop:
     """Return the carriage that leads an iiwa."""
-    document = {
-        "format": "hapticmech-scene/1",
-        "name": "carriage",
-        "task_space": "planar",
-        "gravity": [0.0, 0.0, 0.0],
-        "links": [_link("x", "world", (1, 0, 0)), _link("y", "x", (0, 1, 0))],
-        "operational_points": [{"name": "handle", "link": "y"}],
-        "hand": {"kind": "constant_wrench"},
-    }
     gains = Gains(linear_rate=RATE, angular_rate=RATE)
-    return Loop(scene_from_document(document), load_scene(IIWA), gains)
+    return Loop(load_scene(CARRIAGE), load_scene(IIWA), gains)
 
 
 def _outcome(one: FeltEnvironment) -> str:

@@ -16,7 +16,6 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.robot.law import OperationalLaw, Target
 from hapticmech_ros.scene import Scene
-from hapticmech_ros.scene.mechanism import Metric
 
 IIWA = str(Path(__file__).resolve().parents[2] / "examples/iiwa14.yaml")
 # N m, of the makers' data sheets.
@@ -140,30 +139,16 @@ def stretched(
 
 def ur5e() -> OperationalLaw:
     """Return a UR5e as a robot: with weight, without the damping that a hand feels in the scene."""
-    scene = load_scene("ur5e").with_("gravity=[0, 0, -9.81]")
-    still = {"damping": 0.0}
-    links = [
-        link.model_copy(update={"joint": link.joint.model_copy(update=still)})
-        for link in scene.links
-    ]
-    point = scene.operational_points[0]
+    scene = load_scene("ur5e")
+    still = [f"links.{link.name}.joint.damping=0.0" for link in scene.links]
     # As the iiwa's: the tool's own would rather turn the tool than move it.
-    metric = Metric(mass=5.0, length=LEVER)
-    points = (point.model_copy(update={"metric": metric}),)
-    changed = {"links": tuple(links), "operational_points": points}
-    return OperationalLaw(Mechanism(scene.model_copy(update=changed)))
+    metric = f"operational_points[0].metric={{mass: 5.0, length: {LEVER}}}"
+    return OperationalLaw(Mechanism(scene.with_("gravity=[0, 0, -9.81]", metric, *still)))
 
 
 def iiwa() -> OperationalLaw:
     """Return the iiwa of examples/."""
     return OperationalLaw(Mechanism(load_scene(IIWA)))
-
-
-def wrist() -> Task:
-    """Return the task of a UR5e whose wrist passes through its singular pose."""
-    start = np.array([0.0, -1.9, 1.9, -0.5, -0.6, 0.0])
-    end = np.array([0.4, -1.6, 1.7, -0.7, 0.6, 0.3])
-    return wrist_path(start, end)
 
 
 def wrist_path(start: Array, end: Array) -> Task:
@@ -173,45 +158,40 @@ def wrist_path(start: Array, end: Array) -> Task:
         start: (6,) rad.
         end: (6,) rad.
     """
-    law = ur5e()
+    return _through("UR5e, through the wrist", ur5e(), UR5E_LIMITS, start, end)
+
+
+def _through(
+    name: str, law: OperationalLaw, limits: tuple[float, ...], start: Array, end: Array
+) -> Task:
+    """Return the task of a robot whose joints go straight from one pose to another."""
     path = through_joints(law, start, end, PATH_S)
-    return _pressed("UR5e, through the wrist", law, UR5E_LIMITS, start, end, path)
+    return _pressed(name, law, limits, start, end, path)
 
 
-def arm() -> Task:
-    """Return the task of a UR5e that is called beyond its reach, and back."""
-    law = ur5e()
-    start = np.array([0.0, -1.9, 1.9, -0.5, -1.0, 0.0])
-    end = np.array([0.0, -1.3, 0.0, -0.3, -1.0, 0.0])
-    way = _out_of(law, end, "upper_arm", "wrist_block1")
+def _beyond(
+    name: str,
+    law: OperationalLaw,
+    limits: tuple[float, ...],
+    start: Array,
+    end: Array,
+    arm: tuple[str, str],
+) -> Task:
+    """Return the task of a robot that is called beyond its reach, and back.
+
+    Args:
+        name: of the task.
+        law: of the robot.
+        limits: of its torques, N m.
+        start: (nv,) rad.
+        end: (nv,) rad, its arm straight.
+        arm: links at the arm's shoulder and wrist.
+    """
+    shoulder, wrist = (law.mechanism.frame_pose(end, link).translation for link in arm)
+    out = wrist - shoulder
+    way = np.asarray(BEYOND * out / np.linalg.norm(out))
     path = stretched(law, start, end, way, PATH_S)
-    return _pressed("UR5e, beyond reach", law, UR5E_LIMITS, start, start, path)
-
-
-def elbow() -> Task:
-    """Return the task of an iiwa whose elbow passes through its straight pose."""
-    law = iiwa()
-    start = np.array([0.0, 0.9, 0.0, -0.6, 0.0, 0.6, 0.0])
-    end = np.array([0.3, 0.7, 0.2, 0.6, 0.0, 0.4, 0.2])
-    path = through_joints(law, start, end, PATH_S)
-    return _pressed("iiwa14, through the elbow", law, IIWA_LIMITS, start, end, path)
-
-
-def reach() -> Task:
-    """Return the task of an iiwa that is called beyond its reach, and back."""
-    law = iiwa()
-    start = np.array([0.0, 0.6, 0.0, -1.2, 0.0, 0.9, 0.0])
-    end = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.6, 0.0])
-    way = _out_of(law, end, "link2", "link6")
-    path = stretched(law, start, end, way, PATH_S)
-    return _pressed("iiwa14, beyond reach", law, IIWA_LIMITS, start, start, path)
-
-
-def _out_of(law: OperationalLaw, q: Array, shoulder: str, wrist_link: str) -> Array:
-    """Return the way (3,) beyond the end of a straight arm's reach, m."""
-    places = [law.mechanism.frame_pose(q, link).translation for link in (shoulder, wrist_link)]
-    out = places[1] - places[0]
-    return np.asarray(BEYOND * out / np.linalg.norm(out))
+    return _pressed(name, law, limits, start, start, path)
 
 
 def _pressed(
@@ -234,6 +214,33 @@ def _pressed(
     return Task(name, scene, np.array(limits), start, path, into, along, returns)
 
 
-TASKS = {"wrist": wrist, "arm": arm, "elbow": elbow, "reach": reach}
+TASKS: dict[str, Callable[[], Task]] = {
+    "wrist": lambda: wrist_path(
+        np.array([0.0, -1.9, 1.9, -0.5, -0.6, 0.0]), np.array([0.4, -1.6, 1.7, -0.7, 0.6, 0.3])
+    ),
+    "arm": lambda: _beyond(
+        "UR5e, beyond reach",
+        ur5e(),
+        UR5E_LIMITS,
+        np.array([0.0, -1.9, 1.9, -0.5, -1.0, 0.0]),
+        np.array([0.0, -1.3, 0.0, -0.3, -1.0, 0.0]),
+        ("upper_arm", "wrist_block1"),
+    ),
+    "elbow": lambda: _through(
+        "iiwa14, through the elbow",
+        iiwa(),
+        IIWA_LIMITS,
+        np.array([0.0, 0.9, 0.0, -0.6, 0.0, 0.6, 0.0]),
+        np.array([0.3, 0.7, 0.2, 0.6, 0.0, 0.4, 0.2]),
+    ),
+    "reach": lambda: _beyond(
+        "iiwa14, beyond reach",
+        iiwa(),
+        IIWA_LIMITS,
+        np.array([0.0, 0.6, 0.0, -1.2, 0.0, 0.9, 0.0]),
+        np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.6, 0.0]),
+        ("link2", "link6"),
+    ),
+}
 # Of one robot each: one setting serves all that it is asked to do.
 ROBOTS = {"UR5e": ("wrist", "arm"), "iiwa14": ("elbow", "reach")}

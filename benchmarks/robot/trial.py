@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.robot.driven import STEPS
 from benchmarks.robot.laws import Law, Setting
 from benchmarks.robot.tasks import (
     APPROACH,
@@ -32,8 +33,10 @@ from hapticmech_ros.robot.follower import DisturbanceObserver, Observed, balance
 from hapticmech_ros.robot.law import ForceTask, RobotState, Target
 from hapticmech_ros.robot.mujoco_robot import Around, MujocoRobot, Unmodelled, Wall
 
-# s of control, in so many steps of MuJoCo; m of the ball at the tool.
-PERIOD, STEPS, RADIUS = 1e-3, 4, 0.01
+# s of control; m of the ball at the tool.
+PERIOD, RADIUS = 1e-3, 0.01
+# Of an error, m: with the lever for angles.
+SCALE = np.repeat((1.0, LEVER), 3)
 # N that count as contact, and m at which a trial is given up.
 TOUCH_N, LOST_M = 1.0, 0.3
 # s that a contact may take to be found.
@@ -147,7 +150,7 @@ class _Trial:
         lengths: list[float] = []
         left = len(self.stage.path) * (1e-3 * most) ** 2
         for target in self.stage.path:
-            lengths.append(float(_lengths(self.tick(target)[None])[0]))
+            lengths.append(float(np.linalg.norm(SCALE * self.tick(target))))
             left -= lengths[-1] ** 2
             if left < 0.0:
                 raise HapticMechError(f"the error is above {most:g} mm")
@@ -244,9 +247,3 @@ def _press_times() -> Iterator[tuple[float, bool]]:
 def _rms_mm(lengths: Array) -> float:
     """Return the root of the mean square of lengths in m, mm."""
     return 1e3 * float(np.sqrt(np.mean(lengths**2)))
-
-
-def _lengths(errors: Array) -> Array:
-    """Return (n,) lengths of errors (n, 6), m, with the lever for angles."""
-    scaled = errors * np.repeat((1.0, LEVER), 3)
-    return np.asarray(np.linalg.norm(scaled, axis=1))

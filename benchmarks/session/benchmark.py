@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -14,8 +14,9 @@ import numpy as np
 import typer
 
 from benchmarks.ablation.loop import PARTS, Loop
-from benchmarks.goals import Verdict, goal_sheet, unknown, verdict
+from benchmarks.goals import Verdict, at_most, goal_sheet
 from benchmarks.machine import MachineResults, cpu_times, machine
+from benchmarks.speed.mujoco_peer import MujocoScene, at_start, stepping
 from hapticmech_ros.analysis.study import Sheet, Show, number, silent
 from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.study import JsonOption, carry_out
@@ -83,21 +84,13 @@ class SessionResults(MachineResults):
         """Goals, and whether they are met."""
         own = next((cost for cost in self.costs if cost.scene == SCENE), None)
         slowest = max(self.costs, key=lambda cost: cost.tick)
-        names = (
-            f"{SCENE}: a tick at most {TICK_US:g} µs",
-            f"{SCENE}: in a run at most {RUN_US:g} µs",
-            f"{SCENE}: a tick at most {RATIO:g} of its kernel",
-            f"every scene: a tick at most {ANY_US:g} µs",
-        )
-        seen = f"{slowest.scene}: {slowest.tick:.1f} µs"
-        last = verdict(names[3], seen, slowest.tick <= ANY_US)
-        if own is None:
-            return *map(unknown, names[:3]), last
+        tick, run, ratio = (own.tick, own.run, own.ratio) if own else (None, None, None)
+        every = f"{slowest.scene}: {{:.1f}} µs"
         return (
-            verdict(names[0], f"{own.tick:.1f} µs", own.tick <= TICK_US),
-            verdict(names[1], f"{own.run:.1f} µs", own.run <= RUN_US),
-            verdict(names[2], f"{own.ratio:.2f}", own.ratio <= RATIO),
-            last,
+            at_most(f"{SCENE}: a tick at most {TICK_US:g} µs", tick, TICK_US, "{:.1f} µs"),
+            at_most(f"{SCENE}: in a run at most {RUN_US:g} µs", run, RUN_US, "{:.1f} µs"),
+            at_most(f"{SCENE}: a tick at most {RATIO:g} of its kernel", ratio, RATIO, "{:.2f}"),
+            at_most(f"every scene: a tick at most {ANY_US:g} µs", slowest.tick, ANY_US, every),
         )
 
     def sheets(self) -> Iterator[Sheet]:
@@ -129,12 +122,12 @@ def tick_cost(scene: Scene, rounds: int) -> TickCost:
     ticked, running, parted = Session(scene), Session(scene), Loop(scene)
     into = np.zeros((TICKS, running.layout.size))
     callers: dict[str, Callable[[], object]] = {
-        "tick": lambda: _times(ticked.tick),
+        "tick": lambda: _ticks(ticked),
         "run": lambda: running.run(TICKS, into=into),
     }
-    step = _mj_step(scene)
-    if step is not None:
-        callers["mj_step"] = lambda: _times(step)
+    # Without MuJoCo, or such a mechanism in it, there is no step of it.
+    with suppress(ImportError, HapticMechError):
+        callers["mj_step"] = stepping(*at_start(MujocoScene(scene), scene), TICKS)
     times = {name: 1e6 * taken / TICKS for name, taken in cpu_times(callers, rounds).items()}
     parts = np.zeros((rounds * TICKS, len(PARTS)))
     for row in parts:
@@ -164,24 +157,9 @@ def check_agreement(scene: Scene) -> None:
             raise HapticMechError(f"{scene.name}: tick {row} differs in a run")
 
 
-def _times(call: Callable[[], object]) -> None:
+def _ticks(session: Session) -> None:
     for _ in range(TICKS):
-        call()
-
-
-def _mj_step(scene: Scene) -> Callable[[], None] | None:
-    """Return MuJoCo's step of the mechanism alone; None without MuJoCo, or such a mechanism."""
-    if not find_spec("mujoco"):
-        return None
-    import mujoco
-
-    from benchmarks.speed.mujoco_peer import MujocoScene, at_start
-
-    try:
-        model, data = at_start(MujocoScene(scene), scene)
-    except HapticMechError:
-        return None
-    return lambda: mujoco.mj_step(model, data)
+        session.tick()
 
 
 def run_session(names: list[str], rounds: int, show: Show = silent) -> SessionResults:

@@ -22,11 +22,11 @@ from benchmarks.machine import MachineResults, machine
 from benchmarks.small_machine.cpu_group import NoGroupError, cpu_group, places
 from benchmarks.small_machine.demo_run import SCENE, DemoRun, demo_command, watch_demo
 from benchmarks.small_machine.reader import Within, read_beside
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.analysis.study import NOTHING, Sheet, Show, judged, number, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.graph import RATES
 
 PROCESSORS, BUSY, CORES = 2, 2, 1.2
@@ -60,9 +60,7 @@ class Settings:
     readers: int = 5
 
     def __post_init__(self) -> None:
-        for load in self.loads:
-            if load not in LOADS:
-                raise InvalidInputError("load", load, f"must be one of {', '.join(LOADS)}")
+        refuse_unknown("load", self.loads, LOADS)
 
     def words(self, load: str) -> str:
         """Return what a load is."""

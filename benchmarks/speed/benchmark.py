@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -15,27 +16,28 @@ from matplotlib.figure import Figure
 
 from benchmarks.goals import Verdict
 from benchmarks.machine import MachineResults, machine
-from benchmarks.speed.contender import Peer
-from benchmarks.speed.equality import Check, check_all
+from benchmarks.speed.contender import EXTRA, Peer
+from benchmarks.speed.equality import Check, check
 from benchmarks.speed.fronts import Ratio, ratios
 from benchmarks.speed.goals import verdicts
-from benchmarks.speed.mujoco_peer import MujocoPeer
-from benchmarks.speed.own_peer import DEFAULT, OwnPeer
+from benchmarks.speed.mujoco_peer import MUJOCO
+from benchmarks.speed.own_peer import DEFAULT, own_peer
 from benchmarks.speed.own_peer import NAME as OWN
-from benchmarks.speed.pinocchio_peer import PinocchioPeer
+from benchmarks.speed.pinocchio_peer import PINOCCHIO
 from benchmarks.speed.problems import Problem, problems
 from benchmarks.speed.race import Effort, race
 from benchmarks.speed.report import drawn, sheets
 from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import SIZES, Growth, growth
 from benchmarks.speed.tick import TickTime, tick_times
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.analysis.study import Sheet, Show, plain, silent
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import FigureOption, JsonOption, carry_out
 from hapticmech_ros.errors import InvalidInputError
 
 DISTRIBUTIONS = ("mujoco", "pin", "numpy", "numba")
-PEERS = ("mujoco", "pinocchio")
+PEERS = {peer.name: peer for peer in (MUJOCO, PINOCCHIO)}
 MOST_REPEATS = 1000
 
 
@@ -81,20 +83,17 @@ def plan(
     Raises:
         InvalidInputError: unknown scene, peer or integrator, or repeats out of range.
     """
-    for name in peers:
-        if name not in PEERS:
-            raise InvalidInputError("peer", name, f"must be one of {list(PEERS)}")
+    refuse_unknown("peer", peers, PEERS)
     if not 1 <= repeats <= MOST_REPEATS:
         raise InvalidInputError("repeats", repeats, f"must be from 1 to {MOST_REPEATS}")
     chosen = problems(scenes)
     if not scenes and (quick or smoke):
         chosen = tuple(problem for problem in chosen if not problem.large)
-    all_peers: dict[str, Peer] = {peer.name: peer for peer in (MujocoPeer(), PinocchioPeer())}
-    wanted = [all_peers[name] for name in peers or PEERS]
-    absent = {peer.name: reason for peer in wanted if (reason := peer.missing())}
-    ready = [peer for peer in wanted if peer.name not in absent]
+    wanted = peers or tuple(PEERS)
+    absent = {name: f"not installed: {EXTRA}" for name in wanted if not find_spec(name)}
+    ready = [PEERS[name] for name in wanted if name not in absent]
     effort = Effort(repeats, 0.05, 1.0, True) if quick else Effort(repeats)
-    return Plan(chosen, (OwnPeer(integrators), *ready), absent, effort, smoke, not scenes)
+    return Plan(chosen, (own_peer(integrators), *ready), absent, effort, smoke, not scenes)
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,9 @@ def run_speed(plan: Plan, show: Show = silent) -> SpeedResults:
     results: list[RunResult] = []
     for problem in plan.problems:
         show(f"{problem.name}: equality")
-        of_problem = check_all([problem], plan.peers)
+        of_problem = [
+            check(problem, peer, method) for peer in plan.peers for method in peer.methods
+        ]
         checks += of_problem
         if not plan.smoke:
             results += race(problem, plan.peers, of_problem, plan.effort, show)

@@ -4,19 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from benchmarks.accuracy.cases import Output
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
-from hapticmech_ros.mechanism.model import TreeModel
+from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import Simulator
 
 EXTRA = "pip install '.[bench]'"
+# A revolute closure is two points of its axis on each other, m: five independent rows out of six.
+AXIS_POINTS = (0.0, 0.2)
 Reading = list[tuple[float, ...]]
 # Of how closures are kept, each a number by name that the peer explains.
 Setting = Mapping[str, float]
@@ -77,28 +78,20 @@ class Method:
         return self.settings if any(closure.active for closure in scene.closures) else FREE
 
 
-class Peer(Protocol):
-    """A simulator."""
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """A simulator.
 
-    @property
-    def name(self) -> str:
-        """For tables and plots."""
+    Attributes:
+        name: for tables and plots, and of what is imported.
+        methods: integrators that are tried.
+        contender: returns a scene ready to run, from a start by a method with a step (s) and a
+            setting; raises UnsuitableError if it is not a scene for this peer or method.
+    """
 
-    @property
-    def methods(self) -> tuple[Method, ...]:
-        """Integrators that are tried."""
-
-    def missing(self) -> str:
-        """Return why it cannot run here, empty if it can."""
-
-    def contender(
-        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
-    ) -> Contender:
-        """Return the scene ready to run.
-
-        Raises:
-            UnsuitableError: not a scene for this peer or method.
-        """
+    name: str
+    methods: tuple[Method, ...]
+    contender: Callable[[Scene, State, Method, float, Setting], Contender]
 
 
 def setting_text(setting: Setting) -> str:
@@ -133,20 +126,3 @@ def refuse_what_no_peer_has(scene: Scene, peer: str) -> None:
             raise UnsuitableError(peer, scene.name, f"friction in {link.joint.name}")
         if link.joint.limits is not None:
             raise UnsuitableError(peer, scene.name, f"stops of {link.joint.name}")
-
-
-def joint_place(tree: TreeModel, name: str) -> int:
-    """Return where a revolute or prismatic joint's coordinate is in q.
-
-    Raises:
-        InvalidInputError: no such joint, or one with other coordinates.
-    """
-    simple = {
-        joint: index
-        for index, (joint, kind) in enumerate(zip(tree.joint_names, tree.joint_types, strict=True))
-        if kind in ("revolute", "prismatic")
-    }
-    if name not in simple:
-        rule = f"must be one of the revolute and prismatic joints {list(simple)}"
-        raise InvalidInputError("joint", name, rule)
-    return int(tree.position_slice(simple[name]).start)

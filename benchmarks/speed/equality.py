@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.speed.contender import Method, Peer, Setting, State, initial_state
@@ -88,13 +87,3 @@ def bound_of(peer: str, method: Method) -> float:
     if method.order <= LOW_ORDER:
         return LOW_ORDER_BOUND
     return HARD_BOUNDS.get(peer, SOFT_BOUND)
-
-
-def check_all(problems: Sequence[Problem], peers: Sequence[Peer]) -> tuple[Check, ...]:
-    """Check every method of every peer on every problem."""
-    return tuple(
-        check(problem, peer, method)
-        for problem in problems
-        for peer in peers
-        for method in peer.methods
-    )

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from benchmarks.goals import Verdict, unknown, verdict
+from benchmarks.goals import Verdict, at_most, unknown, verdict
 from benchmarks.speed.fronts import cost, front, ratios
 from benchmarks.speed.mujoco_peer import NAME as MUJOCO
 from benchmarks.speed.own_peer import NAME as OWN
@@ -33,10 +33,8 @@ def verdicts(
 def _tick(ticks: Sequence[TickTime]) -> Verdict:
     times: Mapping[str, float] = {tick.name: tick.median for tick in ticks}
     goal = f"five-bar: a tick at most {TICK_LIMIT:g} x mj_step"
-    if SEE not in times or MJ_STEP not in times:
-        return unknown(goal)
-    ratio = times[SEE] / times[MJ_STEP]
-    return verdict(goal, f"{ratio:.2f} x", ratio <= TICK_LIMIT)
+    ratio = times[SEE] / times[MJ_STEP] if {SEE, MJ_STEP} <= times.keys() else None
+    return at_most(goal, ratio, TICK_LIMIT, "{:.2f} x")
 
 
 def _races(results: Sequence[RunResult]) -> list[Verdict]:
@@ -79,12 +77,8 @@ def _exponents(grown: Sequence[Growth]) -> list[Verdict]:
     found = []
     for family, title in TITLES.items():
         goal = f"{title}: a step's time grows with N to {EXPONENT_LIMIT:g} at most"
-        ours = [one for one in grown if one.family == family and one.peer == OWN]
-        exponent = ours[0].exponent if ours else None
-        if exponent is None:
-            found.append(unknown(goal))
-        else:
-            found.append(verdict(goal, f"{exponent:.2f}", exponent <= EXPONENT_LIMIT))
+        own = (one.exponent for one in grown if (one.family, one.peer) == (family, OWN))
+        found.append(at_most(goal, next(own, None), EXPONENT_LIMIT, "{:.2f}"))
     return found
 
 

@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from importlib.util import find_spec
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ import pinocchio as pin
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import (
-    EXTRA,
-    Contender,
+    AXIS_POINTS,
     Method,
+    Peer,
     Reading,
     Setting,
     State,
@@ -47,38 +46,12 @@ RUNGE_KUTTA: tuple[Setting, ...] = (
 SOLIMP = (0.9999, 0.9999, 1.0, 0.5, 1.0)
 TOLERANCE = 1e-12
 NAME = "mujoco"
-# A revolute closure is two points of its axis on each other: five independent rows out of six.
-AXIS_POINTS = (0.0, 0.2)
 POINT = "point/"
 
 
-class MujocoPeer:
-    """MuJoCo by ``mj_step``, many steps in a call.
-
-    The solver is Newton's, which is exact for equalities in one or two iterations; islands are
-    off, because finding them costs more here than it saves. MuJoCo's Euler, left out, is
-    ``implicitfast`` but for how it takes dampers.
-    """
-
-    name = NAME
-    methods = (
-        Method("implicitfast", 1, IMPLICIT),
-        Method("discrete", 1, DISCRETE),
-        Method("rk4", 4, RUNGE_KUTTA),
-    )
-
-    def missing(self) -> str:
-        """Return why it cannot run here, empty if it can."""
-        return "" if find_spec("mujoco") else f"MuJoCo is not installed: {EXTRA}"
-
-    def contender(
-        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
-    ) -> Contender:
-        """Return the scene ready to run."""
-        return _Mujoco(scene, start, method, step, setting)
-
-
 class _Mujoco:
+    """MuJoCo by ``mj_step``, many steps in a call."""
+
     def __init__(
         self, scene: Scene, start: State, method: Method, step: float, setting: Setting
     ) -> None:
@@ -103,7 +76,7 @@ class _Mujoco:
             equality.solref = (setting[CONSTANT] * step, 1.0)
             equality.solimp = SOLIMP
         # Without this a motion that is lost is told in a log file in the current folder.
-        mujoco.set_mju_user_warning(_say_nothing)
+        mujoco.set_mju_user_warning(lambda text: None)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._qpos, self._qvel = converted.state(start)
@@ -125,14 +98,28 @@ class _Mujoco:
     def read(self, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are now, m or rad."""
         self._mujoco.mj_kinematics(self._model, self._data)
-        return [self._output(output) for output in outputs]
+        return [
+            output.parts(
+                self._data.joint(output.name).qpos
+                if output.kind == "joint"
+                else self._data.site(POINT + output.name).xpos
+            )
+            for output in outputs
+        ]
 
-    def _output(self, output: Output) -> tuple[float, ...]:
-        if output.kind == "joint":
-            values = self._data.joint(output.name).qpos
-        else:
-            values = self._data.site(POINT + output.name).xpos
-        return tuple(float(values[k]) for k in output.components)
+
+# The solver is Newton's, which is exact for equalities in one or two iterations; islands are off,
+# because finding them costs more here than it saves. MuJoCo's Euler, left out, is ``implicitfast``
+# but for how it takes dampers.
+MUJOCO = Peer(
+    NAME,
+    (
+        Method("implicitfast", 1, IMPLICIT),
+        Method("discrete", 1, DISCRETE),
+        Method("rk4", 4, RUNGE_KUTTA),
+    ),
+    _Mujoco,
+)
 
 
 def at_start(converted: MujocoScene, scene: Scene) -> tuple[Any, Any]:
@@ -152,8 +139,15 @@ def at_start(converted: MujocoScene, scene: Scene) -> tuple[Any, Any]:
     return model, data
 
 
-def _say_nothing(_text: str) -> None:
-    return
+def stepping(model: Any, data: Any, steps: int) -> Callable[[], None]:
+    """Return what calls ``mj_step`` so often from Python."""
+    import mujoco
+
+    def call() -> None:
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+
+    return call
 
 
 class MujocoScene:

@@ -9,15 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.accuracy.cases import Output
-from benchmarks.speed.contender import (
-    Contender,
-    Method,
-    Reading,
-    Setting,
-    State,
-    joint_place,
-)
-from hapticmech_ros.errors import InvalidInputError
+from benchmarks.accuracy.run import read_output
+from benchmarks.speed.contender import Method, Peer, Reading, Setting, State
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Accuracy
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -37,58 +31,18 @@ DEFAULT: Mapping[str, tuple[float, ...]] = {"rk4": (), "tsit5": ()}
 UNCHECKED = " unchecked"
 
 
-class OwnPeer:
-    """Our simulator.
-
-    Args:
-        multiples: integrators that take part, and their steps in units of a problem; by order if
-            empty.
-
-    Raises:
-        InvalidInputError: an integrator that is not there.
-    """
-
-    name = NAME
-
-    def __init__(self, multiples: Mapping[str, tuple[float, ...]] = DEFAULT) -> None:
-        for name in multiples:
-            if name not in ORDERS:
-                raise InvalidInputError("integrator", name, f"must be one of {list(ORDERS)}")
-        self.methods = tuple(
-            Method(name + way, ORDERS[name], multiples=steps)
-            for name, steps in multiples.items()
-            for way in ("", UNCHECKED)
-        )
-
-    def missing(self) -> str:
-        """Return why it cannot run here: always can."""
-        return ""
-
-    def contender(
-        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
-    ) -> Contender:
-        """Return the scene ready to run."""
-        checked = not method.name.endswith(UNCHECKED)
-        integrator = method.name.removesuffix(UNCHECKED)
-        return _Own(stepped_by(scene, integrator, step, checked), start)
-
-
-def stepped_by(scene: Scene, integrator: str, step: float, checked: bool = True) -> Scene:
-    """Return a scene with another integrator and step (s); nothing else is changed.
-
-    Args:
-        scene: to step.
-        integrator: by name.
-        step: s.
-        checked: whether each step's energy is held to its tolerance.
-    """
-    accuracy = scene.simulation.accuracy if checked else Accuracy(tolerance=0.0)
-    return scene.stepped(integrator=integrator, period=step, substeps=1, accuracy=accuracy)
-
-
 class _Own:
-    def __init__(self, scene: Scene, start: State) -> None:
-        self._simulator = Simulator(scene)
+    """``Simulator.run``, many steps in a call."""
+
+    def __init__(
+        self, scene: Scene, start: State, method: Method, step: float, setting: Setting
+    ) -> None:
+        unchecked = method.name.endswith(UNCHECKED)
+        accuracy = Accuracy(tolerance=0.0) if unchecked else scene.simulation.accuracy
+        integrator = method.name.removesuffix(UNCHECKED)
+        self._simulator = Simulator(
+            scene.stepped(integrator=integrator, period=step, substeps=1, accuracy=accuracy)
+        )
         first = self._simulator.initial_state()
         self._first = MechanismState(
             0.0, start.q.copy(), start.v.copy(), first.active, first.closure_error
@@ -107,12 +61,24 @@ class _Own:
 
     def read(self, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are now, m or rad."""
-        return [self._output(output) for output in outputs]
+        mechanism = self._simulator.mechanism
+        return [read_output(mechanism, output, self._state) for output in outputs]
 
-    def _output(self, output: Output) -> tuple[float, ...]:
-        mechanism, q = self._simulator.mechanism, self._state.q
-        if output.kind == "joint":
-            at = joint_place(mechanism.tree, output.name)
-            return tuple(float(q[at + k]) for k in output.components)
-        pose = mechanism.frame_pose(q, output.name)
-        return tuple(float(pose.translation[k]) for k in output.components)
+
+def own_peer(multiples: Mapping[str, tuple[float, ...]] = DEFAULT) -> Peer:
+    """Return our simulator.
+
+    Args:
+        multiples: integrators that take part, and their steps in units of a problem; by order if
+            empty.
+
+    Raises:
+        InvalidInputError: an integrator that is not there.
+    """
+    refuse_unknown("integrator", multiples, ORDERS)
+    methods = (
+        Method(name + way, ORDERS[name], multiples=steps)
+        for name, steps in multiples.items()
+        for way in ("", UNCHECKED)
+    )
+    return Peer(NAME, tuple(methods), _Own)

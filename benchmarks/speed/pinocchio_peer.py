@@ -11,13 +11,13 @@ import pinocchio as pin
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import (
-    Contender,
+    AXIS_POINTS,
     Method,
+    Peer,
     Reading,
     Setting,
     State,
     UnsuitableError,
-    joint_place,
     refuse_what_no_peer_has,
 )
 from hapticmech_ros.mechanism.model import TreeModel, build_tree, se3
@@ -48,35 +48,18 @@ DELASSUS, ARTICULATED = "constraintDynamics", "lcaba"
 # What computes v̇ without closures is aba in both.
 LOOPS = "rk4 lcaba"
 NAME = "pinocchio"
-# A revolute closure is two points of its axis on each other: five independent rows out of six.
-AXIS_POINTS = (0.0, 0.2)
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-class PinocchioPeer:
+class _Pinocchio:
     """Pinocchio by ``constraintDynamics``, ``lcaba`` or ``aba``, in C++; the rule is Python."""
 
-    name = NAME
-    methods = Method("rk4", 4, SETTINGS), Method(LOOPS, 4, ARTICULATED_SETTINGS)
-
-    def missing(self) -> str:
-        """Return why it cannot run here: this package needs it anyway."""
-        return ""
-
-    def contender(
+    def __init__(
         self, scene: Scene, start: State, method: Method, step: float, setting: Setting
-    ) -> Contender:
-        """Return the scene ready to run."""
+    ) -> None:
         algorithm = ARTICULATED if method.name == LOOPS else DELASSUS
         if algorithm == ARTICULATED and not any(closure.active for closure in scene.closures):
             raise UnsuitableError(NAME, scene.name, f"no loop for {ARTICULATED}: as rk4")
-        return _Pinocchio(scene, start, step, setting, algorithm)
-
-
-class _Pinocchio:
-    def __init__(
-        self, scene: Scene, start: State, step: float, setting: Setting, algorithm: str
-    ) -> None:
         pull = setting.get(RATE, 0.0) + setting.get(GAIN, 0.0) / step
         iterations = ITERATIONS if algorithm == DELASSUS else ARTICULATED_ITERATIONS
         solver = setting.get(MU, SOFTNESS), ACCURACY, iterations
@@ -144,6 +127,11 @@ class _Pinocchio:
             q = move(model, q, sixth * (v + 2.0 * (turn2 + turn3) + local_rates(tree, theta, v4)))
             v = v + sixth * (first + 2.0 * (second + third) + fourth)
         self._q, self._v = q, v
+
+
+PINOCCHIO = Peer(
+    NAME, (Method("rk4", 4, SETTINGS), Method(LOOPS, 4, ARTICULATED_SETTINGS)), _Pinocchio
+)
 
 
 def local_rates(tree: TreeModel, theta: Array, speed: Array) -> Array:
@@ -242,15 +230,15 @@ class PinocchioDynamics:
     def read(self, q: Array, outputs: Sequence[Output]) -> Reading:
         """Return what outputs are at q, m or rad."""
         pin.framesForwardKinematics(self.model, self._data, q)
-        found = []
-        for output in outputs:
-            if output.kind == "joint":
-                at = joint_place(self.tree, output.name)
-                found.append(tuple(float(q[at + k]) for k in output.components))
-            else:
-                place = self._data.oMf[self._points[output.name]].translation
-                found.append(tuple(float(place[k]) for k in output.components))
-        return found
+        tree = self.tree
+        return [
+            output.parts(
+                q[tree.position_slice(tree.joint_names.index(output.name))]
+                if output.kind == "joint"
+                else self._data.oMf[self._points[output.name]].translation
+            )
+            for output in outputs
+        ]
 
     def _force(self, q: Array, v: Array) -> Array:
         force = self._effort.copy()
@@ -280,18 +268,15 @@ class PinocchioDynamics:
     def _joint_laws(self) -> tuple[Array, tuple[Array, Array, Array] | None, Array]:
         """Return efforts (nv,), and of joints with springs: places, stiffness, rest positions."""
         effort = np.zeros(self.model.nv)
-        sprung: list[tuple[int, int, float, float]] = []
+        sprung: list[tuple[float, ...]] = []
         for index, joint in enumerate(self.tree.joints):
             at, rate = self.tree.position_slice(index), self.tree.velocity_slice(index)
             effort[rate] = joint.effort
             if joint.stiffness:
                 sprung.append((at.start, rate.start, joint.stiffness, joint.rest))
-        if not sprung:
-            return effort, None, np.zeros(0)
-        at_all, rate_all, stiffness, rest = (
-            np.array(column) for column in zip(*sprung, strict=True)
-        )
-        return effort, (at_all, rate_all, stiffness), rest
+        places, rates, stiffness, rest = np.array(sprung).reshape(-1, 4).T
+        laws = (places.astype(int), rates.astype(int), stiffness) if sprung else None
+        return effort, laws, rest
 
     def _add(self, scene: str, closure: Closure, pull: float) -> None:
         if closure.kind == "rod":

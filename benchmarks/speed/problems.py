@@ -7,21 +7,22 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
 from benchmarks.accuracy.cases import Output
 from benchmarks.accuracy.cases import cases as accuracy_cases
 from benchmarks.accuracy.n_four_bar import n_four_bar
-from benchmarks.speed.linkages import jansen_leg, spatial_four_bar
 from benchmarks.speed.platform import stewart_platform
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.scene import Scene
 
 # Written by reference.py.
 PATH = Path(__file__).parent / "reference.json"
+FOLDER = Path(__file__).with_name("scenes")
 SECONDS = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -84,33 +85,20 @@ class Problem:
         )
 
 
-def swinging_five_bar() -> Scene:
-    """Return the shipped five-bar under gravity along -x, without damping: it never settles.
-
-    Along -y it would, and so wildly that after 10 s no digit is left of any start.
-    """
-    scene = load_scene("five_bar")
-    links = tuple(
-        link.model_copy(update={"joint": link.joint.model_copy(update={"damping": 0.0})})
-        for link in scene.links
-    )
-    return scene.model_copy(update={"gravity": (-9.81, 0.0, 0.0), "links": links})
+# The shipped five-bar under gravity along -x, without damping: it never settles. Along -y it would,
+# and so wildly that after 10 s no digit is left of any start.
+SWINGING = ("gravity=[-9.81, 0, 0]", *(f"links.link{k}.joint.damping=0" for k in (1, 2, 3, 4)))
 
 
-def falling_arm() -> Scene:
-    """Return the shipped spatial arm under gravity, damped as it is."""
-    return load_scene("spatial_arm").model_copy(update={"gravity": (0.0, 0.0, -9.81)})
-
-
-def _accuracy_scene(name: str) -> Callable[[], Scene]:
-    return lambda: next(case.scene for case in accuracy_cases() if case.name == name)
+def _accuracy_scene(name: str) -> Scene:
+    return next(case.scene for case in accuracy_cases() if case.name == name)
 
 
 def _windows(windows: int, times: tuple[float, ...], large: bool) -> Problem:
     return Problem(
         f"n_four_bar_{windows}",
         f"A02, N = {windows}",
-        lambda: n_four_bar(windows),
+        partial(n_four_bar, windows),
         times,
         "point",
         ("b0",),
@@ -123,12 +111,18 @@ def _windows(windows: int, times: tuple[float, ...], large: bool) -> Problem:
 ANGLES = ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon")
 ASKED = (
     Problem(
-        "pendulum", "A01 pendulum", _accuracy_scene("pendulum"), SECONDS, "point", ("p1",), (0, 1)
+        "pendulum",
+        "A01 pendulum",
+        partial(_accuracy_scene, "pendulum"),
+        SECONDS,
+        "point",
+        ("p1",),
+        (0, 1),
     ),
     Problem(
         "five_bar",
         "five-bar, swinging",
-        swinging_five_bar,
+        partial(load_scene, "five_bar", changes=SWINGING),
         SECONDS,
         "point",
         ("handle",),
@@ -136,12 +130,18 @@ ASKED = (
     ),
     _windows(2, SECONDS, large=False),
     Problem(
-        "bricard", "A04 Bricard", _accuracy_scene("bricard"), SECONDS, "point", ("p3",), (0, 1, 2)
+        "bricard",
+        "A04 Bricard",
+        partial(_accuracy_scene, "bricard"),
+        SECONDS,
+        "point",
+        ("p3",),
+        (0, 1, 2),
     ),
     Problem(
         "spatial_arm",
         "arm, falling",
-        falling_arm,
+        partial(load_scene, "spatial_arm", changes=["gravity=[0, 0, -9.81]"]),
         (0.5, 1.0, 2.0),
         "point",
         ("handle",),
@@ -161,7 +161,7 @@ ASKED = (
     Problem(
         "jansen_leg",
         "walking machine's leg, eight bars",
-        jansen_leg,
+        partial(load_scene, FOLDER / "jansen_leg.yaml"),
         (0.5, 1.0, 2.0),
         "point",
         ("foot",),
@@ -171,7 +171,7 @@ ASKED = (
     Problem(
         "spatial_four_bar",
         "spatial four-bar, two balls",
-        spatial_four_bar,
+        partial(load_scene, FOLDER / "spatial_four_bar.yaml"),
         (0.5, 1.0, 2.0),
         "point",
         ("foot",),
@@ -181,7 +181,7 @@ ASKED = (
     Problem(
         "andrews",
         "A03 Andrews' squeezer",
-        _accuracy_scene("andrews"),
+        partial(_accuracy_scene, "andrews"),
         (0.01, 0.02, 0.03),
         "joint",
         ANGLES,
@@ -192,7 +192,6 @@ ASKED = (
     _windows(40, SECONDS, large=True),
     _windows(80, (1.0, 2.0), large=True),
 )
-NAMES = tuple(asked.name for asked in ASKED)
 
 
 def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
@@ -201,9 +200,7 @@ def problems(names: Sequence[str] = ()) -> tuple[Problem, ...]:
     Raises:
         InvalidInputError: unknown name, or no stored reference of that name and those times.
     """
-    for name in names:
-        if name not in NAMES:
-            raise InvalidInputError("scene", name, f"must be one of {list(NAMES)}")
+    refuse_unknown("scene", names, [asked.name for asked in ASKED])
     stored = {
         entry["name"]: entry for entry in json.loads(PATH.read_text(encoding="utf-8"))["cases"]
     }

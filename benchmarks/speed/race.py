@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from benchmarks.accuracy.cases import divides
 from benchmarks.speed.contender import (
     Contender,
     Method,
@@ -17,9 +18,8 @@ from benchmarks.speed.contender import (
 )
 from benchmarks.speed.equality import Check
 from benchmarks.speed.problems import Problem
-from benchmarks.speed.result import RunResult, numbers_of, run_once, timed
+from benchmarks.speed.result import RunResult, run_once, timed
 from hapticmech_ros.analysis.study import Show, silent
-from hapticmech_ros.errors import InvalidInputError
 
 # Steps in units of a problem, coarse to fine, from this order on; those that do not divide a time
 # of comparison are left out.
@@ -100,16 +100,9 @@ def multiples_of(problem: Problem, method: Method, quick: bool) -> tuple[float, 
         return tuple(sorted(method.multiples, reverse=True))
     table = QUICK if quick else LARGE_MULTIPLES if problem.large else MULTIPLES
     steps = next(steps for order, steps in table.items() if method.order >= order)
-    return tuple(one for one in steps if _divides(one * problem.unit, problem))
-
-
-def _divides(step: float, problem: Problem) -> bool:
-    """Return whether all times of comparison are reached by whole steps."""
-    try:
-        numbers_of(problem.times, step)
-    except InvalidInputError:
-        return False
-    return True
+    return tuple(
+        one for one in steps if all(divides(one * problem.unit, time) for time in problem.times)
+    )
 
 
 def _compare(

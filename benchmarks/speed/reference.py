@@ -24,6 +24,7 @@ from benchmarks.accuracy.cases import Output
 from benchmarks.speed.contender import Reading, State, initial_state
 from benchmarks.speed.pinocchio_peer import PinocchioDynamics, local_rates
 from benchmarks.speed.problems import ASKED, PATH, Problem
+from benchmarks.words import refuse_unknown
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
@@ -128,7 +129,11 @@ def write(names: Sequence[str] = (), path: Path = PATH) -> None:
     Args:
         names: of scenes; all if empty. What is stored of others stays.
         path: of the file.
+
+    Raises:
+        InvalidInputError: no such scene.
     """
+    refuse_unknown("scene", names, [asked.name for asked in ASKED])
     stored = {one["name"]: one for one in json.loads(path.read_text(encoding="utf-8"))["cases"]}
 
     def entry(asked: Problem) -> dict[str, Any]:

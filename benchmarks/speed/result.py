@@ -19,7 +19,7 @@ from benchmarks.speed.contender import (
     UnsuitableError,
 )
 from benchmarks.speed.problems import Problem
-from hapticmech_ros.errors import HapticMechError, InvalidInputError
+from hapticmech_ros.errors import HapticMechError
 
 # What a run may fail by and still be a result.
 FAILURES = (
@@ -30,7 +30,6 @@ FAILURES = (
     RuntimeError,
     ValueError,
 )
-ON_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +109,7 @@ def compared(contender: Contender, problem: Problem, step: float) -> tuple[float
         InvalidInputError: the step misses a time of comparison.
     """
     taken, cpu_s, readings = 0, 0.0, []
-    for number in numbers_of(problem.times, step):
+    for number in problem.outputs[0].numbers(step):
         begun = time.process_time()
         contender.advance(number - taken)
         cpu_s += time.process_time() - begun
@@ -125,16 +124,3 @@ def timed(contender: Contender, steps: int) -> float:
     begun = time.process_time()
     contender.advance(steps)
     return time.process_time() - begun
-
-
-def numbers_of(times: tuple[float, ...], step: float) -> list[int]:
-    """Return the numbers of the steps after which times (s) are reached.
-
-    Raises:
-        InvalidInputError: the step does not divide a time.
-    """
-    found = [round(time_s / step) for time_s in times]
-    for number, time_s in zip(found, times, strict=True):
-        if abs(number - time_s / step) > ON_TIME * max(number, 1):
-            raise InvalidInputError("step", step, f"must divide {time_s:g} s")
-    return found

@@ -12,9 +12,10 @@ import numpy as np
 
 from benchmarks.machine import cpu_times
 from benchmarks.oracle import oracle
+from benchmarks.speed.mujoco_peer import MujocoScene, at_start, stepping
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.simulation import MechanismState, Simulator
@@ -25,8 +26,8 @@ STATES, PUSH = 200, (-0.5, 0.0, 0.0, 0.0, 0.0, -0.0025)
 # Kernels and the null-space formula give the same Λ_h⁻¹, relative to its largest entry.
 AGREEMENT = 1e-9
 SEE, BOTH = "observe", "evaluate, analyse"
-MJ_STEP, MJ_LOOP = "mj_step", "mj_step, in its own loop"
-_X = OPERATIONAL_MODEL.slice("inverse_inertia")
+MJ_STEP = "mj_step"
+_X = OperationalModelSample.layout.slice("inverse_inertia")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,22 +43,28 @@ class TickTime:
 def tick_times(rounds: int = 30) -> tuple[TickTime, ...]:
     """Return what ticks of the shipped five-bar cost, and one ``mj_step`` of it.
 
-    Each is called once from Python per state, in turn with the others, round by round; MuJoCo also
-    in its own loop. Without MuJoCo its lines are left out.
+    Each is called once from Python per state, in turn with the others, round by round.
+    Without MuJoCo its line is left out.
 
     Raises:
         HapticMechError: kernels and NumPy disagree.
     """
     scene = load_scene(SCENE)
-    states = _states(scene)
+    states, simulator = _states(scene), Simulator(scene)
     check_agreement(scene, states)
-    callers: dict[str, Callable[[], None]] = {
-        SEE: _see(scene, states),
-        BOTH: _both(*_kernels(scene), states),
-    }
+    analyser = Analyser(simulator.mechanism)
+
+    def observe() -> None:
+        for state in states:
+            analyser.observe(state.q, state.v, state.active)
+
+    def evaluate() -> None:
+        for state in states:
+            analyser.analyse(simulator.evaluate(state))
+
+    callers: dict[str, Callable[[], None]] = {SEE: observe, BOTH: evaluate}
     if find_spec("mujoco"):
-        callers[MJ_STEP] = _mj_step(scene, in_loop=False)
-        callers[MJ_LOOP] = _mj_step(scene, in_loop=True)
+        callers[MJ_STEP] = stepping(*at_start(MujocoScene(scene), scene), STATES)
     return tuple(
         TickTime(name, *np.quantile(taken / STATES, (0.5, 0.9, 1.0)).tolist())
         for name, taken in cpu_times(callers, rounds).items()
@@ -70,7 +77,8 @@ def check_agreement(scene: Scene, states: Sequence[MechanismState]) -> float:
     Raises:
         HapticMechError: it is above 1e-9.
     """
-    simulator, analyser = _kernels(scene)
+    simulator = Simulator(scene)
+    analyser = Analyser(simulator.mechanism)
     rows, apart = np.ix_(analyser.rows, analyser.rows), 0.0
     for state in states:
         terms = simulator.evaluate(state)
@@ -94,46 +102,3 @@ def _states(scene: Scene) -> list[MechanismState]:
         state = simulator.run(state, 10, push, 10).end
         states.append(state)
     return states
-
-
-def _see(scene: Scene, states: Sequence[MechanismState]) -> Callable[[], None]:
-    analyser = Analyser(Simulator(scene).mechanism)
-
-    def call() -> None:
-        for state in states:
-            analyser.observe(state.q, state.v, state.active)
-
-    return call
-
-
-def _kernels(scene: Scene) -> tuple[Simulator, Analyser]:
-    simulator = Simulator(scene)
-    return simulator, Analyser(simulator.mechanism)
-
-
-def _both(
-    simulator: Simulator, analyser: Analyser, states: Sequence[MechanismState]
-) -> Callable[[], None]:
-
-    def call() -> None:
-        for state in states:
-            analyser.analyse(simulator.evaluate(state))
-
-    return call
-
-
-def _mj_step(scene: Scene, in_loop: bool) -> Callable[[], None]:
-    import mujoco
-
-    from benchmarks.speed.mujoco_peer import MujocoScene, at_start
-
-    model, data = at_start(MujocoScene(scene), scene)
-
-    def call() -> None:
-        if in_loop:
-            mujoco.mj_step(model, data, STATES)
-            return
-        for _ in range(STATES):
-            mujoco.mj_step(model, data)
-
-    return call

@@ -6,7 +6,6 @@ from hapticmech_ros.compilation.arrays import local, local_whole, put, shaped
 from hapticmech_ros.compilation.decorators import (
     c_function,
     function_at,
-    gathering_kernel,
     inner,
     kernel,
     leaf,
@@ -29,7 +28,6 @@ __all__ = [
     "arrays_of",
     "c_function",
     "function_at",
-    "gathering_kernel",
     "inner",
     "kernel",
     "leaf",

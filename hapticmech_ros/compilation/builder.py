@@ -196,7 +196,7 @@ def intermediate(kernel: Kernel) -> bytes:
         signature_of,
         translated,
     )
-    from hapticmech_ros.compilation.numba_types import array_of, object_at
+    from hapticmech_ros.compilation.numba_types import argument_of, object_at
 
     types: Any = numba.types
     signature = signature_of(kernel.signature)
@@ -204,13 +204,13 @@ def intermediate(kernel: Kernel) -> bytes:
     known: dict[str, Any] = {"kernel": translated(kernel.function)}
     given, kinds = [], []
     for name, typed in zip(names, signature.args, strict=True):
-        if isinstance(typed, types.Array):
-            known[f"of_{name}"] = array_of(typed)
-            given.append(f"of_{name}({name})")
-            kinds.append(types.int64)
-        else:
+        if isinstance(typed, types.Number | types.Boolean):
             given.append(name)
             kinds.append(typed)
+        else:
+            known[f"of_{name}"] = argument_of(typed)
+            given.append(f"of_{name}({name})")
+            kinds.append(types.int64)
     if kernel.gathered:
         known |= {f"find_{name}": object_at(index) for index, name in enumerate(names)}
         given = [f"of_{name}(find_{name}(all))" for name in names]

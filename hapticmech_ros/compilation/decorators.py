@@ -10,8 +10,10 @@ loads in some milliseconds and without Numba. Rounding is the same in every run:
 reordered, fused or run in parallel.
 
 A kernel does not look at the type of an array, nor at its strides: whoever calls it gives it
-float64 or int64 arrays of its own, in C order unless the signature says otherwise. Where the
-environment says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
+float64 or int64 arrays of its own, in C order unless the signature says otherwise. A signature may
+name records and structures as well (``void(HandMemory, float64, float64[::1])``): what is given is
+one of these, or of a class below it, and the machine code finds its arrays. Where the environment
+says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
 """
 
 from __future__ import annotations
@@ -111,48 +113,32 @@ def function_at(signature: str) -> Callable[..., Any]:
 
 
 def kernel(
-    signature: str, linked: bool = False, waits: bool = False
+    signature: str, linked: bool = False, waits: bool = False, gathered: bool = False
 ) -> Callable[[Function], Function]:
-    """Return a decorator that finds a function in the library.
+    """Return a decorator that finds a function in the library; other kernels may call it.
 
     Args:
-        signature: types of result and arguments, as Numba writes them.
-        linked: whether other kernels call it. They do so by its name in the library: it is
-            translated and optimised once, not as a part of each.
+        signature: types of result and arguments, as Numba writes them, or names of records and
+            structures.
+        linked: whether other kernels call it by its name in the library: it is translated and
+            optimised once, not as a part of each.
         waits: whether other threads run Python meanwhile: it takes longer, or is not to wait for
             them.
+        gathered: whether it is called with one array of objects, its arguments in their order. For
+            a function of a dozen arrays which is called again and again with the same ones that is
+            a microsecond less a call.
     """
 
     def found(function: Function) -> Function:
         name = _name(function)
         if _Collection.kernels is not None:
-            _Collection.kernels.append(Kernel(name, signature, function, linked))
+            _Collection.kernels.append(Kernel(name, signature, function, linked, gathered))
             if not linked:
-                return function
+                return inner(function)
             from hapticmech_ros.compilation.inner_functions import called_by_name
 
             return cast(Function, called_by_name(function, name, signature))
-        return cast(Function, function_of(name, signature, function, waits))
-
-    return found
-
-
-def gathering_kernel(signature: str) -> Callable[[Callable[..., Any]], Callable[[Any], Any]]:
-    """Return a decorator that finds a function of arrays in the library, to be called with one.
-
-    That is an array of objects, the function's arguments in their order. For a function of a dozen
-    arrays which is called again and again with the same ones that is a microsecond less a call.
-
-    Args:
-        signature: types of result and arguments, arrays all, as Numba writes them.
-    """
-
-    def found(function: Callable[..., Any]) -> Callable[[Any], Any]:
-        name = _name(function)
-        if _Collection.kernels is None:
-            return function_of(name, signature, function, gathered=True)
-        _Collection.kernels.append(Kernel(name, signature, function, gathered=True))
-        return function
+        return cast(Function, function_of(name, signature, function, waits, gathered))
 
     return found
 

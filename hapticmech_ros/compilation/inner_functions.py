@@ -14,6 +14,7 @@ the intermediate language of LLVM (``inspect_llvm``), and calls that extensions 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import re
@@ -30,6 +31,9 @@ LINKED = ".linked"
 numba: Any = importlib.import_module("numba")
 extending: Any = importlib.import_module("numba.extending")
 ir: Any = importlib.import_module("llvmlite.ir")
+# Types by the names that signatures have: Numba's own, and records and structures once they are
+# known.
+TYPES: dict[str, Any] = {**vars(numba.types), "Array": numba.types.Array}
 # Who counts who looks at an array: nobody has to, since nobody owns one.
 _COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MULTILINE)
 # What may be called from C is kept apart from what it calls, for debuggers.
@@ -51,6 +55,7 @@ _parts: dict[str, _Part] = {}
 _names: dict[Callable[..., Any], set[str]] = {}
 
 
+@functools.cache
 def translated(function: Callable[..., Any], in_place: bool = False) -> Any:
     """Return a function that others which Numba translates can call.
 
@@ -101,14 +106,14 @@ def called_by_name(function: Callable[..., Any], name: str, signature: str) -> A
         name: its name in the library.
         signature: types of result and arguments.
     """
-    types = signature_of(signature)
     parameters = inspect.signature(function)
     # Numba asks for an address of all that is called, though none of it runs here.
     llvm.add_symbol(name + LINKED, 1)
 
     def call(_context: Any, *given: Any, **named: Any) -> Any:
         parameters.bind(*given, **named)
-        return types, _call_of(name + LINKED)
+        # Not before: records and structures have to be known.
+        return signature_of(signature), _call_of(name + LINKED)
 
     return _intrinsic(call, function.__name__, parameters)
 
@@ -161,7 +166,7 @@ def _call_at(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 
 def signature_of(text: str) -> Any:
     """Return a signature as Numba has it."""
-    return eval(text, {**vars(numba.types), "Array": numba.types.Array})
+    return eval(text, TYPES)
 
 
 def joined(code: str, name: str, linked: Callable[..., Any] | None = None) -> bytes:

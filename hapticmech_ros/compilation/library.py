@@ -31,6 +31,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hapticmech_ros.compilation.cache import folder, is_own, put_in_place, read_own, warn
+from hapticmech_ros.compilation.records import Record
+from hapticmech_ros.compilation.structures import Structure
 from hapticmech_ros.errors import HapticMechError
 
 NAME = "hapticmech_kernels"
@@ -39,6 +41,8 @@ COMPILE_TIMEOUT_S, PROGRESS_S = 600.0, 5.0
 # Where NumPy's C interface has the start of an array's data, and of its shape (PyArrayObject).
 DATA_AT, SHAPE_AT = 16, 32
 BUILDER = "hapticmech_ros.compilation.builder"
+# Where an object's slots are, one after the other, in the order of their names.
+SLOTS_AT = 16
 # How the name of a file begins that is being built.
 _MADE = "being-built-"
 _PACKAGE = Path(__file__).parent.parent
@@ -293,11 +297,15 @@ def _loaded(objects: Mapping[str, bytes]) -> Library:
 
 
 def _check_interface() -> None:
-    """Look whether arrays are in memory as NumPy's C interface has them.
+    """Look whether arrays are in memory as NumPy's C interface has them, and slots as Python.
 
     Raises:
         LibraryError: they are not.
     """
+    for one in (Record(), Structure(np.zeros(1), np.zeros(1))):
+        slots = (ctypes.c_size_t * len(one.__slots__)).from_address(id(one) + SLOTS_AT)
+        if list(slots) != [id(getattr(one, name)) for name in sorted(one.__slots__)]:
+            raise LibraryError("this Python keeps objects as no kernel knows them")
     probe = np.zeros((3, 5))
     words = (ctypes.c_size_t * 3).from_address(id(probe) + DATA_AT)
     # Only of what begins as it should is the rest looked at.
@@ -323,16 +331,21 @@ def _checked(name: str, arguments: list[str], called: Any, gathered: bool = Fals
     def check(*given: Any) -> Any:
         values = given[0].tolist() if gathered else given
         for number, (value, found) in enumerate(zip(values, wanted, strict=True)):
-            if found is None or not found[2]:
+            argument = arguments[number]
+            if argument in _SCALARS:
                 continue
-            whole = found[1] in ("int64", "i8")
-            order: Any = "F_CONTIGUOUS" if "::1," in found[2] else "C_CONTIGUOUS"
-            written = "Array" in arguments[number]
-            dimensions = int(found[2].split(",")[1]) if written else found[2].count(",") + 1
-            kind = np.dtype(np.int64 if whole else np.float64)
-            fits = isinstance(value, np.ndarray) and value.dtype == kind and value.flags[order]
-            if not (fits and value.ndim == dimensions):
-                raise LibraryError(f"{name}: argument {number} must be {arguments[number]}")
+            if found is None:
+                fits = argument in (kind.__name__ for kind in type(value).__mro__)
+            else:
+                whole = found[1] in ("int64", "i8")
+                order: Any = "F_CONTIGUOUS" if "::1," in found[2] else "C_CONTIGUOUS"
+                written = "Array" in argument
+                dimensions = int(found[2].split(",")[1]) if written else found[2].count(",") + 1
+                kind = np.dtype(np.int64 if whole else np.float64)
+                fits = isinstance(value, np.ndarray) and value.dtype == kind
+                fits = fits and value.flags[order] and value.ndim == dimensions
+            if not fits:
+                raise LibraryError(f"{name}: argument {number} must be {argument}")
         return called(*given)
 
     return check

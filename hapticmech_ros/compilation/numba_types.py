@@ -14,8 +14,8 @@ from collections.abc import Callable
 from typing import Any
 
 from hapticmech_ros.compilation import arrays
-from hapticmech_ros.compilation.inner_functions import translated
-from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT
+from hapticmech_ros.compilation.inner_functions import TYPES, translated
+from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT, SLOTS_AT
 from hapticmech_ros.compilation.records import Nested, Record, Vector
 from hapticmech_ros.compilation.structures import Place, RecordPart, Structure
 
@@ -135,6 +135,7 @@ def teach_structure(kind: type[Structure]) -> None:
 
     class StructureType(types.Type):  # type: ignore[misc, name-defined]
         def __init__(self) -> None:
+            self.kind = kind
             super().__init__(name=kind.__name__)
 
     class Model(extending.models.StructModel):  # type: ignore[misc]
@@ -142,7 +143,7 @@ def teach_structure(kind: type[Structure]) -> None:
             super().__init__(manager, typed, list(members.items()))
 
     extending.register_model(StructureType)(Model)
-    made = StructureType()
+    TYPES[kind.__name__] = made = StructureType()
 
     def construct(_context: Any) -> Any:
         return lambda numbers, data: made
@@ -265,7 +266,7 @@ extending.lower_setattr_generic(RecordType)(_write_field)
 
 def teach_record(kind: type[Record]) -> None:
     """Let kernels make a record of an array's numbers, or one of its own, zero, on the stack."""
-    made = RecordType(kind)
+    TYPES[kind.__name__] = made = RecordType(kind)
 
     def construct(_context: Any) -> Any:
         return lambda values=None: made
@@ -304,10 +305,20 @@ def _array(context: Any, builder: Any, dtype: Any, start: Any, shape: tuple[int,
 
 
 @functools.cache
-def array_of(typed: Any) -> Any:
-    """Return a function that makes an array of a type from the address of NumPy's object."""
-    start = _reader(DATA_AT, types.CPointer(typed.dtype))
-    sizes = [_reader(SHAPE_AT, types.int64, index) for index in range(typed.ndim)]
+def argument_of(typed: Any) -> Any:
+    """Return a function that finds an argument of a type in NumPy's or Python's object of it.
+
+    That is of an array, record or structure, by the object's address.
+    """
+    if isinstance(typed, RecordType):
+        kind, values = typed.kind, _reader(types.CPointer(typed.number), SLOTS_AT, DATA_AT)
+        return translated(lambda address: kind(values(address)))
+    if not isinstance(typed, types.Array):
+        made, data = typed.kind, _reader(_NUMBERS, SLOTS_AT, DATA_AT)
+        numbers = _reader(_WHOLE, SLOTS_AT + 8, DATA_AT)
+        return translated(lambda address: made(numbers(address), data(address)))
+    start = _reader(types.CPointer(typed.dtype), DATA_AT)
+    sizes = [_reader(types.int64, SHAPE_AT, 8 * index) for index in range(typed.ndim)]
     if typed.ndim == 1:
         (n,) = sizes
         return translated(lambda address: carray(start(address), (n(address),)))
@@ -318,30 +329,26 @@ def array_of(typed: Any) -> Any:
 
 def object_at(index: int) -> Any:
     """Return a function that finds an object's address in NumPy's array of objects, by its own."""
-    return _reader(DATA_AT, types.int64, index)
+    return _reader(types.int64, DATA_AT, 8 * index)
 
 
-def _reader(at: int, kind: Any, index: int = -1) -> Any:
-    """Return an intrinsic that reads a pointer from an object, or one of the numbers it points to.
+def _reader(kind: Any, *places: int) -> Any:
+    """Return an intrinsic that reads a word of an object, or of what its words lead to.
 
     Args:
-        at: where in the object the pointer is, bytes.
-        kind: what is read.
-        index: of the number; below 0 for the pointer itself.
+        kind: what is read, a whole number or a pointer.
+        places: of the word in the object, bytes, then of one in what this leads to, and so on.
     """
 
     def read(_context: Any, _address: Any) -> Any:
         def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-            found = _word_at(builder, arguments[0], at)
-            if index >= 0:
-                return _word_at(builder, found, 8 * index)
-            return builder.inttoptr(found, context.get_value_type(kind))
+            found = arguments[0]
+            for place in places:
+                at = builder.add(found, ir.Constant(_WORD, place))
+                found = builder.load(builder.inttoptr(at, _WORD.as_pointer()))
+            whole = kind == types.int64
+            return found if whole else builder.inttoptr(found, context.get_value_type(kind))
 
         return kind(types.int64), generate
 
     return extending.intrinsic(read)
-
-
-def _word_at(builder: Any, address: Any, at: int) -> Any:
-    place = builder.add(address, ir.Constant(_WORD, at))
-    return builder.load(builder.inttoptr(place, _WORD.as_pointer()))

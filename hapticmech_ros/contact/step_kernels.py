@@ -282,15 +282,13 @@ def _substep(
     stage_space: Data,
     last: Data,
     parts: Work,
-    contact_numbers: Array,
-    contact_values: Array,
+    contacts: Contacts,
     stages: int,
     implicit: bool,
     searched: bool,
     external_count: int,
 ) -> int:
     """Do a step of the integrator, with what touches in it."""
-    contacts = Contacts(contact_numbers, contact_values)
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings.step
     external = contacts.external[links : links + external_count]
     is_known = contacts.settings.known != NOTHING
@@ -319,7 +317,7 @@ def _substep(
             code = _approach(first, step, contacts)
         if code != SETTLED:
             return code
-    count = touching_points(contact_numbers, contact_values)
+    count = touching_points(contacts)
     counts, report = contacts.counts, contacts.report
     if 3 * count * (model.nv + 6 * count) > contacts.workspace.size:
         counts.points_found = count
@@ -419,8 +417,7 @@ def advance_period(
             stage_space,
             last,
             parts,
-            contact_numbers,
-            contact_values,
+            contacts,
             stages,
             implicit,
             searched,

@@ -610,17 +610,12 @@ def _touching(
     return _chosen(above, depths, count, normal, True, points)
 
 
-@kernel("int64(int64[::1], float64[::1])", linked=True)
-def touching_points(numbers: Array, values: Array) -> int:
+@kernel("int64(Contacts)", linked=True)
+def touching_points(contacts: Contacts) -> int:
     """Fill ``points`` and ``owners`` with where the pairs that are near touch; return how many.
 
     ``poses``, ``margins`` and, of pairs that have to be searched for, ``found`` are given.
-
-    Args:
-        numbers: (integers,) of the contacts, whole ones.
-        values: (numbers,) the others; see ``layout.Contacts``.
     """
-    contacts = Contacts(numbers, values)
     margins, pairs, points, count = contacts.margins, contacts.pairs, contacts.points, 0
     found, owners = contacts.found, contacts.owners
     for pair in range(pairs.shape[0]):

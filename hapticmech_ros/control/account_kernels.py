@@ -66,14 +66,19 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, lar
 
 # Samples that a memory has at most.
 MOST = 3
-CHANGE_SIZE = MeanChange.layout.size
 # Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
 _MOST_GROWTH = 1e6
 
 
-@inner
+@kernel("void(HandMemory, float64, float64[::1])")
 def remember(memory: HandMemory, spacing: float, wrench: Array) -> None:
-    """Remember a wrench (6,), ``spacing`` (s) after the last one; see :func:`remember_wrench`."""
+    """Remember a sample of a hand's wrench.
+
+    Args:
+        memory: changed; zeros at first.
+        spacing: s since the sample before; of no meaning for the first one.
+        wrench: (6,) F_h, N and N m, world axes.
+    """
     put(memory.third.values, memory.second.values)
     put(memory.second.values, memory.newest.values)
     memory.newest.spacing = spacing
@@ -81,9 +86,16 @@ def remember(memory: HandMemory, spacing: float, wrench: Array) -> None:
     memory.known = min(memory.known + 1.0, MOST)
 
 
-@inner
+@kernel("void(HandMemory, float64, float64, MeanChange)")
 def change_of_mean(memory: HandMemory, start: float, period: float, change: MeanChange) -> None:
-    """Fill how the mean over a period differs from F; see :func:`mean_change`."""
+    """Fill how the mean of a wrench over a period differs from its newest sample, F' and F''.
+
+    Args:
+        memory: of its samples.
+        start: s, from the newest sample to the period's start.
+        period: T, s.
+        change: to fill; zero where fewer samples are known.
+    """
     change.values[:] = 0.0
     if memory.known < 2.0:
         return
@@ -137,7 +149,7 @@ def lead(
 
     ``gain`` (6, 6) is G, SI units.
     """
-    change, line, bend, moves = MeanChange(local(CHANGE_SIZE)), local(6), local(6), False
+    change, line, bend, moves = MeanChange(), local(6), local(6), False
     change_of_mean(memory, 0.0, period, change)
     for i in range(6):
         line[i], bend[i] = others.line[i], others.bend[i]
@@ -150,34 +162,15 @@ def lead(
             command[i] += line[i] + bend[i]
 
 
-@kernel("void(float64[::1], float64, float64[::1])")
-def remember_wrench(memory: Array, spacing: float, wrench: Array) -> None:
-    """Remember a sample of a hand's wrench.
-
-    Args:
-        memory: (22,) a ``HandMemory``, changed. Zeros at first.
-        spacing: s since the sample before; of no meaning for the first one.
-        wrench: (6,) F_h, N and N m, world axes.
-    """
-    remember(HandMemory(memory), spacing, wrench)
-
-
-@kernel("void(float64[::1], float64, float64, float64[::1])")
-def mean_change(memory: Array, start: float, period: float, change: Array) -> None:
-    """Fill how the mean of a wrench over a period differs from its newest sample, F' and F''.
-
-    Args:
-        memory: (22,) of its samples, a ``HandMemory``.
-        start: s, from the newest sample to the period's start.
-        period: T, s.
-        change: (12,) a ``MeanChange`` to fill; zero where fewer samples are known.
-    """
-    change_of_mean(HandMemory(memory), start, period, MeanChange(change))
-
-
-@inner
+@kernel("void(ControllerAccount, float64[::1], float64)")
 def account_for_motion(account: ControllerAccount, twist: Array, duration: float) -> None:
-    """Add to E_m what the wrench that acts gave in ``duration`` (s), until the twist (6,)."""
+    """Add to E_m what the wrench that acts gave until now.
+
+    Args:
+        account: of the controller, changed.
+        twist: (6,) of the operational point now, m/s and rad/s, world axes.
+        duration: s, since the twist before.
+    """
     if account.twist_known != 0.0:
         total = 0.0
         for i in range(6):
@@ -280,7 +273,7 @@ def predict(
     return float(duration)
 
 
-@inner
+@kernel("void(ControllerSettings, OperationalModelSample, float64, float64[:,::1])")
 def respond(
     settings: ControllerSettings, model: OperationalModelSample, time: float, out: Array
 ) -> None:
@@ -292,7 +285,7 @@ def respond(
         settings: of the controllers.
         model: the operational model.
         time: s.
-        out: to fill; SI, world axes.
+        out: (6, 6) to fill; SI, world axes.
     """
     task, through = settings.task, force_let_through(settings, time)
     kept = let_through(settings, time) * (1.0 - settings.feedforward)
@@ -429,90 +422,57 @@ def remember_commanded(past: Array, commanded: Array) -> None:
     put(past[0], commanded)
 
 
-@kernel("void(float64[::1], float64[::1], float64)")
-def move_point_on(account: Array, operational_model: Array, elapsed: float) -> None:
-    """Account for the mechanism's motion until an operational model (139,), ``elapsed`` s on.
-
-    Args:
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
-        operational_model: (139,) now, in SI units; see ``layout.OPERATIONAL_MODEL``.
-        elapsed: s since the last one.
-    """
-    twist = OperationalModelSample(operational_model).twist
-    account_for_motion(ControllerAccount(account), twist, elapsed)
-
-
 @kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1],"
-    " float64, float64, float64[::1], boolean, float64[::1])"
+    "void(ControllerAccount, ControllerSettings, float64[::1], float64[:,::1], DeviceSample,"
+    " OperationalModelSample, float64, float64, Locality, boolean, Answer)"
 )
 def answer_sample(
-    account: Array,
-    settings: Array,
+    account: ControllerAccount,
+    settings: ControllerSettings,
     faded: Array,
     queue: Array,
-    device: Array,
-    operational_model: Array,
+    device: DeviceSample,
+    model: OperationalModelSample,
     time: float,
     ahead: float,
-    locality: Array,
+    locality: Locality,
     answered: bool,
-    answer: Array,
+    answer: Answer,
 ) -> None:
     """Answer a sample of the device, and account for it.
 
     Args:
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
-        settings: (59,) of the controllers, a ``ControllerSettings``.
+        account: of the controller, changed.
+        settings: of the controllers.
         faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
         queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
-        device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        device: the sample.
+        model: the operational model.
         time: s.
-        ahead: s, from the time of ``operational_model`` to that of ``device``.
-        locality: (3,) what the device closes, a ``Locality``.
+        ahead: s, from the time of ``model`` to that of ``device``.
+        locality: what the device closes.
         answered: whether the answer's wrenches are there already, from a law in Python.
-        answer: (numbers,) an ``Answer`` to fill.
+        answer: to fill.
     """
-    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
-    sample, model = DeviceSample(device), OperationalModelSample(operational_model)
-    closed = Locality(locality)
-    account_for_hand(side, sample)
+    account_for_hand(account, device)
     if not answered:
-        give_answer(side, gains, faded, queue, sample, model, time, ahead, closed, given)
-    conclude(side, gains, sample, model, time, closed, given)
+        give_answer(account, settings, faded, queue, device, model, time, ahead, locality, answer)
+    conclude(account, settings, device, model, time, locality, answer)
 
 
-@kernel("void(float64[::1], float64[::1], float64, float64[::1])")
-def command_response(settings: Array, operational_model: Array, time: float, out: Array) -> None:
-    """Fill how a command answers F_c: C2 (s Λ_d X + r (1 - β) Π), of the task space.
-
-    Args:
-        settings: (59,) of the controllers, a ``ControllerSettings``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-        time: s.
-        out: (36,) to fill, row by row: 1, m and 1/m, world axes.
-    """
-    gains, model = ControllerSettings(settings), OperationalModelSample(operational_model)
-    respond(gains, model, time, shaped(out, (6, 6)))
-    for i in range(36):
-        out[i] *= gains.c2
-
-
-@kernel("void(float64[::1], float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
+@kernel("void(ControllerAccount, float64[:,::1], float64[:,::1], Answer, float64[:,::1])")
 def command_mechanism(
-    account: Array, queue: Array, past: Array, answer: Array, wrenches: Array
+    account: ControllerAccount, queue: Array, past: Array, answer: Answer, wrenches: Array
 ) -> None:
     """Fill the wrench commanded on the mechanism, and what acts on it from now on: rows of (2, 6).
 
     Args:
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
+        account: of the controller, changed.
         queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
         past: (n, 6) those until now, the last one first, likewise; changed.
-        answer: (numbers,) the last ``Answer``.
+        answer: the last one.
         wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes.
     """
-    side = ControllerAccount(account)
-    passive_wrench(side, Answer(answer), wrenches[0])
-    queue_wrench(side, queue, wrenches[0], wrenches[1])
+    passive_wrench(account, answer, wrenches[0])
+    queue_wrench(account, queue, wrenches[0], wrenches[1])
     remember_commanded(past, wrenches[0])

@@ -34,7 +34,7 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.control.clutch import Clutch, engage, pose_error
-from hapticmech_ros.control.kernels import control_wrenches
+from hapticmech_ros.control.kernels import answer_measurements
 from hapticmech_ros.control.loop_layout import BRAKE, ControllerSettings, ControlWrenches
 from hapticmech_ros.control.measurements import (
     ControlOutput,
@@ -49,9 +49,13 @@ from hapticmech_ros.control.measurements import (
     point_ahead,
     predicted_twist,
 )
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, OperationalModelSample
+from hapticmech_ros.numerics.layout import (
+    DeviceSample,
+    OperationalModelSample,
+)
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
@@ -161,7 +165,6 @@ def blended(old: P, new: P, share: float) -> P:
     return new.model_copy(update=changed)
 
 
-_NOTHING = np.zeros(6)
 # A ramp is no longer than so many of those of a start at rest.
 LONGEST_RAMP = 6.0
 
@@ -218,9 +221,13 @@ class ControlArchitecture:
         self.task = np.zeros(6)
         self.task[list(scene.task_rows)] = 1.0
         self._gain_ramp: GainRamp | None = None
-        self._settings = settings = ControllerSettings()
-        settings.task[:], settings.inertia[:] = self.task, np.diag(self.device_inertia)
-        settings.force_limit, settings.torque_limit = self.limits
+        self._settings = ControllerSettings()
+        self._settings.fill(
+            task=self.task,
+            inertia=np.diag(self.device_inertia),
+            force_limit=self.limits[0],
+            torque_limit=self.limits[1],
+        )
         self._clutch: Clutch | None = None
         self.apply_gains(scene.controller)
 
@@ -231,15 +238,23 @@ class ControlArchitecture:
         lag = 2.0 * self.delay + 1.5 * self._period
         joint, force, position = gains.joint_constraint, gains.force_channel, gains.position_channel
         self.channels = FourChannel(position, force, np.diag(self.device_inertia), lag)
-        own, channels = self._settings, self.channels
-        own.stiffness[:], own.damping[:] = channels.stiffness, channels.damping
-        own.held_stiffness[:], own.held_damping[:] = channels.held_stiffness, channels.held_damping
-        own.feedforward = joint.feedforward
-        own.joint_stiffness, own.joint_damping = joint.stiffness, joint.damping
-        own.joint_force_limit, own.joint_torque_limit = joint.force_limit, joint.torque_limit
-        own.c1, own.c4 = position.to_mechanism, position.to_device
-        own.c2, own.c3 = force.contact, force.hand
-        own.c5, own.c6 = force.mechanism_feedback, force.device_feedback
+        self._settings.fill(
+            stiffness=self.channels.stiffness,
+            damping=self.channels.damping,
+            held_stiffness=self.channels.held_stiffness,
+            held_damping=self.channels.held_damping,
+            feedforward=joint.feedforward,
+            joint_stiffness=joint.stiffness,
+            joint_damping=joint.damping,
+            joint_force_limit=joint.force_limit,
+            joint_torque_limit=joint.torque_limit,
+            c1=position.to_mechanism,
+            c2=force.contact,
+            c3=force.hand,
+            c4=position.to_device,
+            c5=force.mechanism_feedback,
+            c6=force.device_feedback,
+        )
 
     def settings_at(self, time: float, clutch: Clutch) -> Array:
         """Return what fixes the controllers at ``time`` (s) as an array (59,) for kernels.
@@ -253,16 +268,19 @@ class ControlArchitecture:
             turn = pin.Quaternion(quaternion_of(clutch.turn))
             # So that no turn is exactly none.
             turn.normalize()
-            settings = self._settings
-            settings.ramp, settings.carries = clutch.duration, clutch.carried is not None
-            settings.engaged_at = clutch.time
-            settings.displacement[:], settings.turn[:] = clutch.displacement, turn.coeffs()
+            self._settings.fill(
+                ramp=clutch.duration,
+                carries=clutch.carried is not None,
+                engaged_at=clutch.time,
+                displacement=clutch.displacement,
+                turn=turn.coeffs(),
+            )
         return self._settings.values
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:
         """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
         faded = clutch.faded(time)
-        return _NOTHING if faded is None else faded
+        return NO_WRENCH if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
         """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``.
@@ -309,8 +327,8 @@ class ControlArchitecture:
 
         Args:
             time: s.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: as in :meth:`answer`.
             carried: (6,) the device's wrench until now, if it held the mechanism elsewhere; N and
                 N m, world axes.
@@ -331,8 +349,8 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: the one until now.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
         """
         if not clutch.is_closing:
             return clutch
@@ -375,8 +393,8 @@ class ControlArchitecture:
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: s, from the time of ``operational_model`` to that of ``device``; the point's pose
                 is extrapolated by its twist for as long.
             in_flight: what of earlier commands to the mechanism has not acted yet, for a device
@@ -386,21 +404,25 @@ class ControlArchitecture:
         Raises:
             InvalidInputError: an array of another size.
         """
-        settings = self.settings_at(time, clutch)
-        if in_flight is not None and operational_model.size == OPERATIONAL_MODEL.size:
-            operational_model = operational_model.copy()
-            seen = OperationalModelSample(operational_model)
+        sizes, known = (
+            (device.size, operational_model.size),
+            (DeviceSample.layout, OperationalModelSample.layout),
+        )
+        if sizes != (known[0].size, known[1].size):
+            rule = f"must be {known[0].size} and {known[1].size}"
+            raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        settings = ControllerSettings(self.settings_at(time, clutch))
+        seen = OperationalModelSample(operational_model)
+        if in_flight is not None:
+            seen = OperationalModelSample(operational_model.copy())
             x, free = seen.inverse_inertia, seen.free_acceleration
             seen.twist[:] = predicted_twist(seen.twist, x, free, seen.contact, in_flight)
             ahead += in_flight.duration
-        out = np.empty((6, 6))
-        if not control_wrenches(settings, device, operational_model, time, ahead, out):
-            sizes = device.size, operational_model.size
-            rule = f"must be {DEVICE_SAMPLE.size} and {OPERATIONAL_MODEL.size}"
-            raise InvalidInputError("numbers of device and rendering", sizes, rule)
+        out = ControlWrenches()
+        answer_measurements(settings, DeviceSample(device), seen, time, ahead, out)
         if clutch.carried is not None:
-            out[0] = self.joined(time, clutch, out[0])
-        return out
+            out.on_hand[:] = self.joined(time, clutch, out.on_hand)
+        return out.values.reshape(6, 6)
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
         """Return the device's wrench (6,) with what it still carries on from another grasp.
@@ -494,8 +516,8 @@ class LawControl(ControlArchitecture):
         Args:
             time: s.
             clutch: that connects the two poses.
-            device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the device's sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             ahead: s, from the time of ``operational_model`` to that of ``device``.
             in_flight: commands to the mechanism that have not acted yet.
 
@@ -508,9 +530,11 @@ class LawControl(ControlArchitecture):
         seen = LawInput(time, own, point, model_of(operational_model), error, rate)
         on_hand, on_mechanism = (clutch.ramp(time) * one for one in _checked(self._law(seen)))
         found = ControlWrenches()
-        found.on_hand[:] = self.joined(time, clutch, limited(self.task * on_hand, *self.limits))
-        found.on_mechanism[:] = limited(self.task * on_mechanism, *self.limits)
-        found.error[:] = error
+        found.fill(
+            on_hand=self.joined(time, clutch, limited(self.task * on_hand, *self.limits)),
+            on_mechanism=limited(self.task * on_mechanism, *self.limits),
+            error=error,
+        )
         return found.values.reshape(6, 6)
 
 

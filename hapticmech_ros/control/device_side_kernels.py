@@ -99,7 +99,7 @@ def act(
 
 @inner
 def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied: Array) -> None:
-    """Account for the period until a sample, over which ``applied`` (6,) was held."""
+    """Account for the period until a sample, over which actuators held ``applied`` (6,), N, N m."""
     if account.pose_known != 0.0:
         way, taken, driven = local(6), 0.0, 0.0
         displacement(account.pose, sample, way)
@@ -120,7 +120,11 @@ def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied:
 
 @inner
 def take_energy(account: DeviceAccount, given: float) -> None:
-    """Take E_m, J, as it is received, or NaN; the account begins with the first one."""
+    """Take E_m, J, as it is received, or NaN; the account begins with the first one.
+
+    What a commander without one gave before, be it of his own, is no debt that the next one's
+    damping has to collect.
+    """
     if np.isnan(given):
         account.received = 0.0
         return
@@ -210,7 +214,8 @@ def hold_within(
 def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added: Array) -> bool:
     """Hold a command (6,) to what may be given; return whether that changed it.
 
-    See :func:`enforce_passivity`.
+    What the device's driver ``added`` (6,), for its weight and friction, stays in the device, and
+    does not count; N and N m, world axes.
     """
     put(account.added, added)
     available = energy_available(account)
@@ -254,7 +259,10 @@ def allow(
         stay_bounded(safety, command, sample.position)
 
 
-@inner
+@kernel(
+    "void(float64[::1], LocalModel, DeviceSample, DeviceSample, HandMemory, float64,"
+    " HandsCorrection, float64[::1])"
+)
 def correct(
     command: Array,
     model: LocalModel,
@@ -265,7 +273,18 @@ def correct(
     others: HandsCorrection,
     found: Array,
 ) -> None:
-    """Fill a command (6,) for the device as it is now; see :func:`correct_command`."""
+    """Fill a command for the device as it is now.
+
+    Args:
+        command: (6,) of the controller, N and N m, world axes.
+        model: how it depends on the device.
+        answered: the device's sample that the command answers.
+        now: its newest sample.
+        hand: the hand's last wrenches.
+        period: T, s, over which the command is held.
+        others: what corrects it for other hands.
+        found: (6,) to fill, N and N m, world axes.
+    """
     way = local(6)
     displacement(answered, now, way)
     for i in range(6):
@@ -278,27 +297,14 @@ def correct(
     lead(hand, period, model.force, others, found)
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def record_sample(account: Array, sample: Array, applied: Array) -> None:
-    """Account for the period until a sample (19,), over which actuators held ``applied`` (6,).
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-        applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-    """
-    account_for_actuators(DeviceAccount(account), DeviceSample(sample), applied)
-
-
 @kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64)"
+    "void(DeviceAccount, Safety, float64[::1], DeviceSample, float64[::1], float64[::1], float64)"
 )
 def allow_command(
-    account: Array,
-    safety: Array,
+    account: DeviceAccount,
+    safety: Safety,
     command: Array,
-    sample: Array,
+    sample: DeviceSample,
     applied: Array,
     added: Array,
     given: float,
@@ -306,67 +312,14 @@ def allow_command(
     """Account for the last period, and change a command into what leaves in the next one.
 
     Args:
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        safety: (numbers,) the envelope, a ``device.safety_kernels.Safety``; changed.
+        account: of the device, changed.
+        safety: the envelope, changed.
         command: (6,) on the hand, by the device, N and N m, world axes; changed.
-        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+        sample: of the device now.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         added: (6,) by the device's driver, N and N m, world axes.
         given: E_m, J, as it was received; NaN while nobody sends it.
     """
-    side, now = DeviceAccount(account), DeviceSample(sample)
-    account_for_actuators(side, now, applied)
-    take_energy(side, given)
-    allow(side, Safety(safety), command, now, added)
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
-def enforce_passivity(account: Array, command: Array, sample: Array, added: Array) -> None:
-    """Change a command where it would give more than there is.
-
-    Args:
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        command: (6,) on the hand, by the device, N and N m, world axes; changed.
-        sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-        added: (6,) by the device's driver, for its weight and friction, N and N m, world axes: what
-            it gives stays in the device, and does not count.
-    """
-    enforce(DeviceAccount(account), command, DeviceSample(sample), added)
-
-
-@kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64,"
-    " float64[::1], float64[::1])"
-)
-def correct_command(
-    command: Array,
-    model: Array,
-    answered: Array,
-    now: Array,
-    hand: Array,
-    period: float,
-    others: Array,
-    found: Array,
-) -> None:
-    """Fill a command for the device as it is now.
-
-    Args:
-        command: (6,) of the controller, N and N m, world axes.
-        model: (108,) how it depends on the device, a ``LocalModel``.
-        answered: (19,) the device's sample that the command answers, in SI units.
-        now: (19,) its newest sample, likewise.
-        hand: (22,) the hand's last wrenches, a ``HandMemory``.
-        period: T, s, over which the command is held.
-        others: (19,) what corrects it for other hands, a ``HandsCorrection``.
-        found: (6,) to fill, N and N m, world axes.
-    """
-    correct(
-        command,
-        LocalModel(model),
-        DeviceSample(answered),
-        DeviceSample(now),
-        HandMemory(hand),
-        period,
-        HandsCorrection(others),
-        found,
-    )
+    account_for_actuators(account, sample, applied)
+    take_energy(account, given)
+    allow(account, safety, command, sample, added)

@@ -40,8 +40,6 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
-    DEVICE_SAMPLE,
-    OPERATIONAL_MODEL,
     DeviceSample,
     OperationalModelSample,
     Pose,
@@ -50,7 +48,7 @@ from hapticmech_ros.numerics.saturation import limit
 from hapticmech_ros.numerics.small_matrices import cross, dot
 
 STATE_SIZE, SLOT_SIZE = ChannelState.layout.size, ChannelSlot.layout.size
-DEVICE_SIZE, MODEL_SIZE = DEVICE_SAMPLE.size, OPERATIONAL_MODEL.size
+MODEL_SIZE = OperationalModelSample.layout.size
 # Two random numbers, of loss and delay, for each message.
 DRAWS = 2
 NANOSECONDS = 1e9
@@ -79,7 +77,10 @@ def slot_of(numbers: Array, slot: int) -> ChannelSlot:
     return ChannelSlot(numbers[STATE_SIZE + SLOT_SIZE * slot :])
 
 
-@inner
+@kernel(
+    "boolean(int64[::1], float64[:,::1], float64, float64, float64, int64,"
+    " int64, Array(float64, 1, 'C', readonly=True))"
+)
 def send(
     numbers: Array,
     rows: Array,
@@ -90,7 +91,18 @@ def send(
     tag: int,
     message: Array,
 ) -> bool:
-    """Send a message (n,) at a time (ns); return whether there is room for it."""
+    """Send a message; return whether there is room for it.
+
+    Args:
+        numbers: (5 + 3 slots,) whole numbers of the channel, changed.
+        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        delay: d, s.
+        jitter: j, share of the delay.
+        loss: share of messages that do not arrive.
+        time_ns: now.
+        tag: a number that goes with it.
+        message: (n,) numbers.
+    """
     state = ChannelState(numbers)
     number, stream = state.sent, np.int64(state.stream)
     state.sent += 1
@@ -108,9 +120,18 @@ def send(
     return False
 
 
-@inner
+@kernel("boolean(int64[::1], float64[:,::1], int64)")
 def receive(numbers: Array, rows: Array, time_ns: int) -> bool:
-    """Put the newest message that has arrived since the last call into the last row, if any."""
+    """Put the newest message that has arrived since the last call into the last row, if any.
+
+    Args:
+        numbers: (5 + 3 slots,) whole numbers of the channel, changed.
+        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        time_ns: present time, ns.
+
+    Returns:
+        Whether one has arrived.
+    """
     state, last, found = ChannelState(numbers), rows.shape[0] - 1, -1
     for row in range(last):
         slot = slot_of(numbers, row)
@@ -124,47 +145,6 @@ def receive(numbers: Array, rows: Array, time_ns: int) -> bool:
         return False
     put(rows[last], rows[found])
     return True
-
-
-@kernel(
-    "boolean(int64[::1], float64[:,::1], float64, float64, float64, int64,"
-    " int64, Array(float64, 1, 'C', readonly=True))"
-)
-def send_message(
-    state: Array,
-    rows: Array,
-    delay: float,
-    jitter: float,
-    loss: float,
-    time_ns: int,
-    tag: int,
-    message: Array,
-) -> bool:
-    """Send a message; return whether there was space for it. See :func:`send`.
-
-    Args:
-        state: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
-        delay: d, s.
-        jitter: j, share of the delay.
-        loss: share of messages that do not arrive.
-        time_ns: now.
-        tag: a number that goes with it.
-        message: (n,) numbers.
-    """
-    return send(state, rows, delay, jitter, loss, time_ns, tag, message)
-
-
-@kernel("boolean(int64[::1], float64[:,::1], int64)")
-def receive_message(state: Array, rows: Array, time_ns: int) -> bool:
-    """Put the newest message that has arrived into the last row; return whether one has.
-
-    Args:
-        state: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
-        time_ns: present time, ns.
-    """
-    return receive(state, rows, time_ns)
 
 
 # Below this θ², rad², three terms of a series are exact to rounding.
@@ -348,7 +328,7 @@ def force_let_through(settings: ControllerSettings, time: float) -> float:
     return 1.0 if settings.carries == 0.0 else let_through(settings, time)
 
 
-@inner
+@kernel("void(ControllerSettings, DeviceSample, OperationalModelSample, float64, float64[::1])")
 def hand_on_mechanism(
     settings: ControllerSettings,
     device: DeviceSample,
@@ -356,7 +336,15 @@ def hand_on_mechanism(
     time: float,
     commanded: Array,
 ) -> None:
-    """Fill the wrench that measured forces command on the mechanism (6,): s (C3 F_h + C5 F_c)."""
+    """Fill the wrench that measured forces command on the mechanism, s (C3 F_h + C5 F_c).
+
+    Args:
+        settings: what the scene and the clutch fix.
+        device: the device's sample.
+        model: the operational model.
+        time: s.
+        commanded: (6,) to fill, N and N m, world axes.
+    """
     through, task = force_let_through(settings, time), settings.task
     for i in range(6):
         hand, touch = device.hand_wrench[i], model.contact[i]
@@ -408,7 +396,10 @@ def parts(
         scale_within(out.joint_constraint, through * force_limit, through * torque_limit)
 
 
-@inner
+@kernel(
+    "void(ControllerSettings, DeviceSample, OperationalModelSample, float64, float64,"
+    " ControlWrenches)"
+)
 def answer_measurements(
     settings: ControllerSettings,
     device: DeviceSample,
@@ -417,65 +408,19 @@ def answer_measurements(
     ahead: float,
     out: ControlWrenches,
 ) -> None:
-    """Fill a control period's wrenches; see :func:`control_wrenches`."""
+    """Fill a control period's wrenches.
+
+    Args:
+        settings: what the scene and the clutch fix.
+        device: the device's sample.
+        model: the operational model.
+        time: s.
+        ahead: s, for which the point's pose is carried on.
+        out: to fill.
+    """
     clutch_error(settings, device, model, ahead, out.error)
     parts(settings, device, model, time, out)
     for i in range(6):
         out.on_hand[i] = out.impedance[i] + out.joint_constraint[i] + out.four_channel[i]
     limit_wrench(out.on_hand, settings.force_limit, settings.torque_limit)
     limit_wrench(out.on_mechanism, settings.force_limit, settings.torque_limit)
-
-
-@kernel(
-    "boolean(float64[::1], Array(float64, 1, 'C', readonly=True),"
-    " Array(float64, 1, 'C', readonly=True), float64, float64, float64[:,::1])"
-)
-def control_wrenches(
-    settings: Array, device: Array, operational_model: Array, time: float, ahead: float, out: Array
-) -> bool:
-    """Fill ``out`` (6, 6) with a control period's wrenches: rows as in :class:`ControlOutput`.
-
-    Args:
-        settings: (59,) what the scene and the clutch fix, a ``ControllerSettings``.
-        device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-        time: s.
-        ahead: s, for which the point's pose is carried on.
-        out: (6, 6) to fill, N and N m, world axes.
-
-    Returns:
-        Whether the measurements have these sizes; nothing is computed otherwise.
-    """
-    if device.size != DEVICE_SIZE or operational_model.size != MODEL_SIZE:
-        return False
-    answer_measurements(
-        ControllerSettings(settings),
-        DeviceSample(device),
-        OperationalModelSample(operational_model),
-        time,
-        ahead,
-        ControlWrenches(shaped(out, (out.size,))),
-    )
-    return True
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64[::1])")
-def forces_on_mechanism(
-    settings: Array, device: Array, operational_model: Array, time: float, commanded: Array
-) -> None:
-    """Fill the wrench that measured forces command on the mechanism, C3 F_h + C5 F_c.
-
-    Args:
-        settings: (59,) what the scene and the clutch fix, a ``ControllerSettings``.
-        device: (19,) the device's sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
-        time: s.
-        commanded: (6,) to fill, N and N m, world axes.
-    """
-    hand_on_mechanism(
-        ControllerSettings(settings),
-        DeviceSample(device),
-        OperationalModelSample(operational_model),
-        time,
-        commanded,
-    )

@@ -110,17 +110,14 @@ class DelayFollower:
         Returns:
             Whether ``delay`` changed.
         """
-        target = self._target(round_trip)
-        if target > LONGER * self.delay + LONGER_S:
-            self._shorter_since = None
-        elif target < SHORTER * self.delay:
-            if self._shorter_since is None:
-                self._shorter_since = time
-            if time - self._shorter_since < SHORTER_AFTER_S:
+        target, since = self._target(round_trip), self._shorter_since
+        self._shorter_since = None
+        if target < SHORTER * self.delay:
+            since = time if since is None else since
+            if time - since < SHORTER_AFTER_S:
+                self._shorter_since = since
                 return False
-            self._shorter_since = None
-        else:
-            self._shorter_since = None
+        elif target <= LONGER * self.delay + LONGER_S:
             return False
         self.delay = target
         return True

@@ -111,7 +111,8 @@ class LocalModel(Record):
         damping: B, wrench per twist v: N s/m, N s/rad, N s and N m s/rad.
     """
 
-    force, stiffness, damping = matrix(6, 6), matrix(6, 6), matrix(6, 6)
+    force, stiffness = matrix(6, 6, "ratio"), matrix(6, 6, "stiffness")
+    damping = matrix(6, 6, "damping")
 
 
 class Answer(Record):

@@ -4,8 +4,8 @@
 
 As flat arrays they travel between nodes, and controllers read them. A device's sample is laid out
 as :class:`~hapticmech_ros.numerics.layout.DeviceSample` (19,), what the analysis and the mechanism
-report of a point as :data:`~hapticmech_ros.numerics.layout.OPERATIONAL_MODEL` (139,). Units and
-frames are those of the measurements.
+report of a point as :class:`~hapticmech_ros.numerics.layout.OperationalModelSample` (139,). Units
+and frames are those of the measurements.
 
 Measured poses are carried on to another time, so that those of different times can be compared:
 what the hand did acts on the mechanism some periods later than on a device that corrects commands
@@ -22,13 +22,11 @@ import pinocchio as pin
 
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import (
-    OPERATIONAL_MODEL,
     DeviceSample,
     OperationalModelSample,
     Pose,
 )
 from hapticmech_ros.operational import OperationalAnalysis
-from hapticmech_ros.operational.results import CompensatedResponse
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,22 +92,18 @@ class ControlOutput:
         )
 
 
-def operational_model_of(
-    analysis: OperationalAnalysis, compensated: CompensatedResponse | None = None
-) -> OperationalModel:
-    """Return the part of an analysis that the controllers use, with X and a_0 of a late loop."""
-    if compensated is None:
-        compensated = CompensatedResponse(analysis.inverse_inertia, analysis.free_acceleration)
+def operational_model_of(analysis: OperationalAnalysis) -> OperationalModel:
+    """Return the part of an analysis that the controllers use, of a loop without delay."""
     return OperationalModel(
-        compensated.inverse_inertia,
+        analysis.inverse_inertia,
         analysis.constraint_projector,
         analysis.wrench_projector,
-        compensated.free_acceleration,
+        analysis.free_acceleration,
     )
 
 
 def flat_device(measured: DeviceMeasurement) -> Array:
-    """Return a device's measurement as a ``layout.DEVICE_SAMPLE`` (19,), SI, world axes."""
+    """Return a device's measurement as a ``layout.DeviceSample`` (19,), SI, world axes."""
     place = pin.SE3ToXYZQUAT(measured.pose)
     return np.concatenate((place, measured.twist, measured.hand_wrench))
 
@@ -118,7 +112,7 @@ def flat_operational_model(model: OperationalModel, point: PointMeasurement) -> 
     """Return what the analysis and the mechanism report of a point as numbers (139,), without s."""
     return np.concatenate(
         (
-            np.zeros(OPERATIONAL_MODEL["s"]),
+            np.zeros(OperationalModelSample.layout["s"]),
             model.inverse_inertia.ravel(),
             model.constraint_projector.ravel(),
             model.wrench_projector.ravel(),
@@ -144,7 +138,7 @@ def model_of(operational_model: Array) -> OperationalModel:
     """Return the analysis in numbers (139,).
 
     Args:
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
     """
     model = OperationalModelSample(operational_model)
     x, projector, balance = (
@@ -159,7 +153,7 @@ def point_of(operational_model: Array) -> PointMeasurement:
     """Return the operational point's measurement in numbers (139,).
 
     Args:
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
     """
     model = OperationalModelSample(operational_model)
     place = place_of(np.concatenate((model.position, model.quaternion)))
@@ -235,7 +229,7 @@ def point_ahead(
     Its pose is carried on by its twist; once what is in flight has acted, if anything is.
 
     Args:
-        operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
         ahead: s, from its time to that of the device's measurement.
         in_flight: commands that have not acted yet.
     """

@@ -23,14 +23,15 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hapticmech_ros.control.account_kernels import (
-    MOST,
-    command_response,
-    mean_change,
-    remember_wrench,
+from hapticmech_ros.control.account_kernels import MOST, change_of_mean, remember, respond
+from hapticmech_ros.control.loop_layout import (
+    ControllerSettings,
+    HandMemory,
+    HandsCorrection,
+    MeanChange,
 )
-from hapticmech_ros.control.loop_layout import HandMemory, HandsCorrection, MeanChange
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene import Scene
 
@@ -74,14 +75,14 @@ def coupling_gain(
 
     Args:
         settings: (59,) of the controllers, a ``ControllerSettings``.
-        operational_model: (139,) of the own point; see ``layout.OPERATIONAL_MODEL``.
+        operational_model: (139,) of the own point; see ``layout.OperationalModelSample``.
         time: s, of the controllers.
         transmitted: (6, 6) Y_ij, see :func:`~hapticmech_ros.operational.analysis.transmission`.
         share: C3_j.
     """
-    response = np.empty((6, 6))
-    command_response(settings, operational_model, time, response.ravel())
-    return np.asarray(share * (response @ transmitted))
+    response, gains = np.empty((6, 6)), ControllerSettings(settings)
+    respond(gains, OperationalModelSample(operational_model), time, response)
+    return np.asarray(share * ((gains.c2 * response) @ transmitted))
 
 
 class OtherHands:
@@ -151,10 +152,10 @@ class OtherHands:
         before_ns = samples[first][0]
         for number in range(first, at + 1):
             known_ns, known = samples[number]
-            remember_wrench(memory.values, (known_ns - before_ns) / NANOSECONDS, known)
+            remember(memory, (known_ns - before_ns) / NANOSECONDS, known)
             before_ns = known_ns
         since = min(now_ns - stamp_ns, FARTHEST * period)
-        mean_change(memory.values, since / NANOSECONDS, period / NANOSECONDS, mean.values)
+        change_of_mean(memory, since / NANOSECONDS, period / NANOSECONDS, mean)
         return np.array([change, mean.line, mean.bend])
 
     def _newest(self, samples: deque[tuple[int, Array]], now_ns: int) -> int | None:

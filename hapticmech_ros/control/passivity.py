@@ -32,22 +32,23 @@ import numpy as np
 
 from hapticmech_ros.control.device_side_kernels import (
     allow_command,
-    correct_command,
+    correct,
     energy_available,
-    enforce_passivity,
-    record_sample,
-    take_energy,
 )
-from hapticmech_ros.control.loop_layout import DeviceAccount
+from hapticmech_ros.control.loop_layout import (
+    DeviceAccount,
+    HandMemory,
+    HandsCorrection,
+    LocalModel,
+)
 from hapticmech_ros.control.other_hands import NO_OTHERS
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 
-NO_WRENCH = np.zeros(6)
-NO_WRENCH.flags.writeable = False
 # Most damping, as a share of what stops the device within a sample.
 MOST_DAMPING = 0.4
 
@@ -80,15 +81,22 @@ class PassivityController:
         filtered: bool = False,
         lag: float = 0.0,
     ) -> None:
-        self.account = account = DeviceAccount()
-        account.inertia[:], account.acts[:] = inertia, 1.0 if acts is None else acts
-        account.force_limit, account.torque_limit = limits
-        account.period, account.most_damping = period, MOST_DAMPING / period
-        account.kept = lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0
-        account.ahead = ahead = period + lag
-        account.moved, account.filtered = 0.5 * ahead**2, filtered
-        account.passive, account.allowance = bounds.control, bounds.allowance
-        account.slack = bounds.slack
+        self.account, ahead = DeviceAccount(), period + lag
+        self.account.fill(
+            inertia=inertia,
+            acts=np.ones(6) if acts is None else acts,
+            force_limit=limits[0],
+            torque_limit=limits[1],
+            period=period,
+            most_damping=MOST_DAMPING / period,
+            kept=lag / period * -math.expm1(-period / lag) if lag > 0.0 else 0.0,
+            ahead=ahead,
+            moved=0.5 * ahead**2,
+            filtered=filtered,
+            passive=bounds.control,
+            allowance=bounds.allowance,
+            slack=bounds.slack,
+        )
 
     def begin(self) -> None:
         """Start anew: the hand takes hold, or nobody holds."""
@@ -122,7 +130,7 @@ class PassivityController:
         """Return E_h at a sample (19,), J, without what friction took.
 
         Args:
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
         """
         twist = DeviceSample(sample).twist
         return self.actuators + 0.5 * float(twist @ (self.account.inertia * twist))
@@ -131,36 +139,6 @@ class PassivityController:
     def available(self) -> float:
         """J that the actuators may give now; infinite while E_m is not known."""
         return energy_available(self.account)
-
-    def set_mechanism_energy(self, mechanism: float | None) -> None:
-        """Take E_m, J; None while nobody tells it.
-
-        With the first one the account begins: what a commander without one gave before, be it of
-        his own, is no debt that the next one's damping has to collect.
-        """
-        take_energy(self.account, math.nan if mechanism is None else mechanism)
-
-    def record(self, sample: Array, applied: Array) -> None:
-        """Account for the last period.
-
-        Args:
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-            applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-        """
-        record_sample(self.account.values, sample, applied)
-
-    def enforce(self, command: Array, sample: Array, added: Array = NO_WRENCH) -> Array:
-        """Return the command (6,), changed where it would give more than there is.
-
-        Args:
-            command: (6,) on the hand, by the device, N and N m, world axes.
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
-            added: (6,) by the device's driver, for its weight and friction, N and N m, world axes:
-                what it gives stays in the device, and does not count.
-        """
-        held = np.array(command, dtype=float)
-        enforce_passivity(self.account.values, held, sample, added)
-        return held
 
 
 def corrected(
@@ -184,7 +162,16 @@ def corrected(
         others: (19,) what corrects it for other hands; see ``other_hands``.
     """
     found = np.empty(6)
-    correct_command(command, model, answered, now, hand, period, others, found)
+    correct(
+        command,
+        LocalModel(model),
+        DeviceSample(answered),
+        DeviceSample(now),
+        HandMemory(hand),
+        period,
+        HandsCorrection(others),
+        found,
+    )
     return found
 
 
@@ -236,13 +223,13 @@ class DeviceSide:
 
         Args:
             command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
-            sample: (19,) of the device now, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device now, in SI units; see ``layout.DeviceSample``.
             applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
             to_mechanism: E_m, J, as it was received; None while nobody sends it.
             added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
         """
         found = np.array(command, dtype=float)
         given = math.nan if to_mechanism is None else to_mechanism
-        account, safety = self.passivity.account.values, self.envelope.numbers.values
-        allow_command(account, safety, found, sample, applied, added, given)
+        account, safety = self.passivity.account, self.envelope.numbers
+        allow_command(account, safety, found, DeviceSample(sample), applied, added, given)
         return found

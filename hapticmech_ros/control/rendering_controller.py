@@ -14,26 +14,32 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
+    account_for_motion,
     answer_sample,
     command_mechanism,
-    move_point_on,
 )
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.kernels import (
     SLOT_SIZE,
     STATE_SIZE,
-    forces_on_mechanism,
+    hand_on_mechanism,
     mixed,
-    receive_message,
-    send_message,
+    receive,
+    send,
     slot_of,
 )
-from hapticmech_ros.control.loop_layout import Answer, ChannelState, ControllerAccount, Locality
+from hapticmech_ros.control.loop_layout import (
+    Answer,
+    ChannelState,
+    ControllerAccount,
+    ControllerSettings,
+    Locality,
+)
 from hapticmech_ros.control.measurements import InFlight
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.scene.controller import Connection
 
 
@@ -92,12 +98,12 @@ class Channel:
         Raises:
             InvalidInputError: messages are sent more often than once in a period.
         """
-        if not send_message(self.state, self.rows, *self.law, time_ns, tag, message):
+        if not send(self.state, self.rows, *self.law, time_ns, tag, message):
             raise InvalidInputError("time", time_ns, "must be a period after the last message (ns)")
 
     def take(self, time_ns: int) -> Array | None:
         """Return the newest message (n,) since the last call, a view; None if none arrived."""
-        return self.rows[-1] if receive_message(self.state, self.rows, time_ns) else None
+        return self.rows[-1] if receive(self.state, self.rows, time_ns) else None
 
 
 # Commands to the mechanism that are remembered, for states of it that are late.
@@ -146,22 +152,6 @@ class ControllerCommand(NamedTuple):
         return cls(Answer(), stamp_ns)
 
 
-class LedgerEntry(NamedTuple):
-    """Energies of the controllers since rendering started, J; see :mod:`.account_kernels`.
-
-    Attributes:
-        to_mechanism: E_m.
-        stored: S, now.
-        injected: E_inj.
-        dissipated: E_b.
-    """
-
-    to_mechanism: float
-    stored: float
-    injected: float
-    dissipated: float
-
-
 class RenderingController:
     """Answers samples, and keeps the account of what the mechanism gets.
 
@@ -202,24 +192,9 @@ class RenderingController:
         self._locality, self._nothing = Locality(), Answer()
         self.channels: tuple[Channel, Channel] | None = None
         if not connection.ideal:
-            sizes = DEVICE_SAMPLE.size, Answer.layout.size
+            sizes = DeviceSample.layout.size, Answer.layout.size
             forth, back = (Channel(connection, i, size, period) for i, size in enumerate(sizes))
             self.channels = forth, back
-
-    @property
-    def entry(self) -> LedgerEntry:
-        """Energies as of the last sample."""
-        return LedgerEntry(*self.account.energies.values.tolist())
-
-    @property
-    def from_hand(self) -> float:
-        """E_h, J, that the hand has put in, as the controller knows it."""
-        return self.account.from_hand
-
-    @property
-    def changed(self) -> int:
-        """Wrenches to the mechanism that passivity control has changed."""
-        return int(self.account.changed)
 
     @property
     def is_ideal(self) -> bool:
@@ -256,7 +231,8 @@ class RenderingController:
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer is to say how.
         """
-        move_point_on(self.account.values, inputs.operational_model, inputs.elapsed)
+        twist = OperationalModelSample(inputs.operational_model).twist
+        account_for_motion(self.account, twist, inputs.elapsed)
         locality = self.locality(corrects, with_model)
         if self.channels is None:
             self.last = self._answered(inputs.device, inputs.stamp_ns, inputs, clutch, locality)
@@ -273,8 +249,8 @@ class RenderingController:
     def command_mechanism(self) -> tuple[Array, Array]:
         """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
-        account, commanded = self.account.values, np.empty((2, 6))
-        command_mechanism(account, self.queue, self.past, last.values, commanded)
+        commanded = np.empty((2, 6))
+        command_mechanism(self.account, self.queue, self.past, last, commanded)
         return commanded[0], commanded[1]
 
     def held_elsewhere(self) -> None:
@@ -303,9 +279,19 @@ class RenderingController:
                 flying = self.in_flight(queue, settings, device, model, time)
             found = control.answer(time, clutch, device, model, ahead, flying)
             answer.wrenches.values[:] = found.ravel()
-        known = settings, control.carried_at(time, clutch), queue, device, model, time, ahead
-        answered = locality.values, control.answers_in_python, answer.values
-        answer_sample(self.account.values, *known, *answered)
+        answer_sample(
+            self.account,
+            ControllerSettings(settings),
+            control.carried_at(time, clutch),
+            queue,
+            DeviceSample(device),
+            OperationalModelSample(model),
+            time,
+            ahead,
+            locality,
+            control.answers_in_python,
+            answer,
+        )
         return ControllerCommand(answer, stamp_ns)
 
     def in_flight(
@@ -318,12 +304,13 @@ class RenderingController:
         Args:
             queue: (n, 6) these commands, N and N m, world axes.
             settings: (59,) of the controllers, a ``ControllerSettings``.
-            device: (19,) the sample, in SI units; see ``layout.DEVICE_SAMPLE``.
-            operational_model: (139,) in SI units; see ``layout.OPERATIONAL_MODEL``.
+            device: (19,) the sample, in SI units; see ``layout.DeviceSample``.
+            operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             time: s, of the controllers.
         """
         commanded, period = np.empty(6), self.account.period
-        forces_on_mechanism(settings, device, operational_model, time, commanded)
+        sample, model = DeviceSample(device), OperationalModelSample(operational_model)
+        hand_on_mechanism(ControllerSettings(settings), sample, model, time, commanded)
         impulse = period * (queue.sum(axis=0) + 0.5 * commanded)
         return InFlight((len(queue) + 0.5) * period, impulse)
 

@@ -88,8 +88,12 @@ def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
         InvalidInputError: a script that cannot be read.
     """
     head, rows = laws.HandModel(), np.empty(0)
-    head.kind, head.start = laws.NOBODY, schedule.start
-    head.holds_first, head.switches = schedule.holds_first, len(schedule.switches)
+    head.fill(
+        kind=laws.NOBODY,
+        start=schedule.start,
+        holds_first=schedule.holds_first,
+        switches=len(schedule.switches),
+    )
     if isinstance(hand, ConstantWrenchHand):
         head.kind = laws.CONSTANT
         head.spring.stiffness[:] = (*hand.force, *hand.torque)
@@ -105,9 +109,11 @@ def hand_numbers(hand: Hand | None, schedule: GraspSchedule) -> Array:
             head.grip.stiffness[:], head.grip.damping[:] = spring_gains(hand.grip)
     tremor = None if hand is None else hand.tremor
     if tremor is not None:
-        head.speed = 2.0 * np.pi * tremor.frequency
-        head.trembling[:] = (*tremor.force, *tremor.torque)
-        head.sway[:] = (*tremor.xyz, *tremor.rotation)
+        head.fill(
+            speed=2.0 * np.pi * tremor.frequency,
+            trembling=(*tremor.force, *tremor.torque),
+            sway=(*tremor.xyz, *tremor.rotation),
+        )
     return np.concatenate((head.values, schedule.switches, rows.ravel()))
 
 

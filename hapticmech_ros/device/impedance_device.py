@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +22,7 @@ from hapticmech_ros.device.hand import (
     hand_numbers,
 )
 from hapticmech_ros.device.hand_kernels import OPEN
-from hapticmech_ros.device.kernels import DeviceModel, SimulatedState
+from hapticmech_ros.device.kernels import DeviceModel, SimulatedState, Substep
 from hapticmech_ros.device.state import NO_WRENCH, DeviceState
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.numerics import Array
@@ -72,10 +73,9 @@ class ImpedanceDevice:
         self.device, self.period = device, period
         self._law = law
         numbers = hand_numbers(None if law is not None else hand, schedule)
-        layout = DeviceModel.layout
-        self.data: Array = np.concatenate((np.zeros(layout.start("hand")), numbers))
-        for name, value in _constants(device, period, planar, schedule).items():
-            self.data[layout.slice(name)] = value
+        self.data: Array = np.concatenate((np.zeros(DeviceModel.layout.start("hand")), numbers))
+        self._model, self._plan = DeviceModel(self.data), self.data[kernels.MODEL_SIZE :]
+        self._model.fill(**_constants(device, period, planar, schedule))
         self.held: DeviceState | None = None
 
     @property
@@ -94,7 +94,7 @@ class ImpedanceDevice:
             home: pose about which the workspace is; ``pose`` if left out.
         """
         state = DeviceState.resting(pose).replaced(home=pose if home is None else home)
-        kernels.stand(self.data, held, state.flat)
+        kernels.stand(self._model, self._plan, held, SimulatedState(state.flat))
         if self._law is not None and state.window != OPEN:
             self._push(self._law, 0.0, state)
             if self._senses:
@@ -104,7 +104,7 @@ class ImpedanceDevice:
     def compensation(self, state: DeviceState) -> Array:
         """Return the wrench (6,) that the driver adds over the next period, N, N m, world axes."""
         added = np.empty(6)
-        kernels.compensation(self.data, state.measured_twist, added)
+        kernels.compensate(self._model, state.measured_twist, added)
         return added
 
     def sensed(self, push: Array) -> Array:
@@ -142,20 +142,21 @@ class ImpedanceDevice:
             ticks = -1
         elif held is not self.held:
             self.take_hold(held)
-        DeviceModel(self.data).push[:] = push
-        flat = np.empty(SimulatedState.layout.size)
-        obeys, asked = command is not None, NO_WRENCH if command is None else command
-        asked = np.ascontiguousarray(asked, dtype=float)
-        if self._law is None:
-            kernels.advance(self.data, state.flat, asked, obeys, ticks, flat)
+        start, end, model = SimulatedState(state.flat), SimulatedState(), self._model
+        model.push[:] = push
+        if command is None:
+            model.command[:] = 0.0
         else:
-            kernels.begin(self.data, state.flat, asked, obeys, ticks, flat)
-            self._advance_by(self._law, state, ticks, flat)
-        return DeviceState(flat)
+            kernels.command_device(model, start, np.ascontiguousarray(command, dtype=float))
+        if self._law is None:
+            kernels.move_device(self.data, start, ticks, end)
+        else:
+            self._advance_by(self._law, start, ticks, end)
+        return DeviceState(end.values)
 
     def take_hold(self, held: DeviceState) -> None:
         """Say where the device was when the hand could take hold."""
-        place, pose = DeviceModel(self.data).held, held.pose
+        place, pose = self._model.held, held.pose
         place.position[:], place.rotation[:] = pose.translation, pose.rotation
         self.held = held
 
@@ -163,17 +164,20 @@ class ImpedanceDevice:
     def _senses(self) -> bool:
         return self.device.force_sensor == "measured"
 
-    def _advance_by(self, law: HandLaw, state: DeviceState, ticks: int, flat: Array) -> None:
-        """Advance a period that has begun, with the hand's wrench by a law in Python."""
-        before, now, held = np.empty(kernels.SUBSTEP_SIZE), DeviceState(flat), False
-        data, model, substeps = self.data, DeviceModel(self.data), self.device.substeps
+    def _advance_by(
+        self, law: HandLaw, start: SimulatedState, ticks: int, end: SimulatedState
+    ) -> None:
+        """Fill the state a period after ``start``, with the hand's wrench by a law in Python."""
+        before, now, held = Substep(), DeviceState(end.values), False
+        model, plan, substeps = self._model, self._plan, self.device.substeps
+        kernels.begin(model, plan, start, ticks, end)
         self._push(law, kernels.time_of(model, ticks, 0), now)
         for index in range(substeps):
-            kernels.half_substep(data, flat, before)
+            kernels.half_substep(model, end, before)
             self._push(law, kernels.middle_of(model, ticks, index), now)
-            held = kernels.end_substep(data, ticks, index, flat, before)
+            held = kernels.end_substep(model, plan, ticks, index, end, before)
         self._push(law, kernels.time_of(model, ticks, substeps), now)
-        kernels.finish(data, state.flat, held, before, flat)
+        kernels.finish(model, start, held, before, end)
 
     def _push(self, law: HandLaw, elapsed: float, state: DeviceState) -> None:
         """Put the hand's wrench by its law into a state, zero unless it holds."""
@@ -189,7 +193,7 @@ class ImpedanceDevice:
 
 def _constants(
     device: Device, period: float, planar: bool, schedule: GraspSchedule
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return what is constant of a device, by fields of :class:`DeviceModel`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps

@@ -216,9 +216,15 @@ def _add_friction(
             given[i] = share * (known * (coulomb / speed + damping) * rate[i])
 
 
-@inner
+@kernel("void(DeviceModel, float64[::1], float64[::1])")
 def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
-    """Fill what the driver adds (6,) to a command, at a measured twist (6,)."""
+    """Fill what the driver adds to a command.
+
+    Args:
+        device: what it is.
+        twist: (6,) measured, m/s and rad/s, world axes.
+        added: (6,) to fill, N and N m, world axes.
+    """
     added[:] = 0.0
     if device.compensated > 0.0:
         share, damping = device.compensated, device.damping
@@ -229,7 +235,7 @@ def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
         added[i] = device.task[i] * (added[i] - device.lifts * device.weight[i])
 
 
-@inner
+@kernel("void(DeviceModel, SimulatedState, SimulatedState)")
 def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
     """Fill what is reported of the hand without a sensor; r⁺ of the module.
 
@@ -261,9 +267,15 @@ def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedSta
         reported[i] = estimate + device.observer_share * behind
 
 
-@inner
+@kernel("void(DeviceModel, SimulatedState, float64[::1])")
 def command_device(device: DeviceModel, state: SimulatedState, command: Array) -> None:
-    """Ask actuators, within their limits, for a command (6,) and what is added at a state."""
+    """Ask actuators, within their limits, for a command and what the driver adds to it.
+
+    Args:
+        device: what it is, changed.
+        state: with the measured twist.
+        command: (6,) servo_cf, N and N m, world axes.
+    """
     given = device.command
     compensate(device, state.twist, given)
     for i in range(6):
@@ -437,17 +449,28 @@ def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -
         out.twist[i] = old + device.filter_gain * (moved[i] / device.period - old)
 
 
-@inner
-def _begin(
+@kernel("void(DeviceModel, float64[::1], SimulatedState, int64, SimulatedState)")
+def begin(
     device: DeviceModel, plan: Array, state: SimulatedState, ticks: int, out: SimulatedState
 ) -> None:
-    """Begin a period: ``out`` is where ``state`` is, and the hand takes hold if it is time to."""
+    """Begin a period: ``out`` is where ``state`` is, and the hand takes hold if it is time to.
+
+    The hand's wrench is to be put into ``out`` then, in the middle of each of the substeps that
+    follow, and before :func:`finish`: zero unless it holds.
+
+    Args:
+        device: what it is, and what its actuators were asked for.
+        plan: (numbers,) of its hand.
+        state: at the period's start.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        out: to fill.
+    """
     put(out.values, state.values)
     _take(device, plan, ticks, 0, out)
 
 
-@inner
-def _half_substep(device: DeviceModel, out: SimulatedState, before: Substep) -> None:
+@kernel("void(DeviceModel, SimulatedState, Substep)")
+def half_substep(device: DeviceModel, out: SimulatedState, before: Substep) -> None:
     """Move ``out`` to the middle of a substep, with the twist that is predicted there.
 
     ``before`` is filled with the twists at its start, and all forces but the hand's.
@@ -467,14 +490,22 @@ def _half_substep(device: DeviceModel, out: SimulatedState, before: Substep) -> 
         _speed_up(device, out, 0.5)
 
 
-@inner
-def _end_substep(
+@kernel("boolean(DeviceModel, float64[::1], int64, int64, SimulatedState, Substep)")
+def end_substep(
     device: DeviceModel, plan: Array, ticks: int, index: int, out: SimulatedState, before: Substep
 ) -> bool:
-    """End substep ``index`` from its middle; then the hand lets go or takes hold.
+    """End a substep from its middle; then the hand lets go or takes hold.
 
-    ``before`` is as of :func:`_half_substep`, and is filled with the hand's wrench in the middle.
-    Return whether the hand held.
+    Args:
+        device: what it is.
+        plan: (numbers,) of its hand.
+        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        index: of the substep.
+        out: changed.
+        before: of :func:`half_substep`; filled with the hand's wrench in the middle.
+
+    Returns:
+        Whether the hand held.
     """
     body, own = out.body, out.own
     held: bool = out.window != OPEN
@@ -496,8 +527,8 @@ def _end_substep(
     return held
 
 
-@inner
-def _finish(
+@kernel("void(DeviceModel, SimulatedState, boolean, Substep, SimulatedState)")
+def finish(
     device: DeviceModel, state: SimulatedState, held: bool, before: Substep, out: SimulatedState
 ) -> None:
     """Fill what is measured at the end of a period.
@@ -506,7 +537,7 @@ def _finish(
         device: what it is.
         state: at the period's start.
         held: whether the hand held in the last substep.
-        before: as of :func:`_end_substep`, of that.
+        before: as of :func:`end_substep`, of that.
         out: at its end; of the hand's wrench its own mass takes its part away.
     """
     own, arm = out.own, device.arm
@@ -522,145 +553,42 @@ def _finish(
         estimate_hand(device, state, out)
 
 
-@inner
+@kernel("void(float64[::1], SimulatedState, int64, SimulatedState)")
 def move_device(data: Array, state: SimulatedState, ticks: int, out: SimulatedState) -> None:
-    """Fill ``out`` with the state one period after ``state``; see :func:`advance`."""
-    device, plan, held = DeviceModel(data), data[MODEL_SIZE:], False
-    substeps, before = int(device.substeps), Substep(local(SUBSTEP_SIZE))
-    _begin(device, plan, state, ticks, out)
-    _push(device, plan, time_of(device, ticks, 0), out)
-    for index in range(substeps):
-        _half_substep(device, out, before)
-        _push(device, plan, middle_of(device, ticks, index), out)
-        held = _end_substep(device, plan, ticks, index, out, before)
-    _push(device, plan, time_of(device, ticks, substeps), out)
-    _finish(device, state, held, before, out)
-
-
-@inner
-def _command(device: DeviceModel, state: SimulatedState, command: Array, obeys: bool) -> None:
-    """Ask the actuators for a command (6,) and what is added to it, or for nothing."""
-    if obeys:
-        command_device(device, state, command)
-    else:
-        device.command[:] = 0.0
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
-def advance(data: Array, state: Array, command: Array, obeys: bool, ticks: int, out: Array) -> None:
     """Fill ``out`` with the state one period after ``state``.
 
     Args:
         data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        state: (107,) where to start, a :class:`SimulatedState`.
-        command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
-        obeys: whether it is obeyed; else the actuators are off, and compensation with them.
+        state: where to start.
         ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        out: (107,) to fill.
+        out: to fill.
     """
-    _command(DeviceModel(data), SimulatedState(state), command, obeys)
-    move_device(data, SimulatedState(state), ticks, SimulatedState(out))
+    device, plan, held = DeviceModel(data), data[MODEL_SIZE:], False
+    substeps, before = int(device.substeps), Substep(local(SUBSTEP_SIZE))
+    begin(device, plan, state, ticks, out)
+    _push(device, plan, time_of(device, ticks, 0), out)
+    for index in range(substeps):
+        half_substep(device, out, before)
+        _push(device, plan, middle_of(device, ticks, index), out)
+        held = end_substep(device, plan, ticks, index, out, before)
+    _push(device, plan, time_of(device, ticks, substeps), out)
+    finish(device, state, held, before, out)
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], boolean, int64, float64[::1])")
-def begin(data: Array, state: Array, command: Array, obeys: bool, ticks: int, out: Array) -> None:
-    """Begin a period, arguments as of :func:`advance`, whose hand is not the scene's.
-
-    Then, in the middle of each of the substeps that follow, and before :func:`finish`, the hand's
-    wrench is to be put into ``out``: zero unless it holds.
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        state: (107,) at the period's start.
-        command: (6,) servo_cf, N and N m, world axes; the driver's compensation is added to it.
-        obeys: whether it is obeyed; else the actuators are off, and compensation with them.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        out: (107,) to fill.
-    """
-    device, start = DeviceModel(data), SimulatedState(state)
-    _command(device, start, command, obeys)
-    _begin(device, data[MODEL_SIZE:], start, ticks, SimulatedState(out))
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def half_substep(data: Array, out: Array, before: Array) -> None:
-    """Move ``out`` to the middle of a substep; its twist is the one predicted there.
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        out: (107,) state, changed.
-        before: (24,) to fill in part, for :func:`end_substep`.
-    """
-    _half_substep(DeviceModel(data), SimulatedState(out), Substep(before))
-
-
-@kernel("boolean(float64[::1], int64, int64, float64[::1], float64[::1])")
-def end_substep(data: Array, ticks: int, index: int, out: Array, before: Array) -> bool:
-    """Move ``out`` from the middle of substep ``index`` to its end; return whether the hand held.
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
-        index: of the substep.
-        out: (107,) state, changed.
-        before: (24,) of :func:`half_substep`, completed for :func:`finish`.
-    """
-    device, plan = DeviceModel(data), data[MODEL_SIZE:]
-    return _end_substep(device, plan, ticks, index, SimulatedState(out), Substep(before))
-
-
-@kernel("void(float64[::1], float64[::1], boolean, float64[::1], float64[::1])")
-def finish(data: Array, state: Array, held: bool, before: Array, out: Array) -> None:
-    """End a period that began at ``state``: fill what is measured; see :func:`end_substep`.
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        state: (107,) at the period's start.
-        held: whether the hand held in the last substep.
-        before: (24,) of the last substep; see :func:`end_substep`.
-        out: (107,) state, completed.
-    """
-    _finish(DeviceModel(data), SimulatedState(state), held, Substep(before), SimulatedState(out))
-
-
-@kernel("void(float64[::1], boolean, float64[::1])")
-def stand(data: Array, holds: bool, out: Array) -> None:
+@kernel("void(DeviceModel, float64[::1], boolean, SimulatedState)")
+def stand(device: DeviceModel, plan: Array, holds: bool, out: SimulatedState) -> None:
     """Fill a device that stands still.
 
     Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
+        device: what it is.
+        plan: (numbers,) of its hand.
         holds: whether the hand can take hold now.
-        out: (107,) zero but for where it is, its home and its anchor.
+        out: zero but for where it is, its home and its anchor.
     """
-    device, plan, state = DeviceModel(data), data[MODEL_SIZE:], SimulatedState(out)
-    state.window = grasp_window(device.hand, plan, 0.0) if holds else OPEN
-    put(state.limb.values, state.body.values)
-    _push(device, plan, 0.0, state)
-    _quantise(device, state)
-    quaternion_of(state.seen, state.quaternion)
+    out.window = grasp_window(device.hand, plan, 0.0) if holds else OPEN
+    put(out.limb.values, out.body.values)
+    _push(device, plan, 0.0, out)
+    _quantise(device, out)
+    quaternion_of(out.seen, out.quaternion)
     if device.senses_itself == MEASURED:
-        put(state.hand_wrench, state.own)
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def observe(data: Array, before: Array, out: Array) -> None:
-    """Fill what is known of the hand from a device's motion, see above.
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel`, and what its actuators did.
-        before: (107,) its state at the period's start.
-        out: (107,) its state at the end, of which F_h is filled.
-    """
-    estimate_hand(DeviceModel(data), SimulatedState(before), SimulatedState(out))
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def compensation(data: Array, twist: Array, added: Array) -> None:
-    """Fill what the driver adds (6,) to a command, at a measured twist (6,).
-
-    Args:
-        data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
-        twist: (6,) measured, m/s and rad/s, world axes.
-        added: (6,) to fill, N and N m, world axes.
-    """
-    compensate(DeviceModel(data), twist, added)
+        put(out.hand_wrench, out.own)

@@ -183,9 +183,15 @@ def _follow(
     return SOUND
 
 
-@inner
+@kernel("int64(Motion, DeviceSample, float64)")
 def follow_sample(motion: Motion, sample: DeviceSample, elapsed: float) -> int:
-    """Return whether a sample can follow the one before it; see :func:`check_sample`."""
+    """Return whether a sample can follow the one before it: one of the codes above.
+
+    Args:
+        motion: what is known, changed.
+        sample: the sample.
+        elapsed: s since the one before it.
+    """
     last = motion.sample
     twist, before = sample.twist, local(6)
     put(before, last.twist)
@@ -206,15 +212,3 @@ def follow_sample(motion: Motion, sample: DeviceSample, elapsed: float) -> int:
             code = AWAY
     put(last.values, sample.values)
     return code
-
-
-@kernel("int64(float64[::1], float64[::1], float64)")
-def check_sample(motion: Array, sample: Array, elapsed: float) -> int:
-    """Return whether a sample can follow the one before it: one of the codes above.
-
-    Args:
-        motion: (numbers,) a :class:`Motion`; changed.
-        sample: (19,) a :class:`~hapticmech_ros.numerics.layout.DeviceSample`.
-        elapsed: s since the sample before it.
-    """
-    return int(follow_sample(Motion(motion), DeviceSample(sample), elapsed))

@@ -70,7 +70,7 @@ class HandObserver:
             period = time - self._time
             model.period, model.observer_share = period, -math.expm1(-self._rate * period)
             model.command[:] = applied
-            kernels.observe(model.values, self._before.values, now.values)
+            kernels.estimate_hand(model, self._before, now)
         self._time = time
         self._before.values[:] = now.values
         return now.hand_wrench.copy()

@@ -33,10 +33,11 @@ from hapticmech_ros.device.motion_kernels import (
     SOUND,
     SPEED,
     Motion,
-    check_sample,
+    follow_sample,
 )
-from hapticmech_ros.device.safety_kernels import Reason, Safety, apply_envelope
+from hapticmech_ros.device.safety_kernels import Reason, Safety
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.scene.device import Device, most_servo_stiffness
 
@@ -68,19 +69,19 @@ class MotionCheck:
 
     def __init__(self, device: Device, period: float) -> None:
         motion = device.motion
-        self.numbers = numbers = Motion()
+        self.numbers = Motion()
         steps = (
             _STEPS * device.position_resolution + _ROUNDING,
             _STEPS * device.angle_resolution + _ROUNDING,
         )
-        numbers.window[:] = WINDOWS_S
-        numbers.most_speed[:] = motion.speed, motion.angular_speed
-        numbers.most_acceleration[:] = motion.acceleration, motion.angular_acceleration
-        numbers.slack[:2] = steps
-        numbers.slack[2:] = np.add(steps, SLOW_SLACK)
-        numbers.reach = _ACROSS * device.workspace.radius or math.inf
-        numbers.period = period
-        self._radius = device.workspace.radius
+        self.numbers.fill(
+            window=WINDOWS_S,
+            most_speed=(motion.speed, motion.angular_speed),
+            most_acceleration=(motion.acceleration, motion.angular_acceleration),
+            slack=np.concatenate((steps, np.add(steps, SLOW_SLACK))),
+            reach=_ACROSS * device.workspace.radius or math.inf,
+            period=period,
+        )
         self.fault = ""
         self.faults = 0
         self.stamp_ns = self._fault_ns = 0
@@ -94,12 +95,12 @@ class MotionCheck:
         """Check a sample; a fault ends once all samples of 0.1 s were sound.
 
         Args:
-            sample: (19,) of the device, see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, see ``layout.DeviceSample``.
             stamp_ns: its time, ns, by the device's clock.
         """
         elapsed = (stamp_ns - self.stamp_ns) / NANOSECONDS
         self.stamp_ns = stamp_ns
-        code = check_sample(self.numbers.values, sample, elapsed)
+        code = follow_sample(self.numbers, DeviceSample(sample), elapsed)
         if code == SOUND:
             if self.fault and stamp_ns - self._fault_ns > SOUND_AFTER_NS:
                 self.fault = ""
@@ -193,8 +194,7 @@ class SafetyEnvelope:
 
     def limit(self, limits: SafetyLimits) -> None:
         """Keep these limits from now on."""
-        for name, value in asdict(limits).items():
-            setattr(self.numbers, name, value)
+        self.numbers.fill(**asdict(limits))
 
     def place(self, centre: Array) -> None:
         """Put the workspace's centre (3,), m.
@@ -208,17 +208,6 @@ class SafetyEnvelope:
         """Say that nothing leaves now; the next command is a start."""
         self.numbers.last[:] = 0.0
         self.numbers.started = 0.0
-
-    def apply(self, command: Array, position: Array) -> Array:
-        """Return what leaves (6,) for a command (6,), N and N m, world axes.
-
-        Args:
-            command: (6,) N and N m, world axes.
-            position: (3,) of the point held, m, world axes.
-        """
-        found = np.array(command, dtype=float)
-        apply_envelope(self.numbers.values, found, position)
-        return found
 
 
 # N/m and N m/rad: a finger's push of 1 N moves the device by 5 mm.

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.compilation import inner, local, put
 from hapticmech_ros.compilation.records import Number, Record, Vector
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import subtract3
@@ -148,7 +148,13 @@ def is_finite(safety: Safety, command: Array) -> bool:
 
 @inner
 def stay_within(safety: Safety, command: Array, position: Array) -> None:
-    """Change a command (6,) into what leaves; see :func:`apply_envelope`."""
+    """Change a command into what leaves.
+
+    Args:
+        safety: changed.
+        command: (6,) on the hand, by the device, at the point held, N and N m, world axes; changed.
+        position: (3,) of that point, m, world axes.
+    """
     if not is_finite(safety, command):
         return
     last = safety.last
@@ -170,15 +176,3 @@ def stay_bounded(safety: Safety, command: Array, position: Array) -> None:
     if is_finite(safety, command):
         keep_bounds(safety, command, position)
         put(safety.last, command)
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def apply_envelope(safety: Array, command: Array, position: Array) -> None:
-    """Change a command into what leaves.
-
-    Args:
-        safety: (numbers,) a :class:`Safety`, changed.
-        command: (6,) on the hand, by the device, at the point held, N and N m, world axes; changed.
-        position: (3,) of that point, m, world axes.
-    """
-    stay_within(Safety(safety), command, position)

@@ -73,8 +73,8 @@ class DeviceState:
                 place = getattr(numbers, _PLACES[name])
                 place.position[:], place.rotation[:] = value.translation, value.rotation
             elif name == "measured_pose":
-                numbers.position[:], numbers.seen[:] = value.translation, value.rotation
-                numbers.quaternion[:] = quaternion_of(value.rotation)
+                turn = value.rotation
+                numbers.fill(position=value.translation, seen=turn, quaternion=quaternion_of(turn))
             elif name == "window":
                 numbers.window = value
             elif name in _NUMBERS:
@@ -101,8 +101,7 @@ class DeviceState:
     @property
     def twist(self) -> Array:
         """(6,) twist of the point held, m/s and rad/s, world axes."""
-        twist: Array = self._numbers.body.twist
-        return twist
+        return self._numbers.body.twist
 
     @property
     def measured_pose(self) -> pin.SE3:
@@ -155,8 +154,7 @@ class DeviceState:
     @property
     def limb_twist(self) -> Array:
         """(6,) twist of that mass, m/s and rad/s, world axes."""
-        twist: Array = self._numbers.limb.twist
-        return twist
+        return self._numbers.limb.twist
 
     @property
     def pull(self) -> Array:

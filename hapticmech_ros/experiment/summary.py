@@ -332,12 +332,14 @@ def _user(record: SharedRecord, point: str, span: Grips) -> Json:
     counts = user.count[_during(user.analysis_times, span)]
     moved = user.device_position - user.device_position[0]
     found: Json = {
-        "displacement_max_m": _largest_norm(moved[_during(user.times, span)]),
+        "displacement_max_m": _largest(np.linalg.norm(moved[_during(user.times, span)], axis=1)),
         "hand_force_rms_n": root_mean_square(user.hand_wrench[_during(user.times, span), :3]),
         "by_others_force_rms_n": root_mean_square(record.felt[coupled, index, :3]),
         "counts_seen": sorted({int(count) for count in counts}),
         "count_at_end": int(counts[-1]) if counts.size else None,
-        "mass_least_kg": _ratio(1.0, _largest_singular_value(own[coupled])),
+        "mass_least_kg": _ratio(
+            1.0, _largest(np.linalg.norm(own[coupled][:, :3, :3], 2, axis=(1, 2)))
+        ),
     }
     accelerations = record.accelerations(point)[coupled, :, :3]
     found["acceleration_rms_m_per_s2"] = {
@@ -349,14 +351,3 @@ def _user(record: SharedRecord, point: str, span: Grips) -> Json:
 
 def _during(times: Array, span: Grips) -> Array:
     return np.asarray((times >= span.begin) & (times < span.end))
-
-
-def _largest_norm(rows: Array) -> float | None:
-    return float(np.linalg.norm(rows, axis=1).max()) if rows.size else None
-
-
-def _largest_singular_value(matrices: Array) -> float | None:
-    """Return that of the translation blocks of (k, 6, 6)."""
-    return (
-        float(np.linalg.norm(matrices[:, :3, :3], 2, axis=(1, 2)).max()) if matrices.size else None
-    )

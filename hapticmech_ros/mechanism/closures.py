@@ -196,11 +196,6 @@ class LoopClosure:
         return ROWS[self.kind]
 
     @property
-    def has_axes(self) -> bool:
-        """Whether there are rows of axes, and with them a root of φ that is a branch of its own."""
-        return self.kind in ("revolute", "weld")
-
-    @property
     def point_rows(self) -> int:
         """Number of rows in m, the first ones; the others are of axes, or of angles."""
         return self.rows if self.linear else _POINT_ROWS[self.kind]

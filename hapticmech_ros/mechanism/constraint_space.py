@@ -21,16 +21,14 @@ import pinocchio as pin
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv, singular_joint
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.factor_kernels import (
-    NO_SVD,
-    SINGULAR,
-    correct,
-    factor_closures,
-    keep_closed,
-    lift_rates,
-    solve_motion,
-)
+from hapticmech_ros.mechanism.kernels.factor_kernels import NO_SVD, SINGULAR, factor
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
+from hapticmech_ros.mechanism.kernels.metric_kernels import (
+    accelerate,
+    close_rates,
+    correction_of,
+    lift,
+)
 from hapticmech_ros.mechanism.kernels.model import Data, tail_of
 from hapticmech_ros.mechanism.model import TreeModel
 from hapticmech_ros.numerics import Array
@@ -110,14 +108,8 @@ class Evaluation(NamedTuple):
         dense, nv, bias = self.closing.dense, self.bias_force.size, self.closure_bias
         result = np.empty(nv + bias.size)
         np.add(joint_force, self.effort, out=result[:nv])
-        solve_motion(
-            *dense.active_set.constants,
-            dense.packed,
-            self.bias_force,
-            self.passive_force,
-            bias,
-            result,
-        )
+        terms = self.bias_force, self.passive_force, bias
+        accelerate(dense.active_set.model, dense.parts, *terms, result)
         return result[:nv], result[nv:]
 
 
@@ -257,7 +249,7 @@ class ConstraintSpace:
         """
         lifted = np.array(change, dtype=float)
         closing = self.closing
-        lift_rates(*closing.active_set.constants, closing.packed, lifted)
+        lift(closing.active_set.model, closing.parts, lifted)
         return float(np.sqrt(lifted @ lifted))
 
     def without_closure_part(self, columns: Array) -> Array:
@@ -279,7 +271,7 @@ class ConstraintSpace:
         closing = self.closing
         change = np.empty(closing.active_set.model.nv)
         rows = np.ascontiguousarray(rows, dtype=float)
-        correct(*closing.active_set.constants, closing.packed, rows, change)
+        correction_of(closing.active_set.model, closing.parts, rows, change)
         return change
 
     def closed_rates(self, rates: Array) -> Array:
@@ -289,7 +281,7 @@ class ConstraintSpace:
             rates: (nv,) rad/s or m/s.
         """
         kept = np.array(rates, dtype=float)
-        keep_closed(*self.closing.active_set.constants, self.closing.packed, kept)
+        close_rates(self.closing.active_set.model, self.closing.parts, kept)
         return kept
 
 
@@ -306,7 +298,7 @@ def factored(tree: TreeModel, active_set: ActiveSet, q: Array) -> Closing:
         HapticMechError: the SVD did not converge.
     """
     packed, position = np.empty(active_set.size), np.array(q, dtype=float)
-    code = factor_closures(*active_set.constants, position, packed)
+    code = factor(active_set.model, position, Data(active_set.model.numbers, packed))
     if code == NOT_DECIDED:
         return factored(tree, active_set.dense, q)
     if code < 0:

@@ -72,7 +72,9 @@ class Mechanism:
     """
 
     def __init__(self, scene: Scene, fit: bool = True) -> None:
-        self.fit: Fit | None = fitted(scene, _as_written) if fit else None
+        self.fit: Fit | None = (
+            fitted(scene, lambda written: Mechanism(written, fit=False)) if fit else None
+        )
         if self.fit is not None:
             scene = self.fit.scene
         self.scene = scene
@@ -256,7 +258,7 @@ class Mechanism:
             q: (nq,) configuration.
         """
         loop = self.closures[index]
-        if not loop.has_axes:
+        if loop.kind not in ("revolute", "weld"):
             return False
         pin.framesForwardKinematics(self.model, self.data, q)
         return loop.on_wrong_branch(self.data)
@@ -448,7 +450,7 @@ class Mechanism:
         each = 6 * nv + 12
         terms = np.empty(first + each * len(self._point_frames))
         state = np.array(q, dtype=float), np.array(v, dtype=float)
-        move_frames(*active_set.constants, closing.packed, *state, terms, self._point_places)
+        move_frames(active_set.model, closing.parts, *state, terms, self._point_places)
         points = []
         for at, pose in zip(range(first, terms.size, each), self._point_poses, strict=True):
             moving = at + 6 * nv
@@ -573,10 +575,6 @@ class Mechanism:
             elif loop.kind == "coupling":
                 placements[loop.frame_a, :5] = loop.gear
         return placements
-
-
-def _as_written(scene: Scene) -> Mechanism:
-    return Mechanism(scene, fit=False)
 
 
 def placement_view(poses: pin.StdVec_SE3) -> Array:

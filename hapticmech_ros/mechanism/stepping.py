@@ -21,7 +21,7 @@ from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
 from hapticmech_ros.mechanism.kernels.energy_kernels import Balance, judge
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
-from hapticmech_ros.mechanism.kernels.model import RunPlan, Work
+from hapticmech_ros.mechanism.kernels.model import Data, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import (
     EVERYTHING,
     SINGULAR_STEP,
@@ -82,7 +82,7 @@ class Stepper:
         self._drift = scheme.drift
         self.work = np.zeros(work_size(nq, nv, points))
         numbers = mechanism.active_set(mechanism.initially_active).constants[0]
-        work = Work(numbers, self.work)
+        self._work = work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in Work.parts})
         # What was set last, by ``prepare``.
@@ -90,14 +90,16 @@ class Stepper:
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
         most_open = BAUMGARTE_FAILURE if self._pulled else PROJECTION_FAILURE
-        settings = parts.settings
-        settings.semi_implicit, settings.drift_tolerance = scheme.late, scheme.drift
-        settings.projection_tolerance = PROJECTION_TOLERANCE * mechanism.length
-        settings.rounding_tolerance = ROUNDING_TOLERANCE * mechanism.length
-        settings.jump_residual = PROJECTION_FAILURE * mechanism.length
-        settings.baumgarte_rate = plan.baumgarte_rate if self._pulled else 0.0
-        settings.residual_limit = most_open * mechanism.length
-        settings.local_rates = scheme.corrected and nq != nv
+        parts.settings.fill(
+            semi_implicit=scheme.late,
+            drift_tolerance=scheme.drift,
+            projection_tolerance=PROJECTION_TOLERANCE * mechanism.length,
+            rounding_tolerance=ROUNDING_TOLERANCE * mechanism.length,
+            jump_residual=PROJECTION_FAILURE * mechanism.length,
+            baumgarte_rate=plan.baumgarte_rate if self._pulled else 0.0,
+            residual_limit=most_open * mechanism.length,
+            local_rates=scheme.corrected and nq != nv,
+        )
         parts.scheme[: len(scheme.weights), 0] = scheme.weights
         parts.scheme[: len(scheme.fractions), 1] = scheme.fractions
         self.stages, self.implicit = len(scheme.weights), int(scheme.implicit)
@@ -235,15 +237,15 @@ class Stepper:
             known = factored(self._mechanism.tree, closing.active_set, start.q).packed
         parts.q[:], parts.v[:] = stepped.q, stepped.v
         judge(
-            *closing.active_set.constants,
-            known,
-            closing.packed,
-            self.work,
+            closing.active_set.model,
+            Data(closing.active_set.model.numbers, known),
+            closing.parts,
+            self._work,
             self.on_links(external),
             damps,
             stepped.work_in + stepped.contact_work,
             stepped.energy_lost,
-            found.values,
+            found,
         )
         return found
 

@@ -45,6 +45,7 @@ from hapticmech_ros.nodes.node_time import Backlog, DurationHistogram, PeriodClo
 from hapticmech_ros.nodes.parameters import NodeParameters
 from hapticmech_ros.nodes.sources import MIDDLEWARE, Info, Listener, Origin, Sources, WithInfo
 from hapticmech_ros.nodes.timeouts import OwnPauses
+from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.scene.rules import check_limits
@@ -337,7 +338,6 @@ class LastValidState(Generic[T]):
 
 M = TypeVar("M")
 P = TypeVar("P", bound=NodeParameters)
-FOR_EVER = 1 << 62
 
 
 def always(now_ns: int) -> bool:
@@ -352,7 +352,6 @@ class Actor(Generic[P]):
         name: of the node, and of the executable.
         longest_wait_ns: for how long at most it waits for messages while active, ns, if it is to
             notice its own pauses and has no deadlines; else 0.
-        ends_forces: whether it drives a device, and so answers ``device/emergency_stop``.
         parameters: as they stand; replaced as a whole between two callbacks.
         scene, point: what is modelled, as one user has it, and the operational point held.
         shared_scene: the scene with all its ``hands``.
@@ -364,7 +363,6 @@ class Actor(Generic[P]):
     name: ClassVar[str]
     parameters_type: ClassVar[type[NodeParameters]]
     longest_wait_ns: ClassVar[int] = 0
-    ends_forces: ClassVar[bool] = False
 
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node

@@ -7,9 +7,11 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
+    GRACE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
+    PLAIN,
     TIME_IS_UP,
     TO_LOOK_AT,
     TO_READ,
@@ -140,8 +142,8 @@ def answer_states(
     """Answer states as they come.
 
     Args:
-        shared: (18,) how things stand, an :class:`AnalyserLink`; changed.
-        inputs: (1, 8) a ``lane_kernels.Reading``, of the states; changed.
+        shared: (19,) how things stand, an :class:`AnalyserLink`; changed.
+        inputs: (1, 9) a ``lane_kernels.Reading``, of the states; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the answers; changed.
         words: (5,) to work with.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
@@ -178,14 +180,15 @@ def answer_states(
         Why it returns.
     """
     link, read, sends = AnalyserLink(shared), Reading(inputs[0]), Sending(outputs[0])
-    nv = v.size
+    nv, grace = v.size, 0
     while link.reads < ages.size:
-        if time_of(MONOTONIC, words) >= link.until:
+        if time_of(MONOTONIC, words) >= link.until + grace:
             break
-        found = wait_until(link.until, link, words, polled, 1)
+        grace = GRACE_NS
+        found = wait_until(link.until + grace, link, words, polled, 1)
         if found == NOTHING:
             continue
-        if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
+        if found == OTHER or peek(link, read, words, frame, prefix) != PLAIN:
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_stamp(link, values, most, active, grasp)
@@ -218,7 +221,7 @@ def answer_states(
         if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(read, words, polled[0], frame, copies)
+        take(read, words, frame, copies)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
         message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
@@ -230,4 +233,5 @@ def answer_states(
             return TO_LOOK_AT
         if left:
             return TO_SEND
+        grace = 0
     return TIME_IS_UP

@@ -23,17 +23,22 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
+    GRACE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
+    PLAIN,
     SECOND,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
+    TO_LOOK_AT,
     TO_READ,
     TO_SEND,
     Link,
     Reading,
     Sending,
+    arrival,
+    look_is_due,
     note_read,
     pass_over,
     peek,
@@ -47,6 +52,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.wire.kernels import (
+    GAIN,
     MODEL_QUATERNION,
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,
@@ -62,7 +68,6 @@ from hapticmech_ros.wire.messages import (
 # Which topics are read, and which are sent.
 STATES, MODELS = 0, 1
 TO_DEVICE, TO_POINT, AS_GAIN = 0, 1, 2
-GAIN = LocalFeedbackGain.layout.start("force")
 # The point's pose is carried on by its twist over periods that the analysis has missed, by no more
 # than this: beyond it the twist says nothing.
 PREDICTION_LIMIT_S = 0.005
@@ -177,7 +182,7 @@ def plain_sample(
         return UNSOUND
     if state.obeys != 1.0 or state.round_trip != round_trip:
         return UNSOUND
-    if stamp < link.newest or stamp == time or link.until_view == 1:
+    if stamp < link.newest or stamp == time:
         return UNSOUND
     if stamp >= link.gain_from and link.gain_every == 0:
         return UNSOUND
@@ -261,14 +266,14 @@ def answer_samples(
     """Answer samples as they come.
 
     Args:
-        shared: (25,) how things stand, a :class:`ControllerLink`; changed.
-        inputs: (2, 8) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
-        passed: (n, 8) likewise, of the device's topics that are passed over.
+        shared: (26,) how things stand, a :class:`ControllerLink`; changed.
+        inputs: (2, 9) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
+        passed: (n, 9) likewise, of the device's topics that are passed over.
         outputs: (3, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism,
             and of the gains; changed.
         words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections, those of the device's and of the analyser's
-            process first.
+        polled: (n,) struct pollfd of all connections but that of the analyser's process, that of
+            the device's first.
         state_frame: (words,) for the sample that has come.
         state_prefix: (words,) the bytes before its data.
         state_copies: (n, words) to fill, with those that the middleware will bring too.
@@ -314,30 +319,40 @@ def answer_samples(
     for_gain = Sending(outputs[AS_GAIN])
     side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
     closed, seen = Locality(locality), OperationalModelSample(known)
+    grace = 0
     while link.reads < ages.size:
-        if time_of(MONOTONIC, words) >= link.until:
+        now = time_of(MONOTONIC, words)
+        if now >= link.until + grace:
             break
-        found = wait_until(link.until, link, words, polled, 2)
+        grace = GRACE_NS
+        # A device that is silent for longer is lost: Python says so with the next model.
+        silent = link.last + link.timeout - link.ahead
+        if now > silent:
+            return TO_READ
+        found = wait_until(min(link.until + grace, silent + 1), link, words, polled, 1)
         if found == NOTHING:
             continue
         if found == OTHER:
             return TO_READ
-        # What there is to answer with comes first.
-        if found & 1 << MODELS:
-            if not peek(link, models, words, polled[MODELS], model_frame, model_prefix):
-                return TO_READ
-            time, counted, sent = words[0], words[2], words[3]
+        # What there is to answer with comes first; nobody had to be there for it.
+        while link.reads < ages.size:
+            found = peek(link, models, words, model_frame, model_prefix)
+            if found == NOTHING:
+                break
+            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = plain_model(link, OperationalModelMessage(model), model_most, grasp, time)
-            if stamp == UNSOUND or has_paused(link.of_analyser, stamp, counted, link.period):
+            paused = has_paused(link.of_analyser, stamp, counted, link.period)
+            if found == OTHER or stamp == UNSOUND or paused:
                 return TO_READ
-            take(models, words, polled[MODELS], model_frame, model_copies)
+            take(models, words, model_frame, model_copies)
             put(known, OperationalModelMessage(model).operational_model.values)
             link.model_ns = stamp
             note_sender(link.of_analyser, stamp, counted)
-            note_read(link, models, ages, time, time - stamp, counted, sent)
-            continue
-        if not peek(link, states, words, polled[STATES], state_frame, state_prefix):
-            if pass_over(link, passed, words, polled[STATES]):
+            note_read(link, models, ages, time, came - stamp, counted, sent)
+        if link.reads == ages.size:
+            break
+        if peek(link, states, words, state_frame, state_prefix) != PLAIN:
+            if pass_over(link, passed, words, states.connection):
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
@@ -380,7 +395,7 @@ def answer_samples(
             put(account, before)
             return TO_READ
         # From here on it is answered.
-        take(states, words, polled[STATES], state_frame, state_copies)
+        take(states, words, state_frame, state_copies)
         write_stamp(device_frame, stamp)
         send_to_all(for_device, words, device_frame, device_targets, real)
         write_stamp(point_frame, stamp)
@@ -398,8 +413,11 @@ def answer_samples(
         link.last, link.newest, link.arrived = time, stamp, time
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
-        link.until_view -= int(link.until_view > 0)
         left = publish_outside(for_device, device_frame) or left
-        if publish_outside(for_point, point_frame) or left:
+        left = publish_outside(for_point, point_frame) or left
+        if look_is_due(link):
+            return TO_LOOK_AT
+        if left:
             return TO_SEND
+        grace = 0
     return TIME_IS_UP

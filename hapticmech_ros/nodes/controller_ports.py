@@ -54,7 +54,8 @@ from collections.abc import Mapping
 
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.control.rendering_controller import ControllerCommand, LedgerEntry
+from hapticmech_ros.control.loop_layout import ControllerEnergies
+from hapticmech_ros.control.rendering_controller import ControllerCommand
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import write_wrench
 from hapticmech_ros.numerics.times import nanoseconds
@@ -252,7 +253,7 @@ class ControllerOutputs:
             message.header.frame_id = ""
             self._publish_own.publish(message)
 
-    def view(self, wrenches: Array, stamp_ns: int, energies: LedgerEntry) -> None:
+    def view(self, wrenches: Array, stamp_ns: int, energies: ControllerEnergies) -> None:
         """Publish, at view rate, the parts of an answer (6, 6), rows 2 to 4, and energies.
 
         Args:
@@ -261,13 +262,18 @@ class ControllerOutputs:
             energies: of the controllers.
         """
         if self.answers % self._actor.view_every == 0:
-            for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
-                if outlet.wanted:
-                    outlet.publish(encode_wrench(wrench, stamp_ns))
-            if self._publish_energy.wanted:
-                message = ControllerEnergy.of(stamp_ns, **energies._asdict())
-                self._publish_energy.publish(self._energy.encode(message.values))
+            self._actor.node.exchange.publish_views()
+            self.publish_view(wrenches, stamp_ns, energies)
         self.answers += 1
+
+    def publish_view(self, wrenches: Array, stamp_ns: int, energies: ControllerEnergies) -> None:
+        """Publish these now; arguments as of :meth:`view`."""
+        for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
+            if outlet.wanted:
+                outlet.publish(encode_wrench(wrench, stamp_ns))
+        if self._publish_energy.wanted:
+            message = ControllerEnergy.of(stamp_ns, energies=energies.values)
+            self._publish_energy.publish(self._energy.encode(message.values))
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
         """Publish what the mechanism is told.
@@ -589,7 +595,7 @@ class DevicePath(InOrder):
         """Keep a sample (19,) until the analysis comes.
 
         Args:
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
             stamp_ns: its stamp, ns.
         """
         self._sample = sample, stamp_ns

@@ -46,7 +46,7 @@ from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
 from hapticmech_ros.scene.device import Device
 from hapticmech_ros.simulation import Simulator
@@ -86,6 +86,8 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 SERVO, HOLD = "servo_cp", "hold"
 ONE_KIND = "one kind of command at a time"
+# Whoever would stop it is not listened to.
+DEAF = "the middleware of this node stands still"
 
 
 class PoseCommands:
@@ -227,7 +229,7 @@ class DeviceView:
 
         Args:
             account: of passivity.
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
             time_ns: ns.
         """
         if not self._publish_energy.wanted:
@@ -342,7 +344,16 @@ def _problems(parameters: DriverParameters, device: Device, period_s: float) -> 
         yield str(error)
 
 
-_HAND_WRENCH = DEVICE_SAMPLE.slice("hand_wrench")
+_HAND_WRENCH = DeviceSample.layout.slice("hand_wrench")
+
+
+def _sample_of(state: DeviceState, pushed: Array) -> Array:
+    """Return a device's sample (19,) while others than the hand push with a wrench (6,)."""
+    numbers = state.published[: DeviceSample.layout.size].copy()
+    numbers[_HAND_WRENCH] += pushed
+    return numbers
+
+
 D = TypeVar("D", bound=DriverParameters)
 
 
@@ -362,8 +373,6 @@ class DeviceDriver(ClockedActor[D]):
         held: its state when the hand could take hold; None if nobody is there.
         commanders, gains: who publishes ``servo_cf``, and ``local_feedback_gain``.
     """
-
-    ends_forces = True
 
     def __init__(self, node: Host, parameters: D) -> None:
         self._poses: PoseCommands | None = None
@@ -594,12 +603,12 @@ class DeviceDriver(ClockedActor[D]):
         if clock is None:
             return
         self._command.put((wrenches[0], link.answered), link.received)
+        before = wrenches[1], link.answered_before
+        self._command.before, self._command.before_ns = before, link.received_before
         self.answers.went_on((link.newest, link.arrived), trips.tolist())
         steps = link.done
         if steps == 0:
             return
-        before = wrenches[1], link.answered_before
-        self._command.before, self._command.before_ns = before, link.received_before
         self._state = DeviceState(state.copy())
         self._ticks_held = max(link.held, self._ticks_held)
         clock.next_ns = link.next
@@ -607,13 +616,13 @@ class DeviceDriver(ClockedActor[D]):
         published = steps - (code == kernels.TO_SAY)
         self._ticks += published
         if published:
-            self.loop.went_on(link.remembers, clock.last_deadline_ns)
-            self._last_valid.keep(self._state, published)
+            newest_ns = clock.last_deadline_ns - (steps - published) * self.period_ns
+            self.loop.went_on(link.remembers, newest_ns)
         if code == kernels.TO_SAY:
+            # Of the states before, none is known any more but that of the last return.
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
-        elif code == kernels.TO_LOOK_AT:
-            write_device_state(self._written, self._state, NO_WRENCH, clock.last_deadline_ns)
-            self.failures.run("tick", self._publish_view, clock.last_deadline_ns)
+        else:
+            self._last_valid.keep(self._state, steps)
 
     def _publish(self, stamp_ns: int) -> None:
         sensed = self.device.sensed(self._push)
@@ -623,9 +632,25 @@ class DeviceDriver(ClockedActor[D]):
 
     def _publish_view(self, stamp_ns: int) -> None:
         self._let_go_unpublished = False
+        self.node.exchange.publish_views()
+        pushed = self.device.sensed(self._push)
+        self.publish_view(self._state, pushed, self.side.passivity, stamp_ns)
+
+    def publish_view(
+        self, state: DeviceState, pushed: Array, account: PassivityController, stamp_ns: int
+    ) -> None:
+        """Publish a state for people.
+
+        Args:
+            state: of the device.
+            pushed: (6,) by others than the hand, as it is sensed, N and N m, world axes.
+            account: of its energies.
+            stamp_ns: its stamp, ns.
+        """
         self._operating.publish(self.node.active)
-        self._view.publish(self._state, self._written.sample.hand_wrench, stamp_ns)
-        self._view.publish_energy(self.side.passivity, self._sample(), stamp_ns)
+        sample = _sample_of(state, pushed)
+        self._view.publish(state, sample[_HAND_WRENCH], stamp_ns)
+        self._view.publish_energy(account, sample, stamp_ns)
         if self._poses is not None:
             self._poses.publish(stamp_ns)
 
@@ -743,9 +768,7 @@ class DeviceDriver(ClockedActor[D]):
 
     def _sample(self) -> Array:
         """Return the device's sample (19,) as it is now."""
-        numbers = self._state.published[: DEVICE_SAMPLE.size].copy()
-        numbers[_HAND_WRENCH] += self.device.sensed(self._push)
-        return numbers
+        return _sample_of(self._state, self.device.sensed(self._push))
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
         """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
@@ -838,7 +861,9 @@ class DeviceDriver(ClockedActor[D]):
 
     def _refusal(self, now_ns: int) -> str:
         """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
-        return self._guard.fault(now_ns) or self.unavailable() or self._operating.withheld
+        deaf = DEAF if self.node.exchange.is_deaf else ""
+        withheld = self._operating.withheld
+        return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 
     def _fault(self) -> str:
         """Return why nothing may be obeyed, whatever is told; empty if it may."""

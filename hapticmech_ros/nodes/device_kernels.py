@@ -32,9 +32,11 @@ from hapticmech_ros.device.kernels import (
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
+    DEAF_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
+    PLAIN,
     REALTIME,
     SECOND,
     TIME_IS_UP,
@@ -46,6 +48,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     Link,
     Reading,
     Sending,
+    arrival,
     is_set,
     look_is_due,
     note_read,
@@ -60,6 +63,7 @@ from hapticmech_ros.nodes.lane_kernels import (
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.wire.kernels import (
+    GAIN,
     QUATERNION_TOLERANCE,
     SAMPLE_QUATERNION,
     UNSOUND,
@@ -69,10 +73,9 @@ from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 
 # Which topics are read.
 COMMANDS, GAINS = 0, 1
-# Where in a message what is published of a state begins; and in a gain's its second stamp, and how
-# commands depend on the device.
+# Where in a message what is published of a state begins; and in a gain's its second stamp.
 PUBLISHED = DeviceStateMessage.layout.start("position")
-ANSWERED, GAIN = (LocalFeedbackGain.layout.start(name) for name in ("answered", "force"))
+ANSWERED = LocalFeedbackGain.layout.start("answered")
 STAMP_SIZE = 2
 SAMPLE_SIZE = DeviceSample.layout.size
 # Who answers one sample several times tells the answers apart by nanoseconds.
@@ -93,7 +96,7 @@ class DeviceLink(Link):
         held: for how many periods the hand has held, or -1.
         gain_ns: since when it is known how commands depend on the device.
         remembers: how many samples are remembered.
-        most_trips, trips: how many round trips may be noted, and were.
+        most_trips, trips: how many round trips change nothing, and how many were noted.
         gain_newest: stamp of the newest gain.
         gain_arrived: when it came.
         gain_after: which samples it must answer, those later than this.
@@ -169,7 +172,6 @@ def take_gain(
     link: DeviceLink,
     read: Reading,
     words: Array,
-    connection: int,
     frame: Array,
     prefix: Array,
     copies: Array,
@@ -184,7 +186,6 @@ def take_gain(
         link: how things stand.
         read: of the gains.
         words: (5,) to work with.
-        connection: struct pollfd of the controller's process.
         frame: (words,) for the message.
         prefix: (words,) the bytes before its data.
         copies: (n, words) to fill, with messages that the middleware will bring too.
@@ -197,9 +198,9 @@ def take_gain(
         Whether it was one.
     """
     full = read.copied == copies.shape[0]
-    if full or not peek(link, read, words, connection, frame, prefix):
+    if full or peek(link, read, words, frame, prefix) != PLAIN:
         return False
-    time, counted, sent = words[0], words[2], words[3]
+    time, came, counted, sent = words[0], arrival(words), words[2], words[3]
     after = ANSWERED + STAMP_SIZE
     stamp = sound_stamp(values, most, -1, 0.0)
     answered = sound_stamp(values[ANSWERED:after], most[ANSWERED:after], -1, 0.0)
@@ -207,14 +208,14 @@ def take_gain(
         return False
     if max(abs(time - stamp), abs(time - answered)) > link.oldest:
         return False
-    take(read, words, connection, frame, copies)
-    link.gain_newest, link.gain_arrived = stamp, time
+    take(read, words, frame, copies)
+    link.gain_newest, link.gain_arrived = stamp, came
     energies[0] = LocalFeedbackGain(values).to_mechanism
     if np.isnan(energies[1]):
         energies[1] = energies[0]
     if answered > link.gain_after:
         put(model, values[GAIN : GAIN + model.size])
-        link.gain_ns = time
+        link.gain_ns = came
     read.read, read.counted, read.sent_ns = time, counted, sent
     return True
 
@@ -227,7 +228,7 @@ def take_gain(
     " int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
-    " float64[::1], int64[::1])",
+    " float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def drive_at_deadlines(
@@ -267,15 +268,16 @@ def drive_at_deadlines(
     energies: Array,
     trips: Array,
     ages: Array,
+    listened: Array,
 ) -> int:
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (27,) how things stand, a :class:`DeviceLink`; changed.
-        inputs: (2, 8) a ``lane_kernels.Reading`` each, of commands and gains; changed.
+        shared: (28,) how things stand, a :class:`DeviceLink`; changed.
+        inputs: (2, 9) a ``lane_kernels.Reading`` each, of commands and gains; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections, that of the controller's process first.
+        polled: (n,) struct pollfd of all connections but that of the controller's process.
         frame: (words,) for the message that has come.
         prefix: (words,) the bytes before a command's stamp.
         copies: (n, words) to fill, with messages that the middleware will bring too.
@@ -309,6 +311,7 @@ def drive_at_deadlines(
             sends it; changed.
         trips: (n,) to fill: s, of samples and their answers.
         ages: (n,) to fill: of the commands, ns.
+        listened: (1,) until when the middleware was listened to, ns of the monotonic clock.
 
     Returns:
         Why it returns.
@@ -323,17 +326,22 @@ def drive_at_deadlines(
         if now < deadline:
             if now >= link.until:
                 break
-            found = wait_until(min(deadline, link.until), link, words, polled, 1)
-            if found == NOTHING:
-                continue
-            if found == OTHER:
+            # After a step there is time for Python, and not in the midst of the wait for the next.
+            end = deadline if link.done > 0 else min(deadline, link.until)
+            if wait_until(end, link, words, polled, 0) != NOTHING:
                 return TO_READ
-            if not peek(link, read, words, polled[0], frame, prefix):
+            continue
+        # Commands that came meanwhile act from the next step on: nobody had to be there for them.
+        known = link.next - link.period - 1
+        while link.reads < ages.size:
+            found = peek(link, read, words, frame, prefix)
+            if found == NOTHING:
+                break
+            if found == OTHER:
                 if take_gain(
                     link,
                     Reading(inputs[GAINS]),
                     words,
-                    polled[0],
                     gain_frame,
                     gain_prefix,
                     gain_copies,
@@ -344,28 +352,29 @@ def drive_at_deadlines(
                 ):
                     continue
                 return TO_READ
-            time, counted, sent = words[0], words[2], words[3]
+            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
             overtaken = stamp < link.newest or stamp == time
-            if stamp == UNSOUND or overtaken or link.trips == link.most_trips:
+            if stamp == UNSOUND or overtaken or link.trips == trips.size:
                 return TO_READ
-            take(read, words, polled[0], frame, copies)
+            take(read, words, frame, copies)
+            if link.received <= known < came:
+                put(commands[1], commands[0])
+                link.received_before, link.answered_before = link.received, link.answered
             put(commands[0], values)
-            link.received, link.answered, link.newest, link.arrived = time, stamp, stamp, time
+            link.received, link.answered, link.newest, link.arrived = came, stamp, stamp, came
             if row_of(stamps, link.remembers, stamp) >= 0:
-                trips[link.trips] = (time - stamp) / 1e9
+                trips[link.trips] = (came - stamp) / 1e9
                 link.trips += 1
-            note_read(link, read, ages, time, time - stamp, counted, sent)
-            continue
+            note_read(link, read, ages, time, came - stamp, counted, sent)
         now_real, time = time_of(REALTIME, words), now + link.ahead
         if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
-        known = link.next - link.period - 1
         before, received, answered = 0, link.received, link.answered
         if link.received > known:
             before, received, answered = 1, link.received_before, link.answered_before
         silent = max(time - link.received, time - link.received_before, known - received)
-        if silent > link.timeout:
+        if silent > link.timeout or now - listened[0] > DEAF_NS:
             return TO_ACT
         sample, asked, added = DeviceSample(local(SAMPLE_SIZE)), local(6), local(6)
         put(sample.values, measured)
@@ -408,4 +417,6 @@ def drive_at_deadlines(
             return TO_LOOK_AT
         if left:
             return TO_SEND
+        if link.trips > link.most_trips:
+            break
     return TIME_IS_UP

@@ -12,15 +12,21 @@ different.
 from __future__ import annotations
 
 import ctypes
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache, partial
 from typing import Any, Protocol
+
+import numpy as np
 
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
 from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
+from hapticmech_ros.nodes.turn import FOR_EVER
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 # How many messages may be on their way through the middleware to those who had them already, and
@@ -34,6 +40,8 @@ CENSUS_NS = 20_000_000
 # After a change on the lane the middleware carries messages too for so long: it may know of a
 # listener that comes or goes only then.
 SETTLES_NS = NANOSECONDS // 4
+# Callbacks of subscriptions stop a kernel so often, ns.
+CALLS_NS = 8_000_000
 # Of messages that wait for the loop to have time.
 MOST_LATER = 200
 
@@ -48,6 +56,13 @@ class Publishes(Protocol):
         """Return how many subscriptions it has met, those of this process included."""
 
 
+class Meets(Protocol):
+    """What is needed of an actor's failures."""
+
+    def met(self, what: str, error: Exception) -> None:
+        """Say what went wrong, and begin anew, or give up."""
+
+
 class Acts(Protocol):
     """What is needed of a node of the process.
 
@@ -56,6 +71,10 @@ class Acts(Protocol):
     """
 
     active: bool
+
+
+# As of a process with one thread.
+_ALWAYS = np.array([FOR_EVER])
 
 
 @cache
@@ -129,6 +148,8 @@ class Outlet:
         self._census_ns = -CENSUS_NS
         self._on_lane = 0
         self._settled_ns = 0
+        # What people see is published by several threads.
+        self._lock = threading.Lock()
 
     @property
     def wanted(self) -> bool:
@@ -146,13 +167,17 @@ class Outlet:
             if self.wanted:
                 check_finite(message)
                 self.publish_outside(message)
-        elif self.later and (self._exchange.is_linked or self._exchange.has_later):
+        elif self.later and self._exchange.may_wait:
             self._exchange.publish_later(self, message)
         else:
             self.publish_bytes(message)
 
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message by all ways on which somebody listens."""
+        with self._lock:
+            self._publish(message)
+
+    def _publish(self, message: bytes) -> None:
         line, lane = self._line, self._exchange.lane
         if not self.topic or len(message) > MOST_BYTES:
             lane = None
@@ -237,8 +262,6 @@ class Exchange:
     Attributes:
         lane: to other processes; None: all goes through the middleware.
         refusal: why there is no lane though one was asked for.
-        foreign_ns: when the middleware last brought what had not come another way, on a topic of
-            the lane, by the monotonic clock.
         nodes: of this process: who waits for one of them keeps all waiting.
     """
 
@@ -246,12 +269,24 @@ class Exchange:
         self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
-        self.foreign_ns = -(1 << 62)
         self._lines: dict[str, _Line] = {}
+        self._failed: deque[Callable[[], None]] = deque()
+        self._deferred: deque[Callable[[], object]] = deque()
+        self._called_ns = 0
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
         self._delivering = False
         self._outlets = 0
+
+    @property
+    def listened(self) -> Array:
+        """(1,) Until when the middleware was last listened to, ns; see :class:`.turn.Turn`."""
+        return _ALWAYS if self.lane is None else self.lane.turn.listened
+
+    @property
+    def is_deaf(self) -> bool:
+        """Whether it has not been listened to for too long."""
+        return self.lane is not None and self.lane.turn.is_deaf
 
     @property
     def settled(self) -> bool:
@@ -264,6 +299,79 @@ class Exchange:
         if self.lane is not None and self.lane.wait is not None:
             self.lane.wait.settle()
             self._note_copied(self.lane)
+
+    @contextmanager
+    def taken(self, rings: bool = False) -> Iterator[None]:
+        """Run a callback: no kernel works meanwhile, and the node knows what it has done.
+
+        Args:
+            rings: whether the loop is to look at its deadlines afterwards.
+        """
+        if self.lane is None:
+            yield
+            return
+        turn = self.lane.turn
+        with turn.taken():
+            self.settle()
+            if turn.is_of_loop:
+                yield
+                return
+            # The loop may wait for long; and what is published next is newer.
+            self.publish_kept()
+            while self._deferred:
+                self._deferred.popleft()()
+            yield
+            self._called_ns = time.monotonic_ns()
+            if rings:
+                turn.ring()
+
+    def defer(self, callback: Callable[[], object]) -> bool:
+        """Let a subscription's callback wait until a kernel is stopped anyway; return whether.
+
+        Where somebody outside hears the nodes too, the middleware brings copies of all that the
+        kernel reads: it is stopped for those of some milliseconds at once (:attr:`until_called_s`).
+
+        Args:
+            callback: with its message.
+        """
+        turn = None if self.lane is None else self.lane.turn
+        if turn is None or not turn.kernel_runs or self.until_called_s <= 0.0:
+            return False
+        self._deferred.append(callback)
+        return True
+
+    @property
+    def until_called_s(self) -> float:
+        """How long callbacks may wait for others, s."""
+        return (self._called_ns + CALLS_NS - time.monotonic_ns()) / NANOSECONDS
+
+    @property
+    def has_deferred(self) -> bool:
+        """Whether callbacks wait for :meth:`taken`."""
+        return bool(self._deferred)
+
+    def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
+        """Publish what people see; what fails is met by :meth:`meet_failures`.
+
+        Args:
+            failures: of the actor.
+            publish: publishes it.
+        """
+        try:
+            publish()
+        except Exception as error:  # noqa: BLE001 - as in Failures.run
+            self._failed.append(partial(failures.met, "view", error))
+
+    def meet_failures(self) -> None:
+        """Let an actor begin anew of which what people see could not be published."""
+        while self._failed:
+            with self.taken():
+                self._failed.popleft()()
+
+    def publish_views(self) -> None:
+        """Publish what another thread is to publish, or wait for it: see :class:`.turn.Turn`."""
+        if self.lane is not None:
+            self.lane.turn.publish_views()
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
         """Have a lane to other processes from now on, or say in ``refusal`` why not.
@@ -345,9 +453,7 @@ class Exchange:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)
                 self.deliver()
-                if line.had(message):
-                    return True
-                self.foreign_ns = time.monotonic_ns()
+                return line.had(message)
             return False
 
         return had
@@ -369,6 +475,12 @@ class Exchange:
         """Whether another process is on the lane."""
         return self.lane is not None and self.lane.linked
 
+    @property
+    def may_wait(self) -> bool:
+        """Whether what people see may wait until the thread that asks has time."""
+        is_of_loop = self.lane is None or self.lane.turn.is_of_loop
+        return is_of_loop and (self.is_linked or self.has_later)
+
     def publish_later(self, outlet: Outlet, message: bytes) -> None:
         """Keep a message until the loop has time for it: see :meth:`publish_one`."""
         if len(self._later) == MOST_LATER:
@@ -385,15 +497,18 @@ class Exchange:
         """Whether there is anything to deliver."""
         return bool(self._waiting)
 
-    def publish_one(self) -> None:
-        """Send the oldest of what :meth:`publish_later` keeps."""
+    def publish_one(self) -> bool:
+        """Send the oldest of what :meth:`publish_later` keeps; return whether there was one."""
+        if not self._later:
+            return False
         outlet, message = self._later.popleft()
         outlet.publish_bytes(message)
+        return True
 
     def publish_kept(self) -> None:
         """Send all that :meth:`publish_later` keeps."""
-        while self._later:
-            self.publish_one()
+        while self.publish_one():
+            pass
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0) -> None:
         """Let what has come over the lane wait for its listeners.

@@ -8,6 +8,8 @@ It hears what others add to the hand's wrench: pushes, or in lockstep one for ea
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -15,8 +17,15 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from hapticmech_ros.control.loop_delay import EVERY
+from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.control.other_hands import NO_OTHERS
-from hapticmech_ros.device import NO_WRENCH, ImpedanceDevice, SimulatedDevice, device_for
+from hapticmech_ros.device import (
+    NO_WRENCH,
+    DeviceState,
+    ImpedanceDevice,
+    SimulatedDevice,
+    device_for,
+)
 from hapticmech_ros.device.kernels import SimulatedState
 from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.errors import HapticMechError, OutputError
@@ -139,7 +148,7 @@ class DeviceTicks(PlainMessages):
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._commands, self._trips = np.zeros((2, 6)), np.zeros(EVERY)
+        self._commands, self._trips = np.zeros((2, 6)), np.zeros(2 * EVERY)
         self._state, self._later = SimulatedState().values, SimulatedState().values
         self._model = NO_GAIN.copy()
         self._out.obeys = True
@@ -154,10 +163,11 @@ class DeviceTicks(PlainMessages):
         self._out.round_trip = actor.answers.round_trip
         return True
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel with all that it is called with."""
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
-        return own.drive_at_deadlines(
+        return partial(
+            own.drive_at_deadlines,
             *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
@@ -170,20 +180,26 @@ class DeviceTicks(PlainMessages):
             *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
             actor.period_s,
             loop.energies,
-            *(self._trips, self.ages),
+            *(self._trips, self.ages, actor.node.exchange.listened),
         )
 
     def did(self, code: int, reads: int) -> None:
         """Tell the driver what the kernel did."""
         actor, trips = self._driver, self._trips[: self.link.trips]
-        for age_ns in self.ages[:reads].tolist():
-            actor.latency.add(age_ns)
+        actor.latency.extend(self.ages[:reads])
         if self.reading[own.GAINS].read:
             link = self.link
             newest = link.gain_newest, link.gain_arrived
             actor.loop.took(self._model, link.gain_ns, newest)
         if reads or self.link.done:
             actor.moved(self.link, self._commands, self._state, trips, code)
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes the device's state for people."""
+        actor, account = self._driver, copy(self._driver.side.passivity)
+        account.account = DeviceAccount(account.account.values.copy())
+        state, stamp_ns = DeviceState(self._state.copy()), self.link.next - self.link.period
+        return partial(actor.publish_view, state, NO_WRENCH, account, stamp_ns)
 
 
 class HapticDevice(DeviceDriver[DeviceParameters]):

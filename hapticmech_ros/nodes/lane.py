@@ -26,6 +26,7 @@ import struct
 import sys
 import tempfile
 import termios
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -36,6 +37,7 @@ from typing import NamedTuple, Protocol
 
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.nodes.sources import INSIDE, Batch, BatchListener, Listener, Origin
+from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 # What decides whom the middleware finds, besides the network that the process is in.
@@ -164,15 +166,21 @@ class Outgoing:
         self.lost = 0
         self.stalled = False
         self._behind: deque[bytes] | None = None
+        # What people see is sent by another thread.
+        self._lock = threading.Lock()
         # Since when it refuses messages; 0: it takes them.
         self._full_ns = 0
 
     def send(self, frame: bytes) -> bool:
         """Send or keep a frame; return whether the connection is still there."""
+        with self._lock:
+            return self._send(frame)
+
+    def _send(self, frame: bytes) -> bool:
         behind = self._behind
         if behind:
             self._keep(behind, frame)
-            return self.flush()
+            return self._flush(behind)
         try:
             self.connection.send(frame)
         except BlockingIOError:
@@ -210,9 +218,10 @@ class Outgoing:
 
     def flush(self) -> bool:
         """Send of what is kept as much as it takes; return whether the connection is there."""
-        behind = self._behind
-        if not behind:
-            return True
+        with self._lock:
+            return not self._behind or self._flush(self._behind)
+
+    def _flush(self, behind: deque[bytes]) -> bool:
         try:
             for _ in range(min(len(behind), MOST_AT_ONCE)):
                 self.connection.send(behind[0])
@@ -405,8 +414,8 @@ class Waits(Protocol):
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Return whether it can wait now; see ``PlainMessages``."""
 
-    def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
-        """Return which have something to read, and when it had to wait; see there."""
+    def __call__(self, lane: Lane) -> tuple[bool, int]:
+        """Return whether there is something to read, and when it had to wait; see there."""
 
     @property
     def settled(self) -> bool:
@@ -428,8 +437,7 @@ class Lane:
             collects to take.
         wait: waits in place of ``select``, and does something meanwhile; see :class:`Waits`.
         worked: whether it waited the last time.
-        between: is called where it might go on waiting, and returns until when, ns of the monotonic
-            clock; 0: no longer.
+        turn: of the process's threads.
 
     Raises:
         LaneError: there can be no sockets.
@@ -440,7 +448,7 @@ class Lane:
         self.copied: list[tuple[str, bytes]] = []
         self.wait: Waits | None = None
         self.worked = False
-        self.between: Callable[[], int] = lambda: 0
+        self.turn = Turn()
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
         self._subscriptions: dict[str, _Subscription] = {}
@@ -459,7 +467,7 @@ class Lane:
         self._known: set[str] = {self._name}
         self._folder_ns = self._looked_ns = self._idle_ns = -1
         self._listening = listening(folder, self._name)
-        self._waited = [self._listening.fileno()]
+        self._wait_for_all()
         self._frame = memoryview(bytearray(HEADER.size + MOST_BYTES))
 
     @classmethod
@@ -488,6 +496,7 @@ class Lane:
         for incoming in list(self._incoming.values()):
             self._close_incoming(incoming)
         self._listening.close()
+        self.turn.close()
         with suppress(OSError):  # others may still be there
             (self._folder / self._name).unlink()
             self._folder.rmdir()
@@ -632,11 +641,12 @@ class Lane:
         wait, until_ns = self.wait, asked + int(max(timeout_s, longest_s) * NANOSECONDS)
         if wait and timeout_s and wait.prepare(self, self._waited, until_ns):
             self.worked = True
-            ready, idle_ns = wait(self, self._waited)
+            is_ready, idle_ns = wait(self)
+            ready = select.select(self._waited, (), (), 0.0)[0] if is_ready else []
             now = time.monotonic_ns()
         else:
             self.worked = False
-            ready, _, _ = select.select(self._waited, (), (), timeout_s)
+            ready = self._select(timeout_s)
             now = time.monotonic_ns()
             idle_ns = now if not ready or now - asked > WAITED_NS else 0
         whole |= now - self._idle_ns > BEHIND_NS
@@ -649,8 +659,12 @@ class Lane:
                 self._receive(incoming, found, whole)
             elif (outgoing := self._outgoing.get(number)) is not None:
                 self._read_topics(outgoing)
+            elif number == self.turn.bell:
+                self.turn.hear()
             else:
                 self._accept()
+        # Of several processes, which a kernel has left waiting.
+        found.sort(key=_arrived_ns)
         for subscription in self._filled:
             # Of several publishers.
             subscription.batch.sort(key=_sent_ns)
@@ -660,6 +674,13 @@ class Lane:
             subscription.batch = []
         self._filled.clear()
         return found
+
+    def _select(self, timeout_s: float) -> list[int]:
+        """Return the connections that have something to read, within a time, s."""
+        if not timeout_s:
+            return select.select(self._waited, (), (), 0.0)[0]
+        with self.turn.given():
+            return select.select(self._waited, (), (), timeout_s)[0]
 
     def look(self) -> None:
         """Look for processes that have come, and repeat what could not be sent; now and then."""
@@ -825,14 +846,16 @@ class Lane:
 
     def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
         """Speak to a process no more, unless it is found again."""
-        if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
-            return
-        outgoing.connection.close()
-        if not for_good:
-            self._known.discard(outgoing.name)
-            self._folder_ns = -1
-        self._wait_for_all()
-        self._sort()
+        # A kernel that runs beside would send to a file that is closed.
+        with self.turn.taken():
+            if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
+                return
+            outgoing.connection.close()
+            if not for_good:
+                self._known.discard(outgoing.name)
+                self._folder_ns = -1
+            self._wait_for_all()
+            self._sort()
 
     def _close_incoming(self, incoming: Incoming) -> None:
         """Listen to a process no more."""
@@ -842,8 +865,13 @@ class Lane:
         self._wait_for_all()
 
     def _wait_for_all(self) -> None:
-        self._waited = [self._listening.fileno(), *self._incoming, *self._outgoing]
+        bell, connections = self.turn.bell, (*self._incoming, *self._outgoing)
+        self._waited = [self._listening.fileno(), bell, *connections]
 
 
 def _sent_ns(item: tuple[bytes, Origin]) -> int:
     return item[1].sent_ns
+
+
+def _arrived_ns(item: Arrived) -> int:
+    return item.origin.sent_ns

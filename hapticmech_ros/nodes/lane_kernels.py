@@ -72,6 +72,7 @@ class Link(Record):
         behind: how long a message may have been on its way, ns.
         until_view: after how many messages what is sent is looked at; 0 for never.
         idle: by the kernel: when it had to wait last, ns of the monotonic clock.
+        paused: for how long the process had no processor just now, ns.
         reads: how many messages it has read.
     """
 
@@ -83,6 +84,7 @@ class Link(Record):
     behind = Whole()
     until_view = Whole()
     idle = Whole()
+    paused = Whole()
     reads = Whole()
 
 
@@ -91,6 +93,7 @@ class Reading(Record):
 
     Attributes:
         head: by Python: the first word of a plain message's header.
+        connection: over which it comes, a file's number.
         number: how often its publisher has used the middleware.
         length: of a message with its header, bytes.
         data: where its numbers begin, bytes.
@@ -102,6 +105,7 @@ class Reading(Record):
 
     dtype = int
     head = Whole()
+    connection = Whole()
     number = Whole()
     length = Whole()
     data = Whole()
@@ -157,9 +161,16 @@ WAITS_TO_READ = _IN << 32
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 _WAITED_NS = 20_000
+# Who has not listened to the middleware for longer than this, ns, does not hear who would stop it.
+DEAF_NS = 100_000_000
+# Time that is up in the midst of a wait is up after the next message, or so much later, ns: whoever
+# returned at any time would keep the next one waiting.
+GRACE_NS = 5_000_000
+# Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
+_UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.
 SHORTEST_PAUSE_NS = 1_000_000
-NOTHING, OTHER = 0, -1
+NOTHING, PLAIN, OTHER = 0, 1, -1
 
 _ppoll = c_function("ppoll", "int32(intp, uint64, intp, intp)")
 _recv = c_function("recv", "int64(int32, intp, uint64, int32)")
@@ -179,20 +190,23 @@ def time_of(clock: int, words: Array) -> int:
 
 @inner
 def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) -> int:
-    """Wait for connections until a time, ns of the monotonic clock.
+    """Wait for connections until a time, ns of the monotonic clock, or for some milliseconds.
+
+    After a pause of the process there is no time left.
 
     Args:
         end: when.
         link: how things stand.
         words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections, those of plain messages first.
+        polled: (n,) struct pollfd of all connections that it waits for, those of plain messages
+            first.
         plain: how many these are.
 
     Returns:
         NOTHING; a bit for each of the first ones that has something to read; or OTHER.
     """
     now = time_of(MONOTONIC, words)
-    left = max(end - now, 0)
+    left = min(max(end - now, 0), _UNSEEN_NS)
     words[0], words[1] = left // SECOND, left % SECOND
     for i in range(polled.size):
         polled[i] &= (1 << _ANSWER_AT) - 1
@@ -200,6 +214,8 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
     then = time_of(MONOTONIC, words)
     if found == 0 or then - now > _WAITED_NS:
         link.idle = then
+    if then - now - left > SHORTEST_PAUSE_NS:
+        link.paused, link.until = then - now - left, 0
     if found == 0:
         return NOTHING
     ready, bits = 0, 0
@@ -217,37 +233,47 @@ def is_set(link: Link, monotonic: int, real: int) -> bool:
 
 
 @inner
-def peek(
-    link: Link, topic: Reading, words: Array, connection: int, frame: Array, prefix: Array
-) -> bool:
-    """Copy the message that has come, and leave it there; return whether it is a plain one.
+def peek(link: Link, topic: Reading, words: Array, frame: Array, prefix: Array) -> int:
+    """Copy the message that has come, and leave it there; return what it is.
 
-    Then the node's time, the machine's, the message's number, when it was sent, and how often its
-    publisher has used the middleware are the words. It is none if it was long under way, or the
-    machine's clock was set.
+    If it is a plain one the words are the node's time, the machine's, the message's number, when it
+    was sent, and how often its publisher has used the middleware. It is none if it was long under
+    way, or the machine's clock was set.
 
     Args:
         link: how things stand.
         topic: that is read.
         words: (5,) to fill.
-        connection: struct pollfd of what is read.
         frame: (words,) for the message, from :data:`BEGINS_AT` on.
         prefix: (words,) the bytes between header and data.
+
+    Returns:
+        NOTHING has come; PLAIN, or OTHER.
     """
     at, most = frame.ctypes.data + BEGINS_AT, 8 * frame.size - BEGINS_AT
-    size = _recv(connection & 0xFFFFFFFF, at, most, _PEEK | _DONT_WAIT)
+    size = _recv(topic.connection, at, most, _PEEK | _DONT_WAIT)
     if size != topic.length:
-        return False
+        return NOTHING if size == -1 else OTHER
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
     both = words[0] >> _BOTH_AT & 1
     words[4] = words[1]
     if words[0] != topic.head | both << _BOTH_AT or words[1] != topic.number + both:
-        return False
+        return OTHER
     if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic.data - HEADER_BYTES) != 0:
-        return False
+        return OTHER
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
     words[0], words[1] = monotonic + link.ahead, real
-    return not is_set(link, monotonic, real) and bool(real - words[3] <= link.behind)
+    late = is_set(link, monotonic, real) or real - words[3] > link.behind
+    return OTHER if late else PLAIN
+
+
+@inner
+def arrival(words: Array) -> int:
+    """Return when a message that was peeked at was sent, ns of the node's time.
+
+    It had come by then but for the time of a call: who reads it later was not waiting for it.
+    """
+    return int(words[0] - max(words[1] - words[3], 0))
 
 
 @inner
@@ -260,17 +286,16 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 
 @inner
-def take(topic: Reading, words: Array, connection: int, frame: Array, copies: Array) -> None:
+def take(topic: Reading, words: Array, frame: Array, copies: Array) -> None:
     """Take a message away that was peeked at.
 
     Args:
         topic: of the message.
         words: (5,) as :func:`peek` left them.
-        connection: struct pollfd of what is read.
         frame: (words,) the message.
         copies: (n, words) of messages that the middleware will bring too, to fill.
     """
-    _recv(connection & 0xFFFFFFFF, frame.ctypes.data, 0, _DONT_WAIT)
+    _recv(topic.connection, frame.ctypes.data, 0, _DONT_WAIT)
     if words[4] != topic.number:
         _memcpy(copies[topic.copied].ctypes.data, frame.ctypes.data, 8 * frame.size)
         topic.number = words[4]
@@ -285,20 +310,20 @@ def pass_over(link: Link, passed: Array, words: Array, connection: int) -> bool:
 
     Args:
         link: how things stand.
-        passed: (n, 8) a :class:`Reading` of each topic that is passed over; with a head of 0 it is
+        passed: (n, 9) a :class:`Reading` of each topic that is passed over; with a head of 0 it is
             not.
         words: (5,) to work with.
-        connection: struct pollfd of what is read.
+        connection: over which it has come, a file's number.
     """
     at = words.ctypes.data
-    if _recv(connection & 0xFFFFFFFF, at, HEADER_BYTES, _PEEK | _DONT_WAIT) != HEADER_BYTES:
+    if _recv(connection, at, HEADER_BYTES, _PEEK | _DONT_WAIT) != HEADER_BYTES:
         return False
     for i in range(passed.shape[0]):
         topic = Reading(passed[i])
         if words[0] == topic.head and words[1] == topic.number:
             topic.counted, topic.sent_ns = words[2], words[3]
             topic.read = time_of(MONOTONIC, words) + link.ahead
-            _recv(connection & 0xFFFFFFFF, at, 0, _DONT_WAIT)
+            _recv(connection, at, 0, _DONT_WAIT)
             return True
     return False
 

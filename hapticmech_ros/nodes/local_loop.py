@@ -14,24 +14,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hapticmech_ros.control.account_kernels import remember_wrench
+from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
 from hapticmech_ros.control.loop_layout import HandMemory, LocalModel
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.nodes.actor import FOR_EVER
 from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
 from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, Stamped
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
+from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
 from hapticmech_ros.wire.layouts import CouplingMatrices
 from hapticmech_ros.wire.messages import LocalFeedbackGain
 
-_HAND = DEVICE_SAMPLE.slice("hand_wrench")
+_HAND = DeviceSample.layout.slice("hand_wrench")
 # A gain older than this says nothing of where the mechanism is now.
 FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
@@ -81,7 +81,7 @@ class LocalLoop:
         self._period = period
         self.hand = HandMemory().values
         self.stamps = np.full(REMEMBERED, -1, dtype=np.int64)
-        self.samples = np.zeros((REMEMBERED, DEVICE_SAMPLE.size))
+        self.samples = np.zeros((REMEMBERED, DeviceSample.layout.size))
         self.count = 0
         self.others = others
         self.corrected_for_others = self.uncorrected_for_others = 0
@@ -103,12 +103,12 @@ class LocalLoop:
         """Remember a sample (19,).
 
         Args:
-            sample: (19,) of the device, in SI units; see ``layout.DEVICE_SAMPLE``.
+            sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
             stamp_ns: its stamp, ns.
         """
         row = self.count % REMEMBERED
         self.stamps[row], self.samples[row] = stamp_ns // MICROSECOND, sample
-        remember_wrench(self.hand, (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
+        remember(HandMemory(self.hand), (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
         self.went_on(self.count + 1, stamp_ns)
 
     def went_on(self, count: int, stamp_ns: int) -> None:
@@ -131,7 +131,7 @@ class LocalLoop:
         if self._paired or self.others is not None:
             return None
         gain = self._gain.value
-        return (NO_GAIN if gain is None else gain.model), self._gain.stamp_ns
+        return (NO_GAIN if gain is None else gain.model.values), self._gain.stamp_ns
 
     def can_correct(self, answered_ns: int, now_ns: int) -> bool:
         """Return whether a command may be obeyed: over a network none that lacks its correction.
@@ -185,7 +185,7 @@ class LocalLoop:
             newest: the newest gain's stamp, and when it came, ns.
         """
         gain = LocalFeedbackGain()
-        gain.model[:] = model
+        gain.model.values[:] = model
         self._gain.put(gain, taken_ns)
         self.order.last = newest
 
@@ -309,7 +309,7 @@ class LocalLoop:
         if row < 0:
             return command
         then, now = self.samples[row], self.samples[(self.count - 1) % REMEMBERED]
-        return corrected(command, gain.model, then, now, self.hand, self._period, others)
+        return corrected(command, gain.model.values, then, now, self.hand, self._period, others)
 
 
 class Answers(InOrder):

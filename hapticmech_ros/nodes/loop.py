@@ -3,12 +3,13 @@
 """The one loop that runs nodes: it waits for messages, but no longer than the next deadline.
 
 A bare spin() of the events executor hangs on an endless deadline, so waiting with a finite timeout
-happens here and nowhere else. One thread runs callbacks and ticks, so nodes need no locks.
+happens here and nowhere else. One thread at a time runs callbacks and ticks, so nodes need no
+locks.
 
-The executor has nothing that the lane's sockets could be waited for together with. So while another
-process is on the lane, what is waited for is the lane, and what the middleware has brought is
-looked at every few milliseconds, after the loop's own work; more often where somebody who is not on
-the lane speaks on one of its topics.
+The executor has nothing that the lane's sockets could be waited for together with. So where there
+is a lane, the loop's thread waits for that, and a second one for what the middleware brings: they
+take turns, see :mod:`.turn`. A third one publishes what people see. So views and services keep few
+deadlines waiting, and a command to stop waits for no look.
 
 A watchdog ends a node that is alive and does nothing; whatever started it may do so again. The
 middleware may hold a lock for ever (rmw_fastrtps had such a fault with QoS events), while the
@@ -59,6 +60,8 @@ from rclpy.task import Future
 from hapticmech_ros.errors import HapticMechError, shown
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.lane_kernels import ENDED, LOOK_US, ROUNDS, abort_when_still
+from hapticmech_ros.nodes.realtime import come_after_loop
+from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 M = TypeVar("M")
@@ -235,15 +238,12 @@ AWAKE_SHARE, AWAKE_NS = 10, 40_000
 # Of the latenesses seen, what a new one counts; and no more than this of it, ns: a thread that
 # something else kept waiting would not have come earlier for looking at the clock.
 _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
-# How often the middleware is looked at while the lane is waited for, with the first message or
-# deadline from then on, or so much later by itself: in a process that may be asked to end forces,
-# and in others, since each look costs a return to Python; and while there is more than was taken,
-# or the middleware brings messages of the lane's topics, as it did within the time below.
-STOPS_LOOK_NS, LOOK_NS, LATER_NS, LOOK_OFTEN_NS = 4_000_000, 8_000_000, 1_000_000, 200_000
-STRANGE_NS = NANOSECONDS // 2
-# How long a kernel waits at most before the loop notes that it goes on: nodes without deadlines
-# notice pauses of their process by that.
-LONGEST_UNSEEN_NS = 5_000_000
+# How long the middleware is waited for at once, s.
+SPIN_S = 0.02
+# Whoever wants Python's lock gets it after so long, s: five milliseconds are several periods.
+SWITCH_S = 0.0005
+# How often the middleware is looked at by who answers nobody, ns.
+LOOK_NS = 8_000_000
 # Callbacks in one look; and no more of them after so long: where much waits on the lane, one may
 # take seconds.
 MOST_CALLBACKS, MOST_LOOK_NS = 32, 50_000_000
@@ -294,28 +294,114 @@ def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None
             return
 
 
+class Threads:
+    """The threads of a process beside the loop's.
+
+    They are there at once, so that what is asked of the system for all threads holds for them.
+
+    Args:
+        executor: of the nodes.
+        exchange: of the process.
+    """
+
+    def __init__(self, executor: Executor, exchange: Exchange) -> None:
+        self._executor, self._exchange = executor, exchange
+        self._turn: Turn | None = None
+        self._begun, self._ended = threading.Event(), False
+        self._failure: Exception | None = None
+        self._seen_ns = 0
+        self._threads = [
+            threading.Thread(target=self._work, args=(work,), daemon=True)
+            for work in (self._run_callbacks, self._publish_views)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def begin(self, turn: Turn) -> None:
+        """Let them work, unless they do; the thread that calls is the loop's from now on."""
+        if self._turn is not None:
+            return
+        turn.share()
+        self._turn = turn
+        # A signal may reach any thread; Python acts on it in the main one.
+        signal.set_wakeup_fd(turn.rope, warn_on_full_buffer=False)
+        self._begun.set()
+
+    def have_listened(self) -> bool:
+        """Return whether the middleware was listened to since this was asked last.
+
+        Raises:
+            Exception: which a callback has raised.
+        """
+        if self._failure is not None:
+            raise self._failure
+        if self._turn is None:
+            return True
+        seen_ns, self._seen_ns = self._seen_ns, int(self._turn.listened[0])
+        return self._seen_ns > seen_ns
+
+    def end(self) -> None:
+        """Wait for both to end."""
+        self._ended = True
+        self._begun.set()
+        if self._turn is not None:
+            signal.set_wakeup_fd(-1)
+            self._turn.end()
+        for thread in self._threads:
+            thread.join()
+
+    def _work(self, work: Callable[[Turn], None]) -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        self._begun.wait()
+        if self._turn is not None:
+            come_after_loop()
+            work(self._turn)
+
+    def _run_callbacks(self, turn: Turn) -> None:
+        while not self._ended:
+            try:
+                if self._exchange.has_deferred:
+                    time.sleep(max(self._exchange.until_called_s, 0.0))
+                    with self._exchange.taken():
+                        self._run_waiting()
+                else:
+                    self._executor.spin_once(timeout_sec=SPIN_S)
+            except Exception as error:  # noqa: BLE001 - the loop's thread raises it
+                self._failure = error
+                turn.ring()
+                return
+            turn.listen()
+
+    def _run_waiting(self) -> None:
+        """Run the callbacks of what the middleware has brought by now, as :meth:`Inbox.look`."""
+        waiting = [True]
+        self._executor.create_task(waiting.clear)
+        for _ in range(MOST_CALLBACKS):
+            if waiting:
+                self._executor.spin_once(timeout_sec=NO_WAIT_S)
+
+    def _publish_views(self, turn: Turn) -> None:
+        while turn.wait_for_view():
+            turn.publish_views()
+            self._exchange.meet_failures()
+
+
 class Inbox:
     """What a process waits for: its executor, and the lane.
 
     Args:
         executor: of the nodes.
         exchange: with the lane.
-        look_period_ns: how often the middleware is looked at while the lane is waited for.
-        goes_on: does what the loop has to do now and then beside waiting, and returns whether it
-            goes on.
+        threads: that run callbacks where there is a lane; None: there are none.
     """
 
     def __init__(
-        self,
-        executor: Executor,
-        exchange: Exchange,
-        look_period_ns: int = LOOK_NS,
-        goes_on: Callable[[], bool] = lambda: True,
+        self, executor: Executor, exchange: Exchange, threads: Threads | None = None
     ) -> None:
         self._executor = executor
         self._exchange = exchange
-        self._look_period_ns, self._goes_on = look_period_ns, goes_on
-        self._look_ns = self._latest_ns = self._answer_ns = 0
+        self._threads = threads
+        self._look_ns = self._answer_ns = 0
         self._marked = False
         self._late_ns = 0
 
@@ -326,20 +412,16 @@ class Inbox:
         """
         exchange = self._exchange
         lane = exchange.lane
-        if lane is None:
-            wait_for_messages(self._executor, timeout_s)
-            return
-        lane.between = self._between
-        lane.look()
-        if not lane.linked:
-            exchange.publish_kept()
+        if lane is None or self._threads is None:
             wait_for_messages(self._executor, timeout_s)
             exchange.collect()
             exchange.deliver()
             return
+        self._threads.begin(lane.turn)
+        lane.look()
         now = time.monotonic_ns()
         deadline = now + int(timeout_s * NANOSECONDS)
-        end = min(deadline, self._latest_ns)
+        end = deadline
         if exchange.has_later:
             if now < self._answer_ns:
                 end = min(end, self._answer_ns)
@@ -386,23 +468,20 @@ class Inbox:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
         exchange, lane = self._exchange, self._exchange.lane
         early = min(self._late_ns, AWAKE_NS, (deadline - now) // AWAKE_SHARE)
-        longest_s = (self._latest_ns - now) / NANOSECONDS
-        exchange.collect((deadline - early - now) / NANOSECONDS, longest_s=longest_s)
+        timeout_s = (deadline - early - now) / NANOSECONDS
+        exchange.collect(timeout_s, longest_s=LONGEST_WAIT_S)
         if exchange.is_waiting or (lane is not None and lane.worked):
             return
         now = time.monotonic_ns()
+        if now < deadline - early:
+            # Something else is to be done.
+            return
         # Half as much again as usual: most are in time then.
         late = 3 * min(now - (deadline - early), _WAKES_WITHIN_NS) // 2
         self._late_ns += (late - self._late_ns) // _LEARNS
         while now < deadline and not exchange.is_waiting:
             exchange.collect()
             now = time.monotonic_ns()
-
-    def _between(self) -> int:
-        """Look at the middleware while a kernel waits; return until when it may, ns; 0: no more."""
-        if self._exchange.has_later or not self._goes_on() or self.look():
-            return 0
-        return min(self._latest_ns, time.monotonic_ns() + LONGEST_UNSEEN_NS)
 
     def acted(self) -> None:
         """Note that what was sent now may be answered soon."""
@@ -427,9 +506,6 @@ class Inbox:
         Returns:
             Whether there may be more of it.
         """
-        lane = self._exchange.lane
-        if lane is None or not lane.linked:
-            return False
         now = time.monotonic_ns()
         if now < self._look_ns:
             return False
@@ -438,21 +514,12 @@ class Inbox:
             self._executor.spin_once(timeout_sec=NO_WAIT_S)
             if not self._marked or time.monotonic_ns() - now > MOST_LOOK_NS:
                 break
-        now = time.monotonic_ns()
-        if self._marked or now - self._exchange.foreign_ns < STRANGE_NS:
-            self._look_ns = self._latest_ns = now + LOOK_OFTEN_NS
-        else:
-            self._look_ns = now + self._look_period_ns
-            self._latest_ns = self._look_ns + LATER_NS
+        self._look_ns = 0 if self._marked else time.monotonic_ns() + LOOK_NS
         return self._marked
 
 
 class HasDeadlines(Protocol):
     """A node that says when it wants to act next."""
-
-    @property
-    def ends_forces(self) -> bool:
-        """Whether it is the node that is asked to end forces."""
 
     def look_at_clock(self) -> None:
         """Notice it if the machine's clock was set."""
@@ -468,35 +535,43 @@ class HasDeadlines(Protocol):
 
 
 def run_until(
-    stop: StopRequest, nodes: Sequence[HasDeadlines], exchange: Exchange | None = None
+    stop: StopRequest,
+    nodes: Sequence[HasDeadlines],
+    exchange: Exchange | None = None,
+    begun: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run nodes in this thread until a signal: messages as they come, deadlines when they come."""
-    executor = EventsExecutor()
+    """Run nodes in this thread until a signal: messages as they come, deadlines when they come.
+
+    Args:
+        stop: set by a signal.
+        nodes: to run.
+        exchange: of the process.
+        begun: called once there are all threads.
+    """
+    executor, exchange = EventsExecutor(), exchange or Exchange()
     for node in nodes:
         executor.add_node(node)  # type: ignore[arg-type]
-    period_ns = STOPS_LOOK_NS if any(node.ends_forces for node in nodes) else LOOK_NS
+    threads = Threads(executor, exchange)
+    begun()
     _find_callers()
     gc.collect()
     gc.freeze()
+    sys.setswitchinterval(SWITCH_S)
     watchdog = Watchdog()
-
-    def goes_on() -> bool:
-        watchdog.go_round()
-        for node in nodes:
-            node.look_at_clock()
-        return rclpy.ok() and not stop.asked
-
-    inbox = Inbox(executor, exchange or Exchange(), period_ns, goes_on)
-    while rclpy.ok() and not stop.asked:
-        watchdog.go_round()
-        inbox.wait(_wait_s(nodes))
-        for node in nodes:
-            node.look_at_clock()
-            deadline = node.next_deadline_ns()
-            if deadline is not None and deadline <= (now := node.now_ns()):
-                node.act(now)
-                inbox.acted()
-        inbox.look()
+    inbox = Inbox(executor, exchange, threads)
+    try:
+        while rclpy.ok() and not stop.asked:
+            if threads.have_listened():
+                watchdog.go_round()
+            inbox.wait(_wait_s(nodes))
+            for node in nodes:
+                node.look_at_clock()
+                deadline = node.next_deadline_ns()
+                if deadline is not None and deadline <= (now := node.now_ns()):
+                    node.act(now)
+                    inbox.acted()
+    finally:
+        threads.end()
     watchdog.end()
     executor.shutdown()
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -266,13 +266,20 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         )
         self._start_diagnostics()
 
-    def _settled(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback before which the actor gets to know what its kernel has done."""
+    def _settled(self, callback: Callable[..., Any], may_act: bool = True) -> Callable[..., Any]:
+        """Return a callback that runs when no kernel does and the actor knows what it has done.
+
+        Args:
+            callback: of a subscription, service or timer.
+            may_act: whether the node may have another deadline afterwards, or it is urgent.
+        """
 
         @wraps(callback)
         def settled(*arguments: Any) -> Any:
-            self.exchange.settle()
-            return callback(*arguments)
+            if not may_act and self.exchange.defer(partial(callback, *arguments)):
+                return None
+            with self.exchange.taken(may_act):
+                return callback(*arguments)
 
         return settled
 
@@ -284,7 +291,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         Returns:
             The subscription.
         """
-        settled = self._settled(callback)
+        settled = self._settled(callback, may_act=False)
         return super().create_subscription(msg_type, topic, settled, *args, **kwargs)
 
     def create_service(
@@ -324,11 +331,6 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self.trigger_activate()
         if self.failure is not None:
             raise self.failure
-
-    @property
-    def ends_forces(self) -> bool:
-        """Whether it is the node that is asked to end forces."""
-        return self._actor_type.ends_forces
 
     def next_deadline_ns(self) -> int | None:
         """Return when the node wants to go on by its own time; None: never, or by /clock."""
@@ -612,7 +614,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     def _start_diagnostics(self) -> None:
         # By a steady clock: also when /clock stands still there is something to be said.
-        self._timer = self.create_timer(
+        self._timer = super().create_timer(
             self.parameters.diagnostics_period, self._publish_diagnostics, clock=self._steady
         )
 
@@ -621,9 +623,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         if actor is None:
             reason = "" if self.failure is None else f": {self.failure}"
             return False, f"unconfigured{reason}", {}
-        well, sentence, figures = actor.failures.status(actor.status)
-        figures = {**figures, **actor.ages.summary("message_age")}
-        figures.update(actor.ways())
+        # Of what follows nothing is the actor's: it may go on meanwhile.
+        with self.exchange.taken():
+            well, sentence, figures = actor.failures.status(actor.status)
+            figures = {**figures, **actor.ages.summary("message_age")}
+            figures.update(actor.ways())
         figures["transport"] = self._transport()
         if self.realtime is not None:
             figures.update(self.realtime.figures())

@@ -22,6 +22,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     Link,
     Reading,
     Sending,
+    arrival,
     is_set,
     look_is_due,
     note_read,
@@ -126,11 +127,11 @@ def move_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (21,) how things stand, a :class:`MechanismLink`; changed.
-        inputs: (1, 8) a ``lane_kernels.Reading``, of the commands; changed.
+        shared: (22,) how things stand, a :class:`MechanismLink`; changed.
+        inputs: (1, 9) a ``lane_kernels.Reading``, of the commands; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the states; changed.
         words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections, that of the controller's process first.
+        polled: (n,) struct pollfd of all connections but that of the controller's process.
         frame: (words,) for the message that has come.
         prefix: (words,) the bytes before a command's stamp.
         copies: (n, words) to fill, with messages that the middleware will bring too.
@@ -165,26 +166,34 @@ def move_at_deadlines(
         if now < deadline:
             if now >= link.until:
                 break
-            found = wait_until(min(deadline, link.until), link, words, polled, 1)
-            if found == NOTHING:
-                continue
-            if found == OTHER or not peek(link, read, words, polled[0], frame, prefix):
+            # After a step there is time for Python, and not in the midst of the wait for the next.
+            end = deadline if link.done > 0 else min(deadline, link.until)
+            if wait_until(end, link, words, polled, 0) != NOTHING:
                 return TO_READ
-            time, counted, sent = words[0], words[2], words[3]
+            continue
+        # Commands that came meanwhile act from the next step on: nobody had to be there for them.
+        known = link.next - link.period - 1
+        while link.reads < ages.size:
+            found = peek(link, read, words, frame, prefix)
+            if found == NOTHING:
+                break
+            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
             newer = stamp >= link.newest and stamp > link.since and stamp != time
-            if stamp == UNSOUND or not newer:
+            if found == OTHER or stamp == UNSOUND or not newer:
                 return TO_READ
-            take(read, words, polled[0], frame, copies)
+            take(read, words, frame, copies)
+            if link.received <= known < came:
+                put(commands[1], commands[0])
+                link.received_before = link.received
             put(commands[0], values)
-            link.received, link.newest, link.arrived = time, stamp, time
-            note_read(link, read, ages, time, time - stamp, counted, sent)
-            continue
+            link.received, link.newest, link.arrived = came, stamp, came
+            note_read(link, read, ages, time, came - stamp, counted, sent)
         now_real = time_of(REALTIME, words)
         if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
             return TO_ACT
         acting = ActingWrenches(data.wrenches)
-        standing(link, commands, link.next - link.period - 1, acting.on_mechanism)
+        standing(link, commands, known, acting.on_mechanism)
         moved = move_mechanism(
             numbers,
             constants,

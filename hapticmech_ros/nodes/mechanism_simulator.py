@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -15,7 +16,6 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Evaluation
 from hapticmech_ros.mechanism.closures import grasp_written
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
@@ -153,12 +153,13 @@ class MechanismTicks(PlainMessages):
         self._out[self._closed] = state.active
         self._known = state
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel with all that it is called with."""
         simulator, data = self._simulator.simulator, self._data
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
-        return own.move_at_deadlines(
+        return partial(
+            own.move_at_deadlines,
             *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0]),
             *(self._command.between, self.values[0]),
@@ -185,11 +186,20 @@ class MechanismTicks(PlainMessages):
             port.command.take_from(self._commands, link.received, link.received_before)
             port.order.last = link.newest, link.arrived
         if link.done:
-            known, data = self._known or actor.state, self._data
-            state = state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
-            self._known = state
-            published = code != kernels.TO_SAY
-            actor.moved(state, link.done, link.next, published, code == kernels.TO_LOOK_AT)
+            self._known = state = self._state
+            actor.moved(state, link.done, link.next, code != kernels.TO_SAY)
+
+    @property
+    def _state(self) -> MechanismState:
+        """Where the kernel has moved the mechanism to."""
+        known, data = self._known or self._simulator.state, self._data
+        return state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes that for people."""
+        stamp_ns = self.link.next - self.link.period
+        pushes = np.zeros((1, 6))
+        return partial(self._simulator.publish_view, self._state, pushes, stamp_ns)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -335,9 +345,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """After how many more steps one is to be seen."""
         return 1 + -self._ticks % self.view_every
 
-    def moved(
-        self, state: MechanismState, steps: int, next_ns: int, published: bool, seen: bool
-    ) -> None:
+    def moved(self, state: MechanismState, steps: int, next_ns: int, published: bool) -> None:
         """Go on from where the kernel has moved the mechanism to.
 
         Args:
@@ -345,7 +353,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             steps: how many were done.
             next_ns: the next deadline, ns.
             published: whether all states were published.
-            seen: whether people are to see the last one.
         """
         if self.clock is None:
             return
@@ -360,12 +367,6 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self.failures.run("tick", self._publish, self._sampled_ns)
             return
         self._last_valid.keep(state, steps)
-        if seen:
-            self.failures.run("tick", self._look, self._sampled_ns)
-
-    def _look(self, time_ns: int) -> None:
-        self._operating.publish(self.node.active)
-        self._publish_view(self.simulator.evaluate(self.state), self._external, time_ns)
 
     def deactivate(self) -> None:
         """Come to rest: on activation the mechanism goes on from here."""
@@ -442,8 +443,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if state.active != self._announced:
             self._announce_closures()
         if self._ticks % self.view_every == 0:
-            self._operating.publish(self.node.active)
-            self._publish_view(self.simulator.evaluate(state), external, deadline_ns)
+            self.node.exchange.publish_views()
+            self.publish_view(state, external, deadline_ns)
         self._ticks += 1
 
     @property
@@ -566,21 +567,30 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _rotation_of(self, frame: str) -> Array:
         return np.asarray(self._mechanism.frame_pose(self.state.q, frame).rotation)
 
-    def _publish_view(self, terms: Evaluation, external: Array, time_ns: int) -> None:
+    def publish_view(self, state: MechanismState, external: Array, time_ns: int) -> None:
+        """Publish a state for people.
+
+        Args:
+            state: of the mechanism.
+            external: (points, 6) F_c, N and N m, world axes at each operational point.
+            time_ns: its stamp, ns.
+        """
+        self._operating.publish(self.node.active)
+        points = self.simulator.evaluate(state).points
         joints = b""
         if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            q, v = self._layout.coordinates(self.state.q).tolist(), self.state.v.tolist()
+            q, v = self._mechanism.coordinates(state.q).tolist(), state.v.tolist()
             joints = self._joints.encode(q, v, (), time_ns)
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)
-        for port, point, force in zip(self._ports, terms.points, external, strict=True):
+        for port, point, force in zip(self._ports, points, external, strict=True):
             # Joints may keep their limits where a point far out on a link does not: nobody could
             # be told of it, and so it is not gone on with.
             port.check(point)
             port.publish(point, force, joints, time_ns)
-        self._contact_port.publish(self.state.touching, time_ns)
+        self._contact_port.publish(state.touching, time_ns)
         if self._publish_energy.wanted:
-            energies = energy_of(self._mechanism, self.state, time_ns)
+            energies = energy_of(self._mechanism, state, time_ns)
             self._publish_energy.publish(self._energy.encode(energies.values))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:

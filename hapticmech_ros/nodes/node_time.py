@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 BIN_NS = 10_000
@@ -41,6 +42,15 @@ class DurationHistogram:
         self._counts[index] += 1
         self.count += 1
         self.max_ns = max(self.max_ns, duration_ns)
+
+    def extend(self, durations_ns: Array) -> None:
+        """Count durations (n,), ns."""
+        if not durations_ns.size:
+            return
+        bins = np.clip(durations_ns, 0, None) // BIN_NS
+        np.add.at(np.frombuffer(self._counts, dtype=np.int64), np.minimum(bins, BINS - 1), 1)
+        self.count += durations_ns.size
+        self.max_ns = max(self.max_ns, int(durations_ns.max()))
 
     def percentiles_us(self, *shares: float) -> tuple[float, ...]:
         """Return percentiles (0 to 100) in µs, upper edge of the bin; 0 if nothing was counted."""

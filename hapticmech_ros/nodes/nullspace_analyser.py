@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from std_msgs.msg import Float64MultiArray, UInt8
 
@@ -12,7 +15,6 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasp, grasp_of
 from hapticmech_ros.nodes import analysis_kernels as own
-from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import check_age
@@ -89,14 +91,15 @@ class StateAnswers(PlainMessages):
         link.until_view = actor.until_view
         return actor.answers_plainly
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel with all that it is called with."""
         actor, analyser = self._analyser, self._analyser.analyser
         active_set = actor.mechanism.active_set(actor.closed)
         if self._ahead.size != active_set.size:
             self._ahead = np.empty(active_set.size)
         self._observation = np.empty(analyser.observation_size)
-        return own.answer_states(
+        return partial(
+            own.answer_states,
             *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             self._most,
@@ -124,14 +127,14 @@ class StateAnswers(PlainMessages):
 
     def did(self, code: int, reads: int) -> None:
         """Tell the analyser what the kernel did."""
-        actor, count = self._analyser, int(self._out[MODEL_COUNT])
         if reads:
-            actor.answered(reads, self.link.last, count)
-        if code == kernels.TO_LOOK_AT:
-            analyser = actor.analyser
-            found = Observation(self._observation, analyser.rows, actor.mechanism.nv)
-            seen = found.analysis
-            actor.failures.run("view", actor.publish_view, seen, count)
+            self._analyser.answered(reads, self.link.last, int(self._out[MODEL_COUNT]))
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes the last analysis for people."""
+        actor, numbers, count = self._analyser, self._observation.copy(), self._out[MODEL_COUNT]
+        found = Observation(numbers, actor.analyser.rows, actor.mechanism.nv)
+        return lambda: actor.publish_view(found.analysis, int(count))
 
 
 class NullspaceAnalyser(Actor[AnalyserParameters]):
@@ -280,6 +283,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             self._transmit(state, found.analysis)
         self._publish_model.publish(self._encoder.encode(model.message.values))
         if self.analyses % self.view_every == 0:
+            self.node.exchange.publish_views()
             self.publish_view(found.analysis, count)
         self.analyses += 1
 

@@ -10,9 +10,9 @@ without a kernel: see :mod:`.lane_kernels`.
 
 from __future__ import annotations
 
-import select
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,12 +22,16 @@ from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
+from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once, and so much time, ns.
-MOST_READ, SETTLES_NS = 64, 20_000_000
+# So many messages are enough for once.
+MOST_READ = 256
+# Views come so far apart at the least, ns, for so long after a step was late.
+GIVE_WAY_NS = 50_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
 # Two clocks are read at one time if they are no further apart, ns.
@@ -62,6 +66,7 @@ class Received(NamedTuple):
         size: how many numbers it has.
         alike: how many of the bytes all messages have.
         beside: whether it comes over the connection of the topic before, or is left to Python.
+        awaited: whether the kernel wakes up for a message, rather than to find it when it acts.
     """
 
     topic: str
@@ -70,6 +75,7 @@ class Received(NamedTuple):
     size: int
     alike: int
     beside: bool = False
+    awaited: bool = True
 
 
 class Publication(NamedTuple):
@@ -119,7 +125,7 @@ class PlainCommand:
 
     def received(self, topic: str, sources: Sources) -> Received:
         """Return a topic of such commands that are read; see :class:`Heard`."""
-        return Received(topic, sources, self.prefix, 6, _STAMP_AT)
+        return Received(topic, sources, self.prefix, 6, _STAMP_AT, awaited=False)
 
 
 class PlainMessages:
@@ -134,9 +140,9 @@ class PlainMessages:
             reads that one, by their names on the lane.
 
     Attributes:
-        inputs, outputs: (n, 8) and (m, 17) a :class:`~.lane_kernels.Reading` or
+        inputs, outputs: (n, 9) and (m, 17) a :class:`~.lane_kernels.Reading` or
             :class:`~.lane_kernels.Sending` of each topic.
-        passed: (k, 8) likewise, of each topic that is passed over.
+        passed: (k, 9) likewise, of each topic that is passed over.
         reading: of each topic that is read, views.
         frames, values, prefixes, copies: of each topic that is read words for a message, a view of
             its data, what all messages begin with, and words for those that the middleware brings.
@@ -155,11 +161,14 @@ class PlainMessages:
         self._actor, self._received, self._published = actor, received, published
         # While there is something that the actor does not know yet.
         self._lane: Lane | None = None
+        self._code = kernels.TIME_IS_UP
+        self._late_ns = self._viewed_ns = 0
         self._passed_over = passed_over
         made = [frame_of(one.prefix, one.size) for one in received]
         self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
         self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
-        link.step, link.behind = STEP_NS, BEHIND_NS
+        # What nobody wakes up for is found within a period.
+        link.step, link.behind = STEP_NS, BEHIND_NS + nanoseconds(actor.period_s)
         self._shared = link
         reads, sends = kernels.Reading.layout.size, kernels.Sending.layout.size
         self.inputs = np.zeros((len(received), reads), dtype=np.int64)
@@ -185,8 +194,12 @@ class PlainMessages:
         """Tell the kernel how the actor is; return whether it may do anything for it now."""
         raise NotImplementedError
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel, which returns why it returned, with all that it is called with."""
+        raise NotImplementedError
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes, for people, what the kernel sent last, from copies."""
         raise NotImplementedError
 
     def did(self, code: int, reads: int) -> None:
@@ -224,7 +237,7 @@ class PlainMessages:
             return False
         link.until = until_ns
         link.oldest = self._actor.age_limit_ns
-        link.idle = link.reads = 0
+        link.idle = link.reads = link.paused = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
@@ -263,8 +276,10 @@ class PlainMessages:
                 row.head = 0
         if -1 in first:
             return False
-        others = [number for number in waited if number not in first]
-        self.polled = np.array(first + others, dtype=np.int64) | kernels.WAITS_TO_READ
+        topics = zip(self._received, self.reading, strict=True)
+        polled = [row.connection for one, row in topics if one.awaited and not one.beside]
+        polled += [number for number in waited if number not in first]
+        self.polled = np.array(polled, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
 
     @staticmethod
@@ -283,48 +298,59 @@ class PlainMessages:
         if origin is None or speaker is None:
             return -1
         row.head, row.number = _head(origin, speaker[1]), origin.number
+        row.connection = speaker[0]
         return speaker[0]
 
-    def __call__(self, lane: Lane, waited: list[int]) -> tuple[list[int], int]:
+    def __call__(self, lane: Lane) -> tuple[bool, int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
-
-        Now and then the loop looks at the middleware meanwhile; only if that runs a callback, or
-        after :data:`SETTLES_NS`, the actor has to know what was done.
 
         Args:
             lane: of the process.
-            waited: its connections.
 
         Returns:
-            Those that have something to read, and when it had to wait, ns of the monotonic clock.
+            Whether there is something to read, and when it had to wait, ns of the monotonic clock.
         """
         link, self._lane = self._shared, lane
-        latest_ns = time.monotonic_ns() + SETTLES_NS
-        while True:
-            code = self.run()
-            goes_on = code == kernels.TIME_IS_UP and link.reads < self.ages.size
-            goes_on = goes_on and time.monotonic_ns() < latest_ns
-            until_ns = lane.between() if goes_on else 0
-            if not until_ns or self._lane is None:
-                break
-            link.until = until_ns
-        reads = link.reads
-        self.settle(code)
-        ready = select.select(waited, (), (), 0.0)[0] if code == kernels.TO_READ else []
+        kernel = self.kernel()
+        with lane.turn.given_to_kernel():
+            while True:
+                self._code = kernel()
+                if not (self._code == kernels.TO_LOOK_AT and self._show(lane.turn)):
+                    break
+                link.until_view = self._actor.view_every
+                if any(row.left or row.unsent for row in self._sending):
+                    self._code = kernels.TO_SEND
+                    break
+        code, reads = self._code, link.reads
+        self.settle()
+        if code == kernels.TO_LOOK_AT:
+            self._view()()
+            self._actor.node.exchange.meet_failures()
         # Who has read what came before is not behind: one after the other is soon enough.
-        return ready, time.monotonic_ns() if reads else link.idle
+        return code == kernels.TO_READ, time.monotonic_ns() if reads else link.idle
+
+    def _show(self, turn: Turn) -> bool:
+        """Have another thread publish a view, if there is one; return whether there is.
+
+        After a pause, or where steps are late, views give way for a while.
+        """
+        now = time.monotonic_ns()
+        give_way = now - self._late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
+        if turn.is_shared and give_way:
+            return True
+        self._viewed_ns = now
+        return turn.view(self._view())
+
+    def _view(self) -> Callable[[], None]:
+        return partial(self._actor.node.exchange.run_view, self._actor.failures, self.view())
 
     @property
     def settled(self) -> bool:
         """Whether the actor knows what the kernel did."""
         return self._lane is None
 
-    def settle(self, code: int = kernels.TIME_IS_UP) -> None:
-        """Have the actor, the topics' sources and the lane know what the kernel did, once.
-
-        Args:
-            code: why it returned.
-        """
+    def settle(self) -> None:
+        """Have the actor, the topics' sources and the lane know what the kernel did, once."""
         lane, link, self._lane = self._lane, self._shared, None
         if lane is None:
             return
@@ -339,9 +365,12 @@ class PlainMessages:
             if row.read:
                 sources.received(_continued(sources.latest, row), row.read)
         reads = link.reads
-        for age_ns in self.ages[:reads].tolist():
-            self._actor.ages.add(age_ns)
-        self.did(code, reads)
+        self._actor.ages.extend(self.ages[:reads])
+        self.did(self._code, reads)
+        if link.paused:
+            self._actor.node.pauses.paused(link.paused)
+        if link.paused or self._code == kernels.TO_ACT:
+            self._late_ns = time.monotonic_ns()
 
     def _send_on(
         self,

@@ -15,6 +15,7 @@ import platform
 import re
 import resource
 import struct
+import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -301,8 +302,21 @@ def slice_ns() -> int:
     return int(_SCHED_ATTRIBUTES.unpack(found.raw)[5])
 
 
-def _ask_for_slice(thread: int) -> None:
-    """Request a slice of :data:`SLICE_NS`; older systems take no notice, and others refuse."""
+def come_after_loop() -> None:
+    """Let the loop's thread run before the one that asks, wherever both want to.
+
+    In real time it has a priority less. Else it has the slice that all have: a thread with a
+    shorter one runs as it wakes up.
+    """
+    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+        priority = max(os.sched_getparam(0).sched_priority - 1, 1)
+        os.sched_setscheduler(0, _IN_REAL_TIME, os.sched_param(priority))
+    else:
+        _ask_for_slice(threading.get_native_id(), 0)
+
+
+def _ask_for_slice(thread: int, length_ns: int = SLICE_NS) -> None:
+    """Request a slice, 0 for the usual one; older systems take no notice, and others refuse."""
     call = _SCHED_CALLS.get(platform.machine())
     if call is None:
         return
@@ -312,7 +326,7 @@ def _ask_for_slice(thread: int) -> None:
         _SCHED_FLAG_RESET_ON_FORK,
         os.getpriority(os.PRIO_PROCESS, thread),
         0,
-        SLICE_NS,
+        length_ns,
         *(0, 0, 0, 0),
     )
     ctypes.CDLL(None).syscall(call[0], thread, attributes, 0)

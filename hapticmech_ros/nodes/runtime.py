@@ -86,13 +86,17 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
             nodes[-1].start()
         early_node.destroy_node()
         starting.end()
-        realtime = _ask_for_real_time(nodes)
         if exchange.refusal:
             get_logger("lane").warning(
                 f"all messages go through the middleware: {exchange.refusal}"
             )
-        report_ready()
-        run_until(stop, nodes, exchange)
+
+        def begun() -> None:
+            nonlocal realtime
+            realtime = _ask_for_real_time(nodes)
+            report_ready()
+
+        run_until(stop, nodes, exchange, begun)
         for node in nodes:
             node.report_status(last=True)
             if SHOWN not in os.environ:

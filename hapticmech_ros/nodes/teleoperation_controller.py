@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
+from hapticmech_ros.control.loop_layout import Answer, ControllerAccount, ControllerEnergies
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -48,7 +48,7 @@ from hapticmech_ros.nodes.plain_messages import (
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Controller
@@ -92,7 +92,10 @@ class SampleAnswers(PlainMessages):
             (POINT_MODEL.of(actor.point), OperationalModelMessage.layout, analyser),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
-            received.append(Received(topic, sources, prefix, fields.size, len(prefix)))
+            awaited = sources is device
+            received.append(
+                Received(topic, sources, prefix, fields.size, len(prefix), awaited=awaited)
+            )
         command = PlainCommand(actor.wrenches)
         *commands, gains = outputs
         frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in commands]
@@ -109,7 +112,10 @@ class SampleAnswers(PlainMessages):
         self._controller, self._commands = actor, frames
         self._most = command.most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._known, self._grasp = np.zeros(OPERATIONAL_MODEL.size), np.zeros(GRASP_SIZE)
+        self._known, self._grasp = (
+            np.zeros(OperationalModelSample.layout.size),
+            np.zeros(GRASP_SIZE),
+        )
         self._before, self._moved = ControllerAccount().values, Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), Answer()
         self._settings = self._locality = np.zeros(0)
@@ -126,12 +132,13 @@ class SampleAnswers(PlainMessages):
             self.link.gain_every = 0
         return True
 
-    def run(self) -> int:
-        """Call the kernel; return why it returned."""
+    def kernel(self) -> Callable[[], int]:
+        """Return the kernel with all that it is called with."""
         actor, side = self._controller, self._controller.side
         device, point = self._commands
         self._answer = Answer()
-        return own.answer_samples(
+        return partial(
+            own.answer_samples,
             *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
             *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
             actor.bounds.device.most,
@@ -154,6 +161,13 @@ class SampleAnswers(PlainMessages):
             self._controller.received_model(self.link, self._known, origin, models.read)
         if states.read:
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
+
+    def view(self) -> Callable[[], None]:
+        """Return what publishes the last answer for people."""
+        actor, stamp_ns = self._controller, self.link.sample_ns
+        answer = ControllerCommand(Answer(self._answer.values.copy()), stamp_ns)
+        energies = ControllerEnergies(actor.side.account.energies.values.copy())
+        return partial(actor.publish_view, answer, energies)
 
 
 class TeleoperationController(Actor[ControllerParameters]):
@@ -638,7 +652,16 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs.mechanism(commanded, mechanism_ns)
         if with_gain:
             outputs.gain(answer, stamp_ns)
-        outputs.view(answer.wrenches, answered_ns, side.entry)
+        outputs.view(answer.wrenches, answered_ns, side.account.energies)
+
+    def publish_view(self, answer: ControllerCommand, energies: ControllerEnergies) -> None:
+        """Publish an answer for people.
+
+        Args:
+            answer: to a sample.
+            energies: of the controllers then.
+        """
+        self._outputs.publish_view(answer.wrenches, answer.answered_ns, energies)
 
     def _disengage_for(
         self,

@@ -100,7 +100,7 @@ class OwnPauses(Pauses):
 
     Args:
         clock_ns: returns the time, ns.
-        computed_ns: returns for how long this thread has computed, ns.
+        computed_ns: returns for how long this process has computed, ns.
 
     Attributes:
         remedy: says what helps.
@@ -111,7 +111,7 @@ class OwnPauses(Pauses):
     def __init__(
         self,
         clock_ns: Callable[[], int] = time.monotonic_ns,
-        computed_ns: Callable[[], int] = time.thread_time_ns,
+        computed_ns: Callable[[], int] = time.process_time_ns,
     ) -> None:
         super().__init__()
         self.remedy = Remedy()
@@ -130,6 +130,11 @@ class OwnPauses(Pauses):
         if waits:
             wanted = min(now - before, -min(waits))
             self._note(wanted - (self._computed - computed))
+
+    def paused(self, length_ns: int) -> None:
+        """Note a pause until now that a kernel has noticed, ns."""
+        self.looked_ns, self._computed = self._clock_ns(), self._computed_ns()
+        self._note(length_ns)
 
 
 class SenderPauses(Pauses):

@@ -40,9 +40,6 @@ class DeviceSample(Pose):
     hand_wrench = Vector(6, WRENCH)
 
 
-DEVICE_SAMPLE = DeviceSample.layout
-
-
 class OperationalModelSample(Record):
     """What rendering needs of an operational point, at one time; axes of the world, at the point.
 
@@ -69,6 +66,3 @@ class OperationalModelSample(Record):
     quaternion = Vector(4, "quaternion")
     twist = Vector(6, TWIST)
     contact = Vector(6, WRENCH)
-
-
-OPERATIONAL_MODEL = OperationalModelSample.layout

@@ -18,7 +18,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import Active, flat_grasp, grasp_of
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import ConstraintCounter
@@ -118,7 +118,7 @@ def felt_states(
     """
     analyser = Analyser(mechanism, point)
     total, t = len(active), analyser.rows.size
-    seen, wrenches = np.empty((total, OPERATIONAL_MODEL.size)), np.empty((total, t, t))
+    seen, wrenches = np.empty((total, OperationalModelSample.layout.size)), np.empty((total, t, t))
     places = None if grasps is None else grasps[:, analyser.index]
     start = analyser.point
     place = flat_grasp(mechanism.scene, start)
@@ -141,7 +141,7 @@ def felt_states(
     show(total, total)
 
     def part(name: str) -> Array:
-        return seen[:, OPERATIONAL_MODEL.slice(name)].copy()
+        return seen[:, OperationalModelSample.layout.slice(name)].copy()
 
     full = np.zeros((total, 6, t))
     full[:, analyser.rows] = wrenches

@@ -113,8 +113,8 @@ def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) ->
     """
     seen, closing, wrench = analyser.observe_terms(terms), terms.closing, np.zeros(6)
     consistent_wrench(
-        *closing.active_set.constants,
-        closing.packed,
+        closing.active_set.model,
+        closing.parts,
         seen.numbers,
         analyser.rows,
         np.array(joint_force, dtype=float),

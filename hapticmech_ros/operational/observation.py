@@ -24,7 +24,7 @@ from hapticmech_ros.operational.observe_kernels import (
     ConstraintTrigger,
     Details,
     Observed,
-    count_constraints,
+    count_rigid,
     details_in,
     rates_before,
     remember_state,
@@ -102,9 +102,8 @@ class ConstraintCounter:
     """
 
     def __init__(self, perception: Perception) -> None:
-        self.numbers = numbers = ConstraintTrigger()
-        numbers.s_on, numbers.s_off = perception.s_on, perception.s_off
-        numbers.dwell = perception.dwell
+        self.numbers = ConstraintTrigger()
+        self.numbers.fill(s_on=perception.s_on, s_off=perception.s_off, dwell=perception.dwell)
 
     def begin(self) -> None:
         """Start anew with the next s."""
@@ -117,7 +116,7 @@ class ConstraintCounter:
             s: (t,) singular values, descending.
             time: s.
         """
-        return count_constraints(self.numbers.values, np.ascontiguousarray(s, dtype=float), time)
+        return count_rigid(self.numbers, np.ascontiguousarray(s, dtype=float), time)
 
 
 def rigid_count(s: Array, perception: Perception) -> int:

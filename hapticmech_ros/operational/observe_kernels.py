@@ -513,7 +513,7 @@ def analyse_motion(
     return True
 
 
-# Of the analysis alone; a negative code of the closures is one of ``factor_closures``.
+# Of the analysis alone; a negative code of the closures is one of ``factor_kernels.factor``.
 NO_SPECTRUM = 1
 
 
@@ -642,9 +642,15 @@ class ConstraintTrigger(Record):
 ROUNDING = 5e-10
 
 
-@inner
+@kernel("int64(ConstraintTrigger, float64[::1], float64)")
 def count_rigid(trigger: ConstraintTrigger, s: Array, time: float) -> int:
-    """Return how many directions are reported as rigid; see :func:`count_constraints`."""
+    """Return how many directions are reported as rigid, once s was seen at ``time``.
+
+    Args:
+        trigger: changed.
+        s: (t,) singular values, descending.
+        time: s.
+    """
     count, rigid, since = 0, trigger.rigid, trigger.since
     for i in range(s.size):
         was_rigid = rigid[i] != 0.0
@@ -663,18 +669,6 @@ def count_rigid(trigger: ConstraintTrigger, s: Array, time: float) -> int:
         count += int(was_rigid)
     trigger.begun = 1.0
     return count
-
-
-@kernel("int64(float64[::1], float64[::1], float64)")
-def count_constraints(counter: Array, s: Array, time: float) -> int:
-    """Return how many directions are reported as rigid, once s was seen at ``time``.
-
-    Args:
-        counter: (numbers,) a :class:`ConstraintTrigger`, changed.
-        s: (t,) singular values, descending.
-        time: s.
-    """
-    return count_rigid(ConstraintTrigger(counter), s, time)
 
 
 # Of the numbers that go with the states: how many states there are, the row of the newest one, how
@@ -728,14 +722,12 @@ def remember_state(past: Array, stamps: Array, rates: Array, stamp: int, v: Arra
 
 
 @kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1],"
-    " float64[::1])",
+    "void(Model, Data, float64[::1], int64[::1], float64[::1], float64[::1])",
     linked=True,
 )
 def consistent_wrench(
-    numbers: Array,
-    values: Array,
-    packed: Array,
+    model: Model,
+    data: Data,
     observation: Array,
     rows: Array,
     joint_force: Array,
@@ -744,17 +736,15 @@ def consistent_wrench(
     """Fill F_c = Σ (1 - w_i) n_i (n_iᵀ a_c) / μ_i, as X n_i = μ_i I_ℓ⁻¹ n_i; T18 of derivations.md.
 
     Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) packed terms at the configuration.
+        model: constants of the mechanism.
+        data: terms at the configuration.
         observation: (numbers,) of the point there; see :func:`observe_point`.
         rows: (t,) rows of a six-vector that the task space has.
         joint_force: (nv,) Σ J_cᵀ λ, N m or N.
         wrench: (6,) F_c to fill, N and N m, world axes at the point.
     """
-    model, t = Model(numbers, values), rows.size
-    data, nv = Data(model.numbers, packed), model.nv
-    rates, acceleration = local(nv), local(6)
+    nv, t, acceleration = model.nv, rows.size, local(6)
+    rates = local(nv)
     put(rates, joint_force)
     to_metric(model, data, rates)
     free_part(model, data, rates)

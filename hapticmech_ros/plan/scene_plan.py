@@ -27,7 +27,7 @@ from hapticmech_ros.mechanism.model import authored_state
 from hapticmech_ros.mechanism.redundancy import Redundancy, redundancy
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.operational.results import felt_masses
@@ -356,8 +356,8 @@ def _arrays(run: Running) -> Iterator[tuple[str, Array]]:
     yield "Ẇv", terms.closure_bias
     yield "J_h of each point", np.empty((points, 6, mechanism.nv))
     yield "wrenches of the task space", np.empty((t, t))
-    yield "operational model for the controllers", np.empty(OPERATIONAL_MODEL.size)
-    yield "device sample for the controllers", np.empty(DEVICE_SAMPLE.size)
+    yield "operational model for the controllers", np.empty(OperationalModelSample.layout.size)
+    yield "device sample for the controllers", np.empty(DeviceSample.layout.size)
     held = device_for(run.scene).at_rest(terms.points[run.analyser.index].pose)
     yield "state of the device", held.flat
 

@@ -248,7 +248,7 @@ class MujocoRobot:
         if around.wall is not None:
             body, radius = added.bodies[number], around.tool_radius
             _add_contact(mujoco, spec, body, place, radius, around.wall)
-        mujoco.set_mju_user_warning(_say_nothing)
+        mujoco.set_mju_user_warning(lambda text: None)
         try:
             self.model: Any = spec.compile()
         except ValueError as error:
@@ -394,7 +394,3 @@ def _add_contact(
     spec.worldbody.add_geom(
         name=_WALL, type=kinds.mjGEOM_BOX, size=half, pos=centre, quat=wxyz(turn), **given
     )
-
-
-def _say_nothing(_text: str) -> None:
-    return

@@ -18,7 +18,7 @@ from hapticmech_ros.control.measurements import model_of
 from hapticmech_ros.device import DeviceState
 from hapticmech_ros.mechanism import PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.operational import Analyser, OperationalAnalysis
 from hapticmech_ros.operational.observation import Observation
 from hapticmech_ros.session.tick_kernels import SessionData, SessionTotals
@@ -65,13 +65,13 @@ def run_layout(nq: int, nv: int) -> Layout:
             "time": ONE,
             "q": Field(nq),
             "v": Field(nv),
-            **{f"device_{name}": field for name, field in DEVICE_SAMPLE.fields.items()},
+            **{f"device_{name}": field for name, field in DeviceSample.layout.fields.items()},
             "device_applied": FORCE,
             "device_added": FORCE,
             "device_true_position": Field(3),
             "device_true_rotation": Field(9),
             "device_true_twist": Field(6, TWIST),
-            **OPERATIONAL_MODEL.fields,
+            **OperationalModelSample.layout.fields,
             **dict.fromkeys(CONTROL, FORCE),
             "pose_error": Field(6, POSE_ERROR),
             "on_hand": FORCE,
@@ -254,8 +254,14 @@ class Sample:
             "time": np.array([self.time]),
             "q": state.q,
             "v": state.v,
-            **{f"device_{name}": sample[DEVICE_SAMPLE.slice(name)] for name in DEVICE_SAMPLE},
-            **{name: model[OPERATIONAL_MODEL.slice(name)] for name in OPERATIONAL_MODEL},
+            **{
+                f"device_{name}": sample[DeviceSample.layout.slice(name)]
+                for name in DeviceSample.layout
+            },
+            **{
+                name: model[OperationalModelSample.layout.slice(name)]
+                for name in OperationalModelSample.layout
+            },
             **dict(zip((*CONTROL, "pose_error"), self.wrenches, strict=True)),
             "on_hand": on_hand,
             "on_mechanism": on_mechanism,

@@ -26,6 +26,7 @@ from hapticmech_ros.control.loop_layout import (
     ActingWrenches,
     Answer,
     ControllerAccount,
+    ControllerEnergies,
     ControllerSettings,
     DeviceAccount,
     HandMemory,
@@ -33,7 +34,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.control.other_hands import NO_OTHERS, coupling_gain
 from hapticmech_ros.control.passivity import DeviceSide, PassivityController
-from hapticmech_ros.control.rendering_controller import LedgerEntry, RenderingController
+from hapticmech_ros.control.rendering_controller import RenderingController
 from hapticmech_ros.device import (
     NO_WRENCH,
     DeviceState,
@@ -49,7 +50,7 @@ from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL, DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench
@@ -93,7 +94,7 @@ from hapticmech_ros.simulation import MechanismState, Simulator
 if TYPE_CHECKING:
     from hapticmech_ros.contact.memory import Touching
 
-_MODEL_SIZE = OPERATIONAL_MODEL.size
+_MODEL_SIZE = OperationalModelSample.layout.size
 # Before a tick: its time, and the states of mechanism and device as far as they are known as such.
 Begun = tuple[float, MechanismState | tuple[MechanismState, "Touching | None"], DeviceState | None]
 _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
@@ -231,9 +232,9 @@ class Session:
         return self._clutch
 
     @property
-    def energies(self) -> LedgerEntry:
+    def energies(self) -> ControllerEnergies:
         """The controllers' account; see :mod:`~hapticmech_ros.control.account_kernels`."""
-        return self._side.entry
+        return ControllerEnergies(self._side.account.energies.values.copy())
 
     @property
     def passivity(self) -> PassivityController:
@@ -488,7 +489,7 @@ class Session:
             "safety": envelope.numbers.values,
             # Those on the way, the row after them, and the one that has arrived last.
             "answers": np.zeros((len(side.queue) + 2, Answer.layout.size)),
-            "sample": np.zeros(DEVICE_SAMPLE.size),
+            "sample": np.zeros(DeviceSample.layout.size),
             "device": body,
             "state": state,
             "later": state,
@@ -591,7 +592,7 @@ class Session:
             self._device_state = None
         if phases & MECHANISM:
             self._mechanism_state = None
-        return run_ticks(arguments)  # type: ignore[no-any-return]
+        return run_ticks(arguments)  # type: ignore[call-arg]
 
     def _tick_in_parts(self, inputs: Array, rows: Array) -> None:
         """Do a tick in which something is done in Python."""
@@ -646,7 +647,7 @@ class Session:
         data, device, state = self._parts, self._device, self.device
         data.external[:] = given[:6]
         data.push[:] = given[6:]
-        data.sample[:] = state.published[: DEVICE_SAMPLE.size]
+        data.sample[:] = state.published[: DeviceSample.layout.size]
         DeviceSample(data.sample).hand_wrench[:] = state.reported + device.sensed(data.push)
         data.added[:] = device.compensation(state)
         data.state[:] = state.flat

@@ -12,20 +12,15 @@ from hapticmech_ros.compilation import (
     RecordPart,
     Size,
     Structure,
-    gathering_kernel,
     inner,
+    kernel,
     put,
     shaped,
 )
 from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
-from hapticmech_ros.control.account_kernels import (
-    account_for_hand,
-    account_for_motion,
-    conclude,
-    give_answer,
-)
+from hapticmech_ros.control.account_kernels import account_for_motion, answer_sample
 from hapticmech_ros.control.device_side_kernels import act
 from hapticmech_ros.control.kernels import receive, send
 from hapticmech_ros.control.loop_layout import (
@@ -48,7 +43,7 @@ from hapticmech_ros.device.kernels import (
     move_device,
 )
 from hapticmech_ros.device.safety_kernels import Safety
-from hapticmech_ros.mechanism.kernels.model import Data, RunPlan, Work
+from hapticmech_ros.mechanism.kernels.model import Data, Model, RunPlan, Work
 from hapticmech_ros.mechanism.kernels.run_kernels import advance
 from hapticmech_ros.mechanism.kernels.settle_kernels import SETTLED
 from hapticmech_ros.numerics import Array
@@ -274,7 +269,8 @@ def feel_contacts(
     force = contacts.joint_force
     data.contact[:] = 0.0
     if not is_zero(force):
-        consistent_wrench(numbers, values, packed, data.observation, data.rows, force, data.contact)
+        model, terms = Model(numbers, values), Data(numbers, packed)
+        consistent_wrench(model, terms, data.observation, data.rows, force, data.contact)
 
 
 @inner
@@ -302,23 +298,19 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     received = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
     given = Answer(data.given if connected else last)
     if data.received != 0:
-        settings, locality = ControllerSettings(data.settings), Locality(data.locality)
-        account_for_hand(controller, received)
-        if not answered:
-            commanded, faded = data.commanded, data.faded
-            give_answer(
-                controller,
-                settings,
-                faded,
-                commanded,
-                received,
-                model,
-                time,
-                0.0,
-                locality,
-                given,
-            )
-        conclude(controller, settings, received, model, time, locality, given)
+        answer_sample(
+            controller,
+            ControllerSettings(data.settings),
+            data.faded,
+            data.commanded,
+            received,
+            model,
+            time,
+            0.0,
+            Locality(data.locality),
+            answered,
+            given,
+        )
         if connected:
             times, tag = data.times, ChannelState(data.forth_state).tag
             law = times.delay, times.jitter, times.loss
@@ -452,10 +444,11 @@ def write_record(data: SessionData, time: float, row: Array) -> None:
     row[at], row[at + 1] = DeviceAccount(data.account).actuators, data.totals.constraints
 
 
-@gathering_kernel(
+@kernel(
     "int64(int64[::1], float64[::1], float64[:,::1], float64[::1], int64[::1],"
     " float64[::1], float64[:,::1], float64[:,::1], int64[::1], float64[::1],"
-    " int64[::1])"
+    " int64[::1])",
+    gathered=True,
 )
 def run_ticks(
     numbers: Array,

@@ -20,7 +20,7 @@ from hapticmech_ros.compilation.records import ANY, Layout
 from hapticmech_ros.errors import InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene.document import Limits
-from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, stamp_if_sound
+from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, sound_stamp
 from hapticmech_ros.wire.messages import Kind, Message
 from hapticmech_ros.wire.stamped import LAST_SECOND, stamp_of
 
@@ -64,7 +64,7 @@ class Bounds:
                 off unit length, or a stamp that is none.
         """
         if values.shape == self.most.shape:
-            stamp = stamp_if_sound(values, self.most, self.quaternion, QUATERNION_TOLERANCE)
+            stamp = sound_stamp(values, self.most, self.quaternion, QUATERNION_TOLERANCE)
             if stamp != UNSOUND:
                 return stamp
         return self._refusal(values)

@@ -8,13 +8,19 @@ import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.wire.messages import DeviceStateMessage, OperationalModelMessage
+from hapticmech_ros.wire.messages import (
+    DeviceStateMessage,
+    LocalFeedbackGain,
+    OperationalModelMessage,
+)
 
 # No message stands for a time before this.
 UNSOUND = -1
 # Where quaternions are in the messages of the control rate.
 MODEL_QUATERNION = OperationalModelMessage.layout.start("quaternion")
 SAMPLE_QUATERNION = DeviceStateMessage.layout.start("quaternion")
+# Where in a gain how a command depends on the device begins.
+GAIN = LocalFeedbackGain.layout.start("force")
 # Of a quaternion's length.
 QUATERNION_TOLERANCE = 1e-3
 _SECOND = 1_000_000_000
@@ -34,7 +40,7 @@ def write_operational_model(
     Args:
         out: the message.
         stamp: of the state, ns.
-        model: (139,) see ``layout.OPERATIONAL_MODEL``.
+        model: (139,) see ``layout.OperationalModelSample``.
         contact: (6,) F_c, N and N m, world axes.
         commanded: 1 if the mechanism acts on commands.
         grasp: (7,) where the operational point is.
@@ -46,9 +52,22 @@ def write_operational_model(
     put(out.grasp, grasp)
 
 
-@inner
+@kernel(
+    "int64(Array(float64, 1, 'C', readonly=True), Array(float64, 1, 'C', readonly=True), "
+    "int64, float64)"
+)
 def sound_stamp(values: Array, most: Array, quaternion: int, tolerance: float) -> int:
-    """Return the time (ns) that a message stands for, or UNSOUND; see :func:`stamp_if_sound`."""
+    """Return the time (ns) that a message stands for, or :data:`UNSOUND`.
+
+    Sound is what certainly keeps the rules: no number larger than it may be, which none is that is
+    not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
+
+    Args:
+        values: (n,) the data, which begins with seconds and nanoseconds.
+        most: (n,) largest magnitude of each.
+        quaternion: index of the first of its four numbers; below 0 for none.
+        tolerance: of the quaternion's length.
+    """
     for i in range(values.size):
         if not abs(values[i]) <= most[i]:
             return UNSOUND
@@ -63,22 +82,3 @@ def sound_stamp(values: Array, most: Array, quaternion: int, tolerance: float) -
     if values[0] != seconds or values[1] != nanoseconds or seconds < 0 or nanoseconds < 0:
         return UNSOUND
     return seconds * 1_000_000_000 + nanoseconds
-
-
-@kernel(
-    "int64(Array(float64, 1, 'C', readonly=True), Array(float64, 1, 'C', readonly=True), "
-    "int64, float64)"
-)
-def stamp_if_sound(values: Array, most: Array, quaternion: int, tolerance: float) -> int:
-    """Return the time (ns) that a message stands for, or :data:`UNSOUND`.
-
-    Sound is what certainly keeps the rules: no number larger than it may be, which none is that is
-    not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
-
-    Args:
-        values: (n,) the data, which begins with seconds and nanoseconds.
-        most: (n,) largest magnitude of each.
-        quaternion: index of the first of its four numbers; below 0 for none.
-        tolerance: of the quaternion's length.
-    """
-    return sound_stamp(values, most, quaternion, tolerance)

@@ -22,8 +22,8 @@ from hapticmech_ros.compilation.records import (
     Record,
     Vector,
     Whole,
-    matrix,
 )
+from hapticmech_ros.control.loop_layout import ControllerEnergies, LocalModel
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import SECONDS, WRENCH, DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -165,15 +165,13 @@ class LocalFeedbackGain(Message):
         stamp: of the command that it goes with.
         answered: seconds and nanoseconds of the device's sample that this command answers.
         to_mechanism: E_m, what the mechanism has got through its point, J.
-        force, stiffness, damping: G, K and B, SI units.
+        model: G, K and B.
     """
 
     what = "gain"
     answered = Vector(2, SECONDS)
     to_mechanism = Number("energy")
-    force = matrix(6, 6, "ratio")
-    stiffness = matrix(6, 6, "stiffness")
-    damping = matrix(6, 6, "damping")
+    model = Nested(LocalModel, flat=True)
 
     @classmethod
     def answering(
@@ -188,7 +186,7 @@ class LocalFeedbackGain(Message):
             model: (108,) G, K and B, row by row.
         """
         made = cls.of(stamp_ns, answered=seconds_of(answered_ns), to_mechanism=to_mechanism)
-        made.model[:] = model
+        made.model.values[:] = model
         return made
 
     @property
@@ -199,11 +197,6 @@ class LocalFeedbackGain(Message):
             InvalidInputError: no stamp.
         """
         return stamp_of(*self.answered.tolist())
-
-    @property
-    def model(self) -> Array:
-        """(108,) G, K and B, row by row."""
-        return self.values[self.layout.slice("force", "damping")]
 
 
 # J. What passivity control makes available may be infinite; said where nothing is held back.
@@ -230,17 +223,11 @@ class DeviceEnergy(Message):
 
 
 class ControllerEnergy(Message):
-    """``controller/energy``, J since rendering started; see ``control.account_kernels``.
+    """``controller/energy``, J since rendering started.
 
     Attributes:
-        to_mechanism: E_m.
-        stored: S, now.
-        injected: E_inj.
-        dissipated: E_b.
+        energies: of the controllers.
     """
 
     what = "controller energy"
-    to_mechanism = Number()
-    stored = Number()
-    injected = Number()
-    dissipated = Number()
+    energies = Nested(ControllerEnergies, flat=True)

@@ -188,11 +188,3 @@ class StateLayout:
             data[:, at["velocity"]].copy(),
             data[:, at["grasp"]].reshape(len(data), self._points, GRASP_SIZE).copy(),
         )
-
-    def coordinates(self, q: Array) -> Array:
-        """Return (nv,) positions of all degrees of freedom as seen from the neutral ones.
-
-        Args:
-            q: (nq,) configuration.
-        """
-        return self._mechanism.coordinates(q)

@@ -150,18 +150,6 @@ def test_a_changed_bit_is_found_though_nobody_wants_its_topic(
         list(reader.serialized("/a"))
 
 
-@pytest.mark.parametrize("share", [0.01, 0.3, 0.6, 0.9, 0.999])
-def test_a_file_cut_short_is_found_when_it_is_opened(
-    storage: str, share: float, tmp_path: Path, wrench_bytes: Bytes
-) -> None:
-    bag = written(tmp_path / "bag", storage, wrench_bytes)
-    (file,) = bag.glob(f"*{SUFFIXES[storage]}")
-    data = file.read_bytes()
-    file.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(BagError, match="cut short"):
-        BagReader(bag)
-
-
 def test_a_chunk_of_nonsense_is_damage(tmp_path: Path, wrench_bytes: Bytes) -> None:
     """Without a checksum too: records have to end where the chunk does."""
     bag = written(tmp_path / "bag", "mcap", wrench_bytes)

@@ -14,9 +14,8 @@ from typer.testing import CliRunner
 from benchmarks.accuracy import cases, crossings, pushed
 from benchmarks.accuracy.benchmark import AccuracyResults
 from benchmarks.accuracy.crossings import app
-from benchmarks.accuracy.endurance import hour_of, lines, minute_of_windows
+from benchmarks.accuracy.endurance import LongRuns, hour_of, minute_of_windows
 from benchmarks.accuracy.run import Run, Setting, measure, settings
-from hapticmech_ros.errors import InvalidInputError
 
 from .conftest import G, falling
 
@@ -84,7 +83,8 @@ def test_long_runs_watch_energy_closures_and_branch() -> None:
     assert windows.off_branch is not None
     assert windows.off_branch < 1e-9
     assert max(windows.energy_rise, windows.energy_fall) < 1e-8
-    assert any("parallel" in line for line in lines(windows))
+    (sheet,) = LongRuns({}, (windows,)).sheets()
+    assert f"{windows.off_branch:.1e}" in sheet.rows[0]
 
 
 def test_crossings_are_counted_and_the_worst_ones_written(tmp_path: Path) -> None:
@@ -103,27 +103,6 @@ def test_what_loses_energy_at_a_crossing_is_an_exit_code(
     monkeypatch.setattr(crossings, "ALLOWED", -1.0)
     result = CliRunner().invoke(app, ["--samples", "2", "--out", str(tmp_path)])
     assert result.exit_code == 1
-
-
-def test_runs_with_seeds_of_their_own_are_added_up(tmp_path: Path) -> None:
-    runs = [tmp_path / name for name in ("one", "two")]
-    for seed, out in enumerate(runs):
-        arguments = ["--samples", "3", "--seed", str(seed), "--out", str(out)]
-        assert CliRunner().invoke(app, arguments).exit_code == 0
-    files = [out / "bench_crossings.json" for out in runs]
-    parts = [json.loads(path.read_text(encoding="utf-8")) for path in files]
-    together = [word for path in files for word in ("--merge", str(path))]
-    result = CliRunner().invoke(app, [*together, "--out", str(tmp_path)])
-    assert result.exit_code == 0, result.output
-    found = json.loads((tmp_path / "bench_crossings.json").read_text(encoding="utf-8"))
-    assert found["seeds"] == [0, 1]
-    for name, figures in found["figures"].items():
-        mine = [part["figures"][name] for part in parts if name in part["figures"]]
-        assert figures["count"] == sum(one["count"] for one in mine)
-        assert figures["untold"] == max(one["untold"] for one in mine)
-    again = CliRunner().invoke(app, [*together, *together[:2], "--out", str(tmp_path)])
-    assert isinstance(again.exception, InvalidInputError)
-    assert "seed" in str(again.exception)
 
 
 @pytest.mark.parametrize("period", [crossings.PERIODS[0], crossings.PERIODS[-1]])

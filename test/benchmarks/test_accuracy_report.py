@@ -4,44 +4,23 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.accuracy import cases
-from benchmarks.accuracy.benchmark import AccuracyResults
-from benchmarks.accuracy.endurance import LongRun, lines
+from benchmarks.accuracy.endurance import LongRun, LongRuns
 from benchmarks.accuracy.run import (
     Run,
-    settings,
 )
-from hapticmech_ros.errors import InvalidInputError
 
 from .conftest import falling
 
 LIBRARY = {case.name: case for case in cases()}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"names": ["pendulums"]}, "pendulum"),
-        ({"integrators": ["rk5"]}, "semi_implicit_euler"),
-        ({"multiples": [0.0]}, "above 0"),
-        ({"multiples": [-1.0]}, "above 0"),
-        ({"multiples": [float("nan")]}, "above 0"),
-        ({"multiples": [1e4]}, "100"),
-    ],
-)
-def test_what_does_not_exist_is_refused(arguments: dict[str, list[str]], words: str) -> None:
-    with pytest.raises(InvalidInputError, match=words):
-        settings(**arguments)  # type: ignore[arg-type]
 
 
 FAILED = Run("stone", "linearly_implicit", 1e-3, "m", False, failure="KeyError: [not] there")
@@ -61,18 +40,6 @@ PASSED = Run(
     singular_times=2,
     cpu_s_per_s=0.1,
 )
-
-
-def test_what_failed_is_said_once_with_its_reason() -> None:
-    shown = io.StringIO()
-    again = replace(FAILED, step=5e-4)
-    for sheet in AccuracyResults({}, (PASSED, FAILED, again), (falling(),)).sheets():
-        Console(width=100, file=shown).print(sheet)
-    text = shown.getvalue()
-    assert "Z01 Stone (stone)" in text
-    assert text.count("failed") == 2
-    assert text.count("KeyError: [not] there") == 1
-    assert "linearly_implicit, 1 ms; linearly_implicit, 500 µs" in text
 
 
 def test_the_command_prints_json_and_nothing_else(tmp_path: Path) -> None:
@@ -111,4 +78,5 @@ def test_the_long_command_writes_its_runs_and_fails_with_them(
     document = json.loads(found.stdout)
     assert document == json.loads((tmp_path / "bench_accuracy_long.json").read_text("utf-8"))
     assert [run["off_branch"] for run in document["runs"]] == [0.0, None]
-    assert any(failure in line for line in lines(seen))
+    (sheet,) = LongRuns({}, (seen,)).sheets()
+    assert sheet.rows[0][-1] == failure

@@ -5,36 +5,12 @@ import os
 import sys
 from pathlib import Path
 
-import pytest
-
 from benchmarks.children import (
     BUSY,
-    BenchError,
-    ReportingProcess,
     finding_benchmarks,
     wait_until,
 )
 from hapticmech_ros.graph import start_process
-
-# A module of the standard library that ends at once and says nothing in JSON.
-SILENT = [sys.executable, "-m", "this"]
-
-
-def test_a_process_that_ends_before_it_is_ready_is_named() -> None:
-    with pytest.raises(BenchError, match="this ended by itself: exit code 0"):
-        ReportingProcess(SILENT, {})
-
-
-def test_waiting_ends_with_a_reason() -> None:
-    with pytest.raises(BenchError, match="in vain for the moon"):
-        wait_until(lambda: False, 0.0, "the moon")
-
-    def check() -> None:
-        raise BenchError("the sky fell")
-
-    with pytest.raises(BenchError, match="the sky fell"):
-        wait_until(lambda: False, 60.0, "the moon", check)
-    wait_until(lambda: True, 0.0, "nothing", check)
 
 
 def busy_children(parent: int) -> set[int]:

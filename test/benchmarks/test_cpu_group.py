@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks.small_machine.cpu_group import PREFIX, CpuGroup, NoGroupError, cpu_group, places
+from benchmarks.small_machine.cpu_group import cpu_group, places
 from hapticmech_ros.graph import start_process
 
-FILES = {0: (), 1: ("cpu.cfs_period_us", "cpu.cfs_quota_us"), 2: ("cpu.max",)}
+FILES = {1: ("cpu.cfs_period_us", "cpu.cfs_quota_us"), 2: ("cpu.max",)}
 SLEEP = [sys.executable, "-I", "-S", "-c", "import time; print('in', flush=True); time.sleep(600)"]
 
 
@@ -25,7 +25,7 @@ class Hierarchy:
     """A folder whose new folders have the kernel's files, and stay while processes are in them.
 
     Attributes:
-        version: of control groups; 0 has no quota.
+        version: of control groups.
     """
 
     def __init__(self, root: Path, version: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,38 +105,6 @@ def test_what_is_still_in_a_group_is_ended_with_it_also_after_an_error(
     process.communicate(timeout=60.0)
     assert process.returncode == -signal.SIGKILL
     assert hierarchy.groups == []
-
-
-def test_a_place_without_quota_or_entry_is_refused_in_words(
-    hierarchy: Hierarchy, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(CpuGroup, "within", lambda group, command: ["false"])
-        with (
-            pytest.raises(NoGroupError, match=r"cannot make a group .*cpu: no process may enter"),
-            cpu_group(1.2, [hierarchy.root]),
-        ):
-            pytest.fail("no process can be in it")
-    hierarchy.version = 0
-    with (
-        pytest.raises(NoGroupError, match=r"cannot make a group .*cpu: groups have no quota"),
-        cpu_group(1.2, [hierarchy.root]),
-    ):
-        pytest.fail("it has no quota")
-    assert hierarchy.groups == []
-    with pytest.raises(NoGroupError, match=r"is mounted"), cpu_group(1.2, []):
-        pytest.fail("there is no place")
-
-
-def test_empty_groups_of_killed_benchmarks_are_removed_and_no_others(hierarchy: Hierarchy) -> None:
-    ended = subprocess.Popen([sys.executable, "-I", "-S", "-c", ""])
-    ended.wait()
-    for owner in (f"{ended.pid}", f"{os.getppid()}", "notes"):
-        (hierarchy.root / f"{PREFIX}{owner}").mkdir()
-    (hierarchy.root / "system").mkdir()
-    with cpu_group(1.2, [hierarchy.root]):
-        pass
-    assert hierarchy.groups == sorted([f"{PREFIX}{os.getppid()}", f"{PREFIX}notes", "system"])
 
 
 @pytest.mark.parametrize(

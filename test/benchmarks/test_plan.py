@@ -1,7 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
 
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -10,17 +9,6 @@ from benchmarks.graph.plan import Plan, scene_at_rate
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene, shipped_scenes
 from hapticmech_ros.scene import document_of
-
-
-def test_every_configuration_is_run_as_often_as_asked_with_both_graphs_in_turn() -> None:
-    plan = Plan("five_bar", (500.0, 1000.0), ("separate", "composed"), (False, True), 20.0, 3)
-    steps = list(plan.steps())
-    assert len(steps) == 2 * 2 * 2 * 3 * 2
-    assert len(set(steps)) == len(steps)
-    assert all(one.kind != other.kind for one, other in pairwise(steps))
-    # Whoever is compared runs right after the other.
-    for real, bare in zip(steps[::2], steps[1::2], strict=True):
-        assert (real.configuration, real.repeat) == (bare.configuration, bare.repeat)
 
 
 @pytest.mark.parametrize(

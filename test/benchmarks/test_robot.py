@@ -36,17 +36,6 @@ def test_targets_have_the_twist_and_acceleration_of_their_motion(name):
         )
 
 
-def test_what_is_worse_than_the_best_so_far_ends_early_and_alone():
-    task = TASKS["wrist"]()
-    stage, setting = Stage(task), ours(task)
-    # As modelled what is left is of the order of a micrometre.
-    whole = stage.path_error(setting)
-    assert 0.0 < whole < 0.005
-    assert stage.path_error(setting, 1.001 * whole) == whole
-    assert stage.path_error(setting, 0.999 * whole) == float("inf")
-    assert stage.path_error(others(quick=True)[IMPEDANCE][0], whole) == float("inf")
-
-
 @long_ones
 def test_from_where_directions_count_as_rigid_changes_little():
     """s_off from 0.1 to 0.4, with friction on the path that this law was once behind on."""

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,9 +16,7 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import app_of
 from benchmarks.small_machine import benchmark
-from benchmarks.small_machine.benchmark import Settings, run_small_machine
 from benchmarks.small_machine.demo_run import FIGURES, DemoRun, faults, watch_demo
-from hapticmech_ros.errors import InvalidInputError
 
 # What a run that is right writes, in round numbers.
 RIGHT: dict[str, Any] = {
@@ -140,18 +136,6 @@ def test_a_run_that_fails_is_told_with_the_last_line_of_its_output(tmp_path: Pat
     assert (out / "bag").is_dir()
 
 
-def test_a_run_that_takes_too_long_is_ended(tmp_path: Path) -> None:
-    out = tmp_path / "1"
-    run = watch_demo(demo(out, seconds=600.0), out, 0.5)
-    assert run.failures == ("not done within 0.5 s",)
-    assert 0.5 <= run.seconds < 600.0
-
-
-def test_an_unknown_load_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match="must be one of alone, busy, quota"):
-        Settings(loads=("alone", "heavy"))
-
-
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Path]]:
     """Return what lets runs end one after the other as it is given."""
@@ -188,17 +172,6 @@ def test_a_failed_run_gives_exit_code_1_and_is_told(
     assert [run["passed"] for run in document["loads"][0]["runs"]] == [True, False]
 
 
-def test_a_skipped_load_is_told_and_does_not_count(
-    runs: Callable[..., list[Path]], tmp_path: Path
-) -> None:
-    folders = runs(PASSED, PASSED)
-    code, printed, document = command(tmp_path, "--quick", "--readers", "0")
-    assert code == 0
-    assert [folder.parent.name for folder in folders] == ["alone", "busy"]
-    assert "quota of 1.2 processors: skipped: this user cannot make a group" in printed
-    assert [one["passed"] for one in document["loads"]] == [True, True, False]
-
-
 def test_a_program_that_reads_late_beside_the_graph_alone_gives_exit_code_1(
     runs: Callable[..., list[Path]], tmp_path: Path
 ) -> None:
@@ -209,18 +182,3 @@ def test_a_program_that_reads_late_beside_the_graph_alone_gives_exit_code_1(
     code, printed, document = command(tmp_path, "--quick", "--loads", "alone")
     assert code == 1
     assert document["loads"][0]["reads_s"] == [0.5, 0.5, 1.5]
-
-
-def test_a_signal_ends_it_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    state = os.sched_getaffinity(0), signal.getsignal(signal.SIGTERM)
-
-    def watch(command: Sequence[str], out: Path, limit_s: float) -> DemoRun:
-        assert len(os.sched_getaffinity(0)) <= 2
-        os.kill(os.getpid(), signal.SIGTERM)
-        return PASSED
-
-    monkeypatch.setattr(benchmark, "watch_demo", watch)
-    with pytest.raises(SystemExit) as ended:
-        run_small_machine(Settings(1, loads=("busy",)), tmp_path)
-    assert ended.value.code == 128 + signal.SIGTERM
-    assert (os.sched_getaffinity(0), signal.getsignal(signal.SIGTERM)) == state

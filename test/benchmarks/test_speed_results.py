@@ -16,8 +16,8 @@ from benchmarks.speed.benchmark import SpeedResults, plan, run_speed
 from benchmarks.speed.equality import Check
 from benchmarks.speed.fronts import Point, cost, front, ratios
 from benchmarks.speed.goals import verdicts
-from benchmarks.speed.own_peer import OwnPeer
-from benchmarks.speed.pinocchio_peer import PinocchioPeer
+from benchmarks.speed.own_peer import own_peer
+from benchmarks.speed.pinocchio_peer import PINOCCHIO
 from benchmarks.speed.result import RunResult
 from benchmarks.speed.scaling import Growth, growth
 from benchmarks.speed.tick import (
@@ -26,7 +26,6 @@ from benchmarks.speed.tick import (
     TickTime,
     tick_times,
 )
-from hapticmech_ros.errors import InvalidInputError
 
 
 def result(peer: str, error: float, cpu_s_per_s: float, problem: str = "five_bar") -> RunResult:
@@ -120,7 +119,7 @@ def test_goals_of_ticks_growth_and_the_large_row() -> None:
 
 def test_growth_is_timed_with_who_passes_the_check() -> None:
     sizes = {"windows": (3,), "chain": (3,), "platform": (6,)}
-    grown, checks = growth((OwnPeer(), PinocchioPeer()), sizes, repeats=1, budget_s=0.01)
+    grown, checks = growth((own_peer(), PINOCCHIO), sizes, repeats=1, budget_s=0.01)
     assert all(check.passed for check in checks)
     assert {one.family for one in grown} == set(sizes)
     assert all(cpu is not None for one in grown for cpu in one.cpu_s_per_step)
@@ -163,20 +162,3 @@ def test_the_command_checks_equality_alone(tmp_path: Path) -> None:
     assert all(check["passed"] for check in document["checks"])
     assert {check["peer"] for check in document["checks"]} == {"hapticmech", "mujoco", "pinocchio"}
     assert not (tmp_path / "bench_speed.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "rule"),
-    [
-        (["--scenes", "nowhere"], "scene: must be one of"),
-        (["--peers", "nobody"], "peer: must be one of"),
-        (["--integrators", "rk9"], "integrator: must be one of"),
-        (["--integrators", "rk4:fast"], "--integrators: must be names"),
-        (["--repeats", "0"], "repeats: must be from 1"),
-    ],
-)
-def test_what_is_not_there_is_named(words: list[str], rule: str, tmp_path: Path) -> None:
-    found = CliRunner().invoke(app_of(), ["speed", *words, "--out", str(tmp_path)])
-    assert found.exit_code == 1
-    assert isinstance(found.exception, InvalidInputError)
-    assert rule in str(found.exception)

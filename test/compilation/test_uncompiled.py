@@ -5,6 +5,7 @@
 In a process of its own: there every kernel is called through what looks at some of its calls.
 """
 
+import copy
 import json
 import subprocess
 import sys
@@ -17,13 +18,18 @@ LOOKED_AT = (1, 2, 3, 7, 20, 60, 200)
 # What they call belongs to the graph: memory of others by its address, sockets, clocks.
 OF_NODES = "nodes_"
 # All of which are parts of others as well.
-AS_PARTS = {"device_kernels_observe", "mechanism_kernels_energy_kernels_judge"}
+AS_PARTS = {"device_kernels_estimate_hand", "mechanism_kernels_energy_kernels_judge"}
 
 
 def same(one, other):
     """Return whether numbers are the same but for a rounding of NumPy's sine, if any."""
     largest = np.max(np.abs(other), initial=0.0, where=np.isfinite(other))
     return np.allclose(one, other, rtol=0.0, atol=1e-13 * largest, equal_nan=True)
+
+
+def numbers_of(one):
+    """Return the numbers of a record or structure; anything else as it is."""
+    return one if isinstance(one, np.ndarray) else getattr(one, "values", getattr(one, "data", one))
 
 
 def recorded(function_of, calls, apart, ever):
@@ -40,12 +46,15 @@ def recorded(function_of, calls, apart, ever):
             if calls[name] not in LOOKED_AT:
                 return compiled(*given)
             arrays = list(given[0]) if gathered else list(given)
-            own = [one.copy() if isinstance(one, np.ndarray) else one for one in arrays]
+            own = copy.deepcopy(arrays)
             result, calls["inside"] = compiled(*given), 1
             with np.errstate(all="ignore"):
                 expected = function(*own)
             calls["inside"] = 0
-            pairs = [*zip(arrays, own, strict=True), (result, expected)]
+            pairs = [
+                (numbers_of(one), numbers_of(other))
+                for one, other in zip((*arrays, result), (*own, expected), strict=True)
+            ]
             apart[name] += sum(not same(one, other) for one, other in pairs if one is not None)
             return result
 
@@ -93,27 +102,24 @@ def use_parts(scene, control):
     """Use parts of a graph as its nodes do, and what only answers when asked."""
     import pinocchio as pin
 
-    from hapticmech_ros.control.account_kernels import (
-        command_response,
-        mean_change,
-        remember_wrench,
-    )
+    from hapticmech_ros.control.account_kernels import change_of_mean, remember, respond
     from hapticmech_ros.control.clutch import engage
-    from hapticmech_ros.control.kernels import forces_on_mechanism
-    from hapticmech_ros.control.loop_layout import HandMemory
+    from hapticmech_ros.control.kernels import hand_on_mechanism
+    from hapticmech_ros.control.loop_layout import ControllerSettings, HandMemory, MeanChange
     from hapticmech_ros.control.passivity import DeviceSide, corrected
     from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
     from hapticmech_ros.device import device_for
+    from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
     from hapticmech_ros.operational import Analyser
     from hapticmech_ros.operational.analysis import contact_wrench
     from hapticmech_ros.operational.observation import ConstraintCounter
     from hapticmech_ros.simulation import Simulator
-    from hapticmech_ros.wire.kernels import stamp_if_sound
+    from hapticmech_ros.wire.kernels import sound_stamp
 
     simulator, body = Simulator(scene), device_for(scene)
     side, device = RenderingController(control, 1e-3, scene.connection, 2), DeviceSide(scene)
     analyser, counter = Analyser(simulator.mechanism), ConstraintCounter(scene.perception)
-    here, memory = pin.SE3.Identity(), HandMemory().values
+    here, memory = pin.SE3.Identity(), HandMemory()
     clutch, moving = engage(0.0, here, here), simulator.initial_state()
     state = held = body.at_rest(here, held=True)
     for tick in range(8):
@@ -130,21 +136,19 @@ def use_parts(scene, control):
         inputs = ControllerInput(time, round(1e9 * time), sample, model, 0.0, 1e-3)
         answer = side.tick(inputs, clutch, corrects=True)
         side.command_mechanism()
-        settings = control.settings_at(time, clutch)
-        forces_on_mechanism(settings, sample, model, time, np.empty(6))
-        command_response(settings, model, time, np.empty(36))
-        remember_wrench(memory, 1e-3, PUSH)
-        mean_change(memory, 0.0, 1e-3, np.empty(12))
+        settings = ControllerSettings(control.settings_at(time, clutch))
+        seen = OperationalModelSample(model)
+        hand_on_mechanism(settings, DeviceSample(sample), seen, time, np.empty(6))
+        respond(settings, seen, time, np.empty((6, 6)))
+        remember(memory, 1e-3, PUSH)
+        change_of_mean(memory, 0.0, 1e-3, MeanChange())
         command = PUSH
         if answer is not None:
             model, answered = answer.numbers.model.values, answer.numbers.sample.values
-            command = corrected(PUSH, model, answered, sample, memory, 1e-3)
+            command = corrected(PUSH, model, answered, sample, memory.values, 1e-3)
         device.allow(command, sample, state.applied, 0.01 * tick)
-        device.envelope.apply(command, sample[:3])
-        device.passivity.record(sample, state.applied)
-        device.passivity.enforce(command, sample)
         assert np.isfinite(device.passivity.available)
-    stamp_if_sound(np.ones(27), np.full(27, 10.0), 5, 1e-6)
+    sound_stamp(np.ones(27), np.full(27, 10.0), 5, 1e-6)
 
 
 def main():

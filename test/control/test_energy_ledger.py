@@ -73,10 +73,10 @@ def test_a_direction_that_comes_while_there_is_an_error_brings_its_energy():
     none, one = np.zeros((6, 6)), np.diag([1.0, 0, 0, 0, 0, 0])
     ledger.answered(error, none, joint, CHANNELS)
     ledger.answered(error, one, joint, CHANNELS)
-    assert ledger.entry.injected == pytest.approx(0.5 * joint.stiffness * 1e-6)
+    assert ledger.account.energies.injected == pytest.approx(0.5 * joint.stiffness * 1e-6)
     ledger.answered(error, none, joint, CHANNELS)
-    assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
-    assert ledger.entry.stored == pytest.approx(0.5 * 300.0 * 1e-6)
+    assert ledger.account.energies.injected == pytest.approx(0.0, abs=1e-18)
+    assert ledger.account.energies.stored == pytest.approx(0.5 * 300.0 * 1e-6)
 
 
 def test_dampers_lose_what_their_force_does():
@@ -85,9 +85,9 @@ def test_dampers_lose_what_their_force_does():
     for tick in range(501):
         error = np.array([speed * tick * PERIOD, 0, 0, 0, 0, 0])
         ledger.answered(error, projector, joint, CHANNELS)
-    assert ledger.entry.dissipated == pytest.approx((30.0 + 10.0) * speed**2 * 0.5)
+    assert ledger.account.energies.dissipated == pytest.approx((30.0 + 10.0) * speed**2 * 0.5)
     # Springs that stay as they are bring nothing.
-    assert ledger.entry.injected == pytest.approx(0.0, abs=1e-18)
+    assert ledger.account.energies.injected == pytest.approx(0.0, abs=1e-18)
 
 
 def test_held_elsewhere_nothing_is_made_up():
@@ -95,12 +95,12 @@ def test_held_elsewhere_nothing_is_made_up():
     ledger.acts(np.ones(6))
     ledger.moved(np.ones(6), PERIOD)
     ledger.moved(np.ones(6), PERIOD)
-    given = ledger.entry.to_mechanism
+    given = ledger.account.energies.to_mechanism
     assert given == pytest.approx(6.0 * PERIOD)
     ledger.answered(np.full(6, 1e-3), np.eye(6), joint, CHANNELS)
-    before = ledger.entry.injected
+    before = ledger.account.energies.injected
     ledger.held_elsewhere()
     ledger.moved(np.full(6, -50.0), PERIOD)
     ledger.answered(np.full(6, 5e-3), np.zeros((6, 6)), joint, CHANNELS)
-    assert ledger.entry.to_mechanism == given
-    assert ledger.entry.injected == before
+    assert ledger.account.energies.to_mechanism == given
+    assert ledger.account.energies.injected == before

@@ -6,29 +6,29 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from hapticmech_ros.control.account_kernels import MOST, mean_change, remember_wrench
-from hapticmech_ros.control.loop_layout import HandMemory
+from hapticmech_ros.control.account_kernels import MOST, change_of_mean, remember
+from hapticmech_ros.control.loop_layout import HandMemory, MeanChange
 from hapticmech_ros.control.loop_stability import force_gain, lead_gains
 from hapticmech_ros.control.passivity import corrected
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 
 PERIOD = 1e-3
-PUSH = DEVICE_SAMPLE.slice("hand_wrench")
+PUSH = DeviceSample.layout.slice("hand_wrench")
 
 
 def remembered(wrenches, spacings):
     """Return a memory of wrenches (n, 6), oldest first, and the times between them."""
     memory = HandMemory().values
     for wrench, spacing in zip(wrenches, (99.0, *spacings), strict=True):
-        remember_wrench(memory, spacing, np.asarray(wrench, dtype=float))
+        remember(HandMemory(memory), spacing, np.asarray(wrench, dtype=float))
     return memory
 
 
 def parts(memory, start=0.0, period=PERIOD):
     """Return F' and F'' (6,) each."""
-    found = np.empty(12)
-    mean_change(memory, start, period, found)
-    return found[:6], found[6:]
+    found = MeanChange()
+    change_of_mean(HandMemory(memory), start, period, found)
+    return found.line, found.bend
 
 
 def change(memory, start=0.0, period=PERIOD):
@@ -80,7 +80,7 @@ def test_what_is_added_is_the_gain_s_function_by_its_eigenvectors(others, lighte
         wrenches, carried = rng.normal(size=(3, 6)), rng.normal(size=(2, 6)) * (others > 0)
         memory = remembered(wrenches, [PERIOD] * 2)
         model = np.concatenate((gain.ravel(), np.zeros(72)))
-        sample = np.zeros(DEVICE_SAMPLE.size)
+        sample = np.zeros(DeviceSample.layout.size)
         sample[6] = 1.0
         sample[PUSH] = wrenches[-1]
         told = np.array([*np.zeros(6), *carried.ravel(), others])
@@ -109,7 +109,7 @@ def answers(ratio, others):
     model = np.zeros(108)
     model[0] = ratio - 1.0
     own, theirs = np.zeros((2, 3))
-    sample = np.eye(DEVICE_SAMPLE.size)[6]
+    sample = np.eye(DeviceSample.layout.size)[6]
     for age in range(3):
         wrenches = np.zeros((3, 6))
         wrenches[2 - age, 0] = 1.0
@@ -193,7 +193,7 @@ def test_without_its_weight_the_parabola_would_drive_a_mass():
 
 def test_a_device_that_closes_no_force_channel_adds_nothing():
     memory = remembered(np.random.default_rng(4).normal(size=(3, 6)), [PERIOD] * 2)
-    sample, command = np.eye(DEVICE_SAMPLE.size)[6], np.ones(6)
+    sample, command = np.eye(DeviceSample.layout.size)[6], np.ones(6)
     model = np.zeros(108)
     assert np.array_equal(corrected(command, model, sample, sample, memory, PERIOD), command)
 
@@ -203,7 +203,7 @@ def test_a_gain_that_no_mechanism_has_leads_nothing():
     gain = np.zeros((6, 6))
     gain[:2, :2] = np.sqrt(0.5) * np.array([[0.0, -1.0], [1.0, 0.0]]) - np.eye(2)
     memory = remembered(np.random.default_rng(5).normal(size=(3, 6)), [PERIOD] * 2)
-    sample = np.eye(DEVICE_SAMPLE.size)[6]
+    sample = np.eye(DeviceSample.layout.size)[6]
     model = np.concatenate((gain.ravel(), np.zeros(72)))
     found = corrected(np.ones(6), model, sample, sample, memory, PERIOD)
     assert np.array_equal(found, np.ones(6))

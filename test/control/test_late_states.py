@@ -7,7 +7,7 @@ import numpy as np
 from hapticmech_ros.control import ControlArchitecture
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from oracles.running import varied
 
 PERIOD = 1e-3
@@ -26,15 +26,17 @@ def answers(delay, late=0.0, known=5):
     gains = {"position_channel": {"to_mechanism": 0.0}}
     scene = varied(load_scene("five_bar"), controller=gains)
     side = RenderingController(ControlArchitecture(scene), PERIOD, scene.connection, delay)
-    model = np.zeros(OPERATIONAL_MODEL.size)
-    model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
-    model[OPERATIONAL_MODEL.slice("inverse_inertia")] = np.diag([9.0, 7.0, 0, 0, 0, 800.0]).ravel()
-    model[OPERATIONAL_MODEL.slice("twist")] = [0.02, 0.01, 0.0, 0.0, 0.0, 0.1]
+    model = np.zeros(OperationalModelSample.layout.size)
+    model[OperationalModelSample.layout.slice("quaternion").stop - 1] = 1.0
+    model[OperationalModelSample.layout.slice("inverse_inertia")] = np.diag(
+        [9.0, 7.0, 0, 0, 0, 800.0]
+    ).ravel()
+    model[OperationalModelSample.layout.slice("twist")] = [0.02, 0.01, 0.0, 0.0, 0.0, 0.1]
     found = None
     for tick, push in enumerate(PUSHES[-known:]):
-        device = np.zeros(DEVICE_SAMPLE.size)
-        device[DEVICE_SAMPLE.slice("quaternion").stop - 1] = 1.0
-        device[DEVICE_SAMPLE.start("hand_wrench")] = push
+        device = np.zeros(DeviceSample.layout.size)
+        device[DeviceSample.layout.slice("quaternion").stop - 1] = 1.0
+        device[DeviceSample.layout.start("hand_wrench")] = push
         # Long after the ramp of a start.
         time = 100.0 + tick * PERIOD
         if found is None:

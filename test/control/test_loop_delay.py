@@ -24,7 +24,7 @@ from hapticmech_ros.control.loop_delay import (
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.plan.loop_check import loop_warning
 from hapticmech_ros.scene.controller import Connection
 from oracles.running import varied
@@ -60,8 +60,10 @@ def test_the_rule_softens_springs_that_cross_a_declared_network(tmp_path):
 def answers_at_once(connection):
     scene = over(connection)
     side = RenderingController(ControlArchitecture(scene), scene.simulation.period, connection)
-    inputs = ControllerInput(0.0, 0, np.eye(19)[6], np.zeros(OPERATIONAL_MODEL.size), 0.0, 0.001)
-    inputs.operational_model[OPERATIONAL_MODEL.slice("quaternion").stop - 1] = 1.0
+    inputs = ControllerInput(
+        0.0, 0, np.eye(19)[6], np.zeros(OperationalModelSample.layout.size), 0.0, 0.001
+    )
+    inputs.operational_model[OperationalModelSample.layout.slice("quaternion").stop - 1] = 1.0
     clutch = side.control.engage(0.0, inputs.device, inputs.operational_model, 0.0)
     return side.tick(inputs, clutch, corrects=True) is not None
 

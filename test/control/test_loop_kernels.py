@@ -8,21 +8,25 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control import ControlArchitecture
-from hapticmech_ros.control.account_kernels import remember_wrench
+from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.clutch import engage
 from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.measurements import InFlight
-from hapticmech_ros.control.passivity import DeviceSide, PassivityController, corrected
+from hapticmech_ros.control.passivity import DeviceSide, corrected
 from hapticmech_ros.control.rendering_controller import ControllerInput, RenderingController
 from hapticmech_ros.device.safety import Reason
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE, OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.scene.controller import Connection, Passivity
+from oracles.controllers import Account
 from oracles.running import varied
 
 PERIOD = 1e-3
 INERTIA = np.array([0.2] * 3 + [4e-4] * 3)
-TWIST, PUSH = DEVICE_SAMPLE.slice("twist"), DEVICE_SAMPLE.slice("hand_wrench")
-MOVED, CONTACT = OPERATIONAL_MODEL.slice("twist"), OPERATIONAL_MODEL.slice("contact")
+TWIST, PUSH = DeviceSample.layout.slice("twist"), DeviceSample.layout.slice("hand_wrench")
+MOVED, CONTACT = (
+    OperationalModelSample.layout.slice("twist"),
+    OperationalModelSample.layout.slice("contact"),
+)
 
 
 def wrench(rng):
@@ -45,8 +49,8 @@ def way_of(start, end):
 
 def model_of(rng):
     """Return an operational model (139,): random, but for a place that is one."""
-    model = rng.normal(size=OPERATIONAL_MODEL.size)
-    place = slice(OPERATIONAL_MODEL.start("position"), MOVED.start)
+    model = rng.normal(size=OperationalModelSample.layout.size)
+    place = slice(OperationalModelSample.layout.start("position"), MOVED.start)
     model[place] = sample_of(rng)[:7]
     return model
 
@@ -94,9 +98,9 @@ def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
             gave += 0.5 * (before[PUSH] + sample[PUSH]) @ way_of(before, sample)
             got += 0.5 * PERIOD * acted @ (moved + model[MOVED])
         before, moved = sample, model[MOVED]
-        assert side.from_hand == pytest.approx(gave, abs=1e-12)
-        assert side.entry.to_mechanism == pytest.approx(got, abs=1e-12)
-        assert answer.numbers.to_mechanism == side.entry.to_mechanism
+        assert side.account.from_hand == pytest.approx(gave, abs=1e-12)
+        assert side.account.energies.to_mechanism == pytest.approx(got, abs=1e-12)
+        assert answer.numbers.to_mechanism == side.account.energies.to_mechanism
         told = answer.wrenches[1]
         sent, acted = side.command_mechanism()
         # Without a delay.
@@ -110,7 +114,7 @@ def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
             assert share[0] > 0.0
         else:
             assert np.array_equal(sent, told)
-    assert side.changed == limited
+    assert side.account.changed == limited
     assert 20 < limited < 180
 
 
@@ -169,9 +173,9 @@ def test_commands_are_held_to_what_there_is_by_the_least_damping(lag, filtered):
     ahead, exact, shortened = PERIOD + lag, 0, 0
     for _ in range(20):
         bounds = Passivity(allowance=10.0 ** rng.uniform(-6, -3), slack=10.0 ** rng.uniform(-4, 0))
-        account = PassivityController(bounds, INERTIA, PERIOD, limits, acts, filtered, lag)
+        account = Account(bounds, INERTIA, PERIOD, limits, acts, filtered, lag)
         applied, added, before, work, spent = *np.zeros((2, 6)), None, 0.0, 0.0
-        account.set_mechanism_energy(0.0)
+        account.receive(0.0)
         for _ in range(100):
             sample, command = sample_of(rng), wrench(rng)
             hand, twist = sample[PUSH], sample[TWIST]
@@ -182,7 +186,7 @@ def test_commands_are_held_to_what_there_is_by_the_least_damping(lag, filtered):
                 rate = way / PERIOD + 0.5 * PERIOD * (driven + hand) / INERTIA
             account.record(sample, applied)
             before, told = sample, work + 1e-3 * rng.normal()
-            account.set_mechanism_energy(told)
+            account.receive(told)
             least = max(min(0.0, told) - bounds.allowance, told - bounds.slack)
             assert account.actuators == pytest.approx(work, rel=1e-9, abs=1e-12)
             assert account.available == pytest.approx(work - least, rel=1e-9, abs=1e-12)
@@ -237,7 +241,7 @@ class Composed(Session):
         self.waiting.append(self.arrived)
         _, on_mechanism = self.side.command_mechanism()
         now, command, told = self.waiting.pop(0), np.zeros(6), None
-        remember_wrench(self.hand, self.period, seen[PUSH])
+        remember(HandMemory(self.hand), self.period, seen[PUSH])
         if now is not None:
             command, told = now.wrenches[0], now.numbers.to_mechanism
             if now.numbers.modelled != 0.0:
@@ -247,8 +251,8 @@ class Composed(Session):
         on_hand = self.end.allow(command, seen, own[19:], told, added)
         assert np.abs(sample.acting - (on_hand, on_mechanism)).max() < 1e-11
         pairs = [
-            *zip(self.energies, self.side.entry, strict=True),
-            (self.controller.from_hand, self.side.from_hand),
+            *zip(self.energies.values, self.side.account.energies.values, strict=True),
+            (self.controller.account.from_hand, self.side.account.from_hand),
             (self.passivity.actuators, self.end.passivity.actuators),
             (self.passivity.dissipated, self.end.passivity.dissipated),
         ]

@@ -10,8 +10,9 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.control.device_side_kernels import predicted_transfer
-from hapticmech_ros.control.passivity import PassivityController, passivity_for
+from hapticmech_ros.control.passivity import passivity_for
 from hapticmech_ros.scene.controller import Passivity
+from oracles.controllers import Account
 from oracles.running import varied
 from sampling import sampled
 
@@ -21,7 +22,7 @@ FAR = (1e9, 1e9)
 
 
 def controller(limits=FAR, **bounds):
-    return PassivityController(Passivity(**bounds), INERTIA, PERIOD, limits)
+    return Account(Passivity(**bounds), INERTIA, PERIOD, limits)
 
 
 def at(position=(0, 0, 0), twist=(0,) * 6, push=(0,) * 6):
@@ -65,7 +66,7 @@ def test_a_command_that_would_give_more_is_changed_to_give_what_there_is(speed, 
         account = controller(allowance=allowance)
         sample = at(twist=speed * rng.normal(size=6), push=push * rng.normal(size=6))
         account.record(sample, np.zeros(6))
-        account.set_mechanism_energy(0.0)
+        account.receive(0.0)
         command = 10.0 * rng.normal(size=6) * ([1.0] * 3 + [0.02] * 3)
         held = account.enforce(command, sample)
         given = given_by(account, held, sample[7:13], sample[13:])
@@ -84,8 +85,8 @@ def test_a_twist_that_lags_gives_no_more_than_there_is(force, push):
     A command along the motion then gives exactly what is available, as for a twist without lag.
     """
     bounds = Passivity(allowance=1e-4)
-    account = PassivityController(bounds, INERTIA, PERIOD, FAR, filtered=True)
-    account.set_mechanism_energy(0.0)
+    account = Account(bounds, INERTIA, PERIOD, FAR, filtered=True)
+    account.receive(0.0)
     applied = np.array([force, 0, 0, 0, 0, 0])
     sample = at(twist=(1.0, 0, 0, 0, 0, 0), push=(push, 0, 0, 0, 0, 0))
     for period in range(3):
@@ -107,24 +108,24 @@ def test_a_static_force_is_left_alone():
     push = np.array([5.0, -2.0, 0, 0, 0, 0.1])
     sample = at(push=push)
     account.record(sample, np.zeros(6))
-    account.set_mechanism_energy(0.0)
+    account.receive(0.0)
     assert np.array_equal(account.enforce(-push, sample), -push)
 
 
 def test_bounds_follow_what_the_mechanism_got():
     account = controller(allowance=1e-3, slack=0.1)
-    account.set_mechanism_energy(0.05)
+    account.receive(0.05)
     assert account.available == pytest.approx(1e-3)
     # It got more than slack allows: that much has to come from the hand first.
-    account.set_mechanism_energy(0.3)
+    account.receive(0.3)
     assert account.available == pytest.approx(-0.2)
     # It gave: the hand may have that.
-    account.set_mechanism_energy(-0.4)
+    account.receive(-0.4)
     assert account.available == pytest.approx(0.401)
     account.begin()
     assert account.available == np.inf
     off = controller(control=False)
-    off.set_mechanism_energy(5.0)
+    off.receive(5.0)
     assert off.available == np.inf
 
 
@@ -137,14 +138,14 @@ def test_what_was_given_before_anybody_told_of_the_mechanism_is_no_debt():
         account.record(sample, push)
         assert np.array_equal(account.enforce(push, sample), push)
     assert account.actuators == pytest.approx(-0.5 * 0.199)
-    account.set_mechanism_energy(0.0)
+    account.receive(0.0)
     assert account.available == pytest.approx(1e-4)
     # Of a force that gives nothing, nothing is held back: 20 N of damping were, of a debt of 0.1 J.
     braking = -push
     assert np.array_equal(account.enforce(braking, sample), braking)
     # From then on it counts.
     account.record(at(position=(0.2, 0.0, 0.0)), push)
-    account.set_mechanism_energy(0.1)
+    account.receive(0.1)
     assert account.actuators == pytest.approx(-0.5e-3)
 
 

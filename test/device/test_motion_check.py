@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hapticmech_ros.device.safety import MotionCheck
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.scene.device import Device, Workspace
 from oracles.swing import POSITION, QUATERNION, TWIST, Swing
 
@@ -38,7 +38,7 @@ def swung(seed, count=1000, period=1e-3):
 
 def along_x(speed, places):
     """Return samples at places (m) along x, with one and the same speed (m/s)."""
-    samples = np.zeros((len(places), DEVICE_SAMPLE.size))
+    samples = np.zeros((len(places), DeviceSample.layout.size))
     samples[:, QUATERNION.stop - 1] = 1.0
     samples[:, TWIST.start], samples[:, POSITION.start] = speed, places
     return samples

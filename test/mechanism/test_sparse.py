@@ -16,9 +16,11 @@ from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.constraint_space import Closing, factored
 from hapticmech_ros.mechanism.kernels import layout
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
-from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures, solve_motion
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.layout import MANY_RATES
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.mechanism.kernels.metric_kernels import accelerate
+from hapticmech_ros.mechanism.kernels.model import Data
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -34,10 +36,10 @@ KINDS = ("spherical", "revolute", "weld", "planar_pin")
 
 
 PARTS = [
-    OPERATIONAL_MODEL.slice("s"),
-    OPERATIONAL_MODEL.slice("inverse_inertia"),
-    OPERATIONAL_MODEL.slice("free_acceleration"),
-    OPERATIONAL_MODEL.slice("position", "twist"),
+    OperationalModelSample.layout.slice("s"),
+    OperationalModelSample.layout.slice("inverse_inertia"),
+    OperationalModelSample.layout.slice("free_acceleration"),
+    OperationalModelSample.layout.slice("position", "twist"),
 ]
 
 
@@ -165,7 +167,7 @@ def test_accelerations_are_the_same(pair):
     zero, results = np.zeros(pair.v.size), []
     for closing in closings:
         result = np.concatenate((np.cos(np.arange(pair.v.size)), np.zeros(active_set.m)))
-        solve_motion(*closing.active_set.constants, closing.packed, zero, zero, bias, result)
+        accelerate(closing.active_set.model, closing.parts, zero, zero, bias, result)
         results.append(result[: pair.v.size])
     assert apart(*results) < ROUNDING * condition(closings[1].space)
 
@@ -246,8 +248,8 @@ def test_next_to_a_singular_position_it_gives_up(angle):
     pair = windows(15, turn=0.0)
     level = pair.mechanism.integrate(pair.q, (np.pi / 2 - angle) * pair.v / np.abs(pair.v).max())
     active_set = sparse(pair)
-    packed = np.empty(active_set.size)
-    assert factor_closures(*active_set.constants, level, packed) == NOT_DECIDED
+    terms = Data(active_set.model.numbers, np.empty(active_set.size))
+    assert factor(active_set.model, level, terms) == NOT_DECIDED
     closing = pair.mechanism.closing_terms(level, pair.mechanism.initially_active)
     assert isinstance(closing, Closing)
     assert not closing.active_set.is_sparse
@@ -266,8 +268,8 @@ def test_a_leg_in_line_is_for_the_dense_one():
     pair, straight = (posed(walker(knee, 1.0, 1.0, 1.0)) for knee in (1.0, 0.0))
     active_set = sparse(pair)
     assert active_set.model.border == 6
-    packed = np.empty(active_set.size)
-    assert factor_closures(*active_set.constants, straight.q, packed) == NOT_DECIDED
+    terms = Data(active_set.model.numbers, np.empty(active_set.size))
+    assert factor(active_set.model, straight.q, terms) == NOT_DECIDED
     closing = factored(pair.mechanism.tree, active_set, straight.q)
     assert not closing.active_set.is_sparse
     assert closing.rank == 12

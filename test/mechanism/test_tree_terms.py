@@ -5,12 +5,11 @@
 import numpy as np
 import pytest
 
-from oracles import lagrange, newton_euler
+from oracles import newton_euler
 from oracles.analysed import terms_of
-from oracles.differences import derivative, relative, second_derivative
+from oracles.differences import relative, second_derivative
 from oracles.generator import random_mechanism
 from oracles.kinematics import point_pose
-from oracles.planar_linkages import INERTIAS, LENGTHS, MASSES, five_bar
 from sampling import sampled
 
 # First differences with h = 1e-3: eps/h = 2e-13 times a few units of scale, truncation 1e-12.
@@ -32,21 +31,6 @@ def test_inertia_and_bias_are_those_of_newton_and_euler(seed, planar):
     inertia, bias = newton_euler.dynamics(sample.document, retract, sample.q, sample.v)
     assert relative(terms.d, inertia) < FIRST
     assert relative(terms.evaluation.bias_force, bias) < SECOND
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_planar_chain_obeys_lagrange(seed):
-    rng = np.random.default_rng(seed)
-    q, v = rng.uniform(-np.pi, np.pi, 4), rng.normal(size=4) * 3.0
-    document = five_bar(gravity_y=-9.81, closed=False)
-    coefficients, weights = lagrange.planar_chain(
-        LENGTHS, MASSES, LENGTHS / 2.0, INERTIAS, gravity_y=-9.81
-    )
-    inertia, bias = lagrange.dynamics(coefficients, weights, q, v)
-    terms = terms_of(document, q, v)
-    # Both are closed forms: a few tens of roundings.
-    assert relative(terms.d, inertia) < 1e-14
-    assert relative(terms.evaluation.bias_force, bias) < 1e-13
 
 
 @pytest.mark.parametrize(("seed", "planar"), SAMPLES)
@@ -72,19 +56,3 @@ def test_point_pose_jacobian_and_drift(seed, planar, index):
     expected = np.concatenate((accel, turning))
     scale = max(float(np.linalg.norm(expected)), float(sample.v @ sample.v))
     assert relative(point.drift, expected, scale) < SECOND
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_drift_is_the_rate_of_the_jacobian(seed):
-    sample = random_mechanism(seed)
-    terms = terms_of(sample.document, sample.q, sample.v)
-
-    active = terms.mechanism.initially_active
-
-    def twist(t):
-        q = terms.mechanism.integrate(sample.q, t * sample.v)
-        return terms.mechanism.evaluate(q, sample.v, active).points[0].twist
-
-    expected = derivative(twist)
-    # First difference; J' v grows with |v|^2, its fifth derivative with |v|^6: 1e-12 * 3^6 / 30.
-    assert relative(terms.evaluation.points[0].drift, expected) < 1e-8

@@ -25,10 +25,8 @@ class LateSystem:
         self.lane, self.linked, self.has_later, self.is_waiting = self, True, False, False
         self.looks = self.awake_ns = 0
         # As of a lane whose wait nothing else does.
-        self.worked = False
+        self.worked, self.turn = False, None
         self.message_ns: int | None = None
-        # The middleware is looked at each time.
-        self.foreign_ns = -(1 << 62)
 
     def monotonic_ns(self) -> int:
         return self.now
@@ -67,9 +65,7 @@ def system(monkeypatch: pytest.MonkeyPatch) -> LateSystem:
 
 
 def inbox_of(system: LateSystem) -> Inbox:
-    made = Inbox(None, system)  # type: ignore[arg-type]
-    made._latest_ns = 1 << 62
-    return made
+    return Inbox(None, system, SimpleNamespace(begin=lambda turn: None))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("late_us", [0, 5, 30, 60])
@@ -111,6 +107,27 @@ def test_a_message_ends_the_wait_also_while_it_looks(system: LateSystem) -> None
         system.message_ns = begun + after
         inbox.wait(0.9e-3)
         assert system.now - begun == after
+
+
+def test_a_wait_that_something_else_has_ended_teaches_nothing(system: LateSystem) -> None:
+    inbox = inbox_of(system)
+    collect = system.collect
+
+    def rung(timeout_s: float = 0.0, longest_s: float = 0.0) -> None:
+        collect(min(timeout_s, 0.1e-3), longest_s)
+
+    system.late_ns = 0
+    for _ in range(60):
+        inbox.wait(0.9e-3)
+    system.collect = rung  # type: ignore[method-assign]
+    for _ in range(200):
+        begun = system.now
+        inbox.wait(0.9e-3)
+        assert system.now - begun <= 110 * US
+    system.collect = collect  # type: ignore[method-assign]
+    begun = system.now
+    inbox.wait(0.9e-3)
+    assert 900 * US <= system.now - begun <= 910 * US
 
 
 class Busy:
@@ -177,7 +194,6 @@ class Gathered:
 
     def __init__(self) -> None:
         self.lane, self.asked, self.delivered = SimpleNamespace(linked=True, look=int), 0, 0
-        self.foreign_ns = -(1 << 62)
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
         assert timeout_s == 0.0

@@ -63,7 +63,7 @@ def bag(scene, samples, tmp_path_factory):
             message = types[JOINT_STATES.type](
                 types["std_msgs/msg/Header"](stamp, "world"),
                 [*reversed(names), "of another robot"],
-                np.append(layout.coordinates(state.q)[::-1], 3.0),
+                np.append(mechanism.coordinates(state.q)[::-1], 3.0),
                 np.append(state.v[::-1], 4.0),
                 np.zeros(0),
             )

@@ -10,7 +10,7 @@ import pytest
 from hapticmech_ros import load_scene
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.projection import project
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from hapticmech_ros.simulation import Simulator
@@ -72,9 +72,9 @@ def test_in_one_go_or_not_is_the_same_to_the_bit(pair):
         before = earlier(pair, active, 2e-3)
         _, _, answer = compensated(pair, active, before=before)
         seen = analyser.observe(pair.q, rates(pair, active), active, before=before).model
-        inverse_inertia = seen[OPERATIONAL_MODEL.slice("inverse_inertia")].reshape(6, 6)
+        inverse_inertia = seen[OperationalModelSample.layout.slice("inverse_inertia")].reshape(6, 6)
         assert (inverse_inertia == answer.inverse_inertia).all()
-        free = seen[OPERATIONAL_MODEL.slice("free_acceleration")]
+        free = seen[OperationalModelSample.layout.slice("free_acceleration")]
         assert (free == answer.free_acceleration).all()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational.analysis import Analyser
 from hapticmech_ros.scene import scene_from_document
 from oracles import closed_form
@@ -118,4 +118,4 @@ def test_free_acceleration(seed, planar):
     known = analyser.analyse(terms).free_acceleration
     # Closures magnify rounding by their condition, up to 1e3 here.
     assert apart(known, expected) < 1e-9
-    assert apart(seen[OPERATIONAL_MODEL.slice("free_acceleration")], expected) < 1e-9
+    assert apart(seen[OperationalModelSample.layout.slice("free_acceleration")], expected) < 1e-9

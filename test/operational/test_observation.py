@@ -10,7 +10,7 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import shipped_scenes
 from hapticmech_ros.mechanism.inertia import SingularInertiaError
-from hapticmech_ros.numerics.layout import OPERATIONAL_MODEL
+from hapticmech_ros.numerics.layout import OperationalModelSample
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.scene import scene_from_document
 from oracles.generator import closed_chain, random_mechanism
@@ -20,9 +20,10 @@ from sampling import sampled
 
 # Sums of some ten products in another order, and what D's condition (up to 1e3) takes.
 ROUNDING = 1e-12
-SIZE = OPERATIONAL_MODEL.slice("s", "twist").stop
+SIZE = OperationalModelSample.layout.slice("s", "twist").stop
 X, FREE, MOVES = (
-    OPERATIONAL_MODEL.slice(name) for name in ("inverse_inertia", "free_acceleration", "twist")
+    OperationalModelSample.layout.slice(name)
+    for name in ("inverse_inertia", "free_acceleration", "twist")
 )
 
 

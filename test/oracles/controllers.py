@@ -9,21 +9,42 @@ from hapticmech_ros import Session
 from hapticmech_ros.control import ControlArchitecture, DeviceMeasurement, PointMeasurement
 from hapticmech_ros.control.account_kernels import model_answer
 from hapticmech_ros.control.clutch import engage
+from hapticmech_ros.control.device_side_kernels import (
+    account_for_actuators,
+    enforce,
+    take_energy,
+)
 from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, HandMemory, Locality
 from hapticmech_ros.control.measurements import (
     flat_device,
     flat_operational_model,
     operational_model_of,
 )
-from hapticmech_ros.control.passivity import corrected
+from hapticmech_ros.control.passivity import PassivityController, corrected
+from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.numerics.layout import OperationalModelSample
+from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
 from hapticmech_ros.scene import document_of, scene_from_document
 from oracles.generator import unit
 from oracles.running import varied
 
 NOTHING = np.zeros(6)
 FREE = {"force_limit": 1e12, "torque_limit": 1e12}
+
+
+class Account(PassivityController):
+    """A device's account, part by part: what ``DeviceSide.allow`` does in one call."""
+
+    def record(self, sample, applied):
+        account_for_actuators(self.account, DeviceSample(sample), applied)
+
+    def receive(self, mechanism):
+        take_energy(self.account, mechanism)
+
+    def enforce(self, command, sample, added=NO_WRENCH):
+        held = np.array(command, dtype=float)
+        enforce(self.account, held, DeviceSample(sample), added)
+        return held
 
 
 def random_pose(rng):

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hapticmech_ros.numerics.layout import DEVICE_SAMPLE
+from hapticmech_ros.numerics.layout import DeviceSample
 
 POSITION, QUATERNION, TWIST = (
-    DEVICE_SAMPLE.slice(name) for name in ("position", "quaternion", "twist")
+    DeviceSample.layout.slice(name) for name in ("position", "quaternion", "twist")
 )
 AXES = np.eye(3)
 
@@ -40,7 +40,7 @@ class Swing:
         """Return the sample (19,) at a time, s."""
         place = self.size * np.sin(self.rate * time + self.phase)
         speed = self.size * self.rate * np.cos(self.rate * time + self.phase)
-        found = np.zeros(DEVICE_SAMPLE.size)
+        found = np.zeros(DeviceSample.layout.size)
         found[POSITION] = place[:3]
         # Rotations about x, then y, then z of the world, and their angular velocity.
         x, y, z = (

@@ -73,25 +73,6 @@ def test_quick_is_told_and_a_part_run_again_replaces_its_own_figures(
     assert found == [GOOD, other]
 
 
-def test_some_parts_run_at_another_rate(
-    part: Callable[[str, Part], None], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    told: list[float] = []
-
-    def run(quick: bool, out: Path, rate: float) -> list[Figure]:
-        told.append(rate)
-        return [GOOD]
-
-    part("kills", run)  # type: ignore[arg-type]
-    out = ["--out", str(tmp_path), "--rate", "250"]
-    assert campaign.main(["kills", *out]) == 0
-    assert told == [250.0]
-    for parts in ([], ["kills", "clocks"]):
-        with pytest.raises(SystemExit):
-            campaign.main([*parts, *out])
-        assert "--rate: only with parts kills and freezes" in capsys.readouterr().err
-
-
 def test_a_part_that_breaks_off_keeps_no_limit_and_says_why(
     part: Callable[[str, Part], None], tmp_path: Path
 ) -> None:

@@ -75,20 +75,3 @@ def test_clocks_of_the_day_step_and_the_monotonic_one_does_not(tmp_path: Path) -
             *days, steady = apart(process)
             assert days == [offset] * 5
             assert steady == 0
-
-
-def test_several_clocks_are_stepped_each_alone(tmp_path: Path) -> None:
-    near, far = SteppedClock(tmp_path, "near"), SteppedClock(tmp_path, "far")
-    with near, far, living_by(near) as first, living_by(far) as second:
-        near.step(-300.0)
-        assert apart(first)[0] == -5
-        assert apart(second)[0] == 0
-
-
-def test_a_step_ends_a_wait_until_a_time_of_day(tmp_path: Path) -> None:
-    with SteppedClock(tmp_path) as clock, living_by(clock) as process:
-        assert ask(process, "wait", 0) == "waiting"
-        clock.step(601.0)
-        assert process.stdout is not None
-        # Ten minutes early; it timed out.
-        assert process.stdout.readline().strip() == "-1"

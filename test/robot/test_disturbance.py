@@ -46,12 +46,6 @@ def test_it_follows_a_constant_disturbance_at_its_rate():
     assert fine < 0.05
 
 
-def test_without_one_it_finds_nothing_but_the_period():
-    coarse, fine = (np.abs(estimates(period, np.zeros(7), 0.1)).max() for period in (1e-3, 5e-4))
-    assert coarse / fine == pytest.approx(2.0, rel=0.1)
-    assert fine < 0.05
-
-
 def test_a_balanced_disturbance_does_not_accelerate_the_point():
     law, disturbance = law_of("iiwa14"), np.linspace(-3.0, 3.0, 7)
     state = law.state(Q, V)

@@ -153,16 +153,6 @@ def test_what_holds_a_tool_fast_is_balanced_up_to_the_controlled_force():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_rests_on_its_target_stays_there(name):
-    law = law_of(name, gains=Gains(posture_rate=0.0))
-    for q, v in poses(name, 5):
-        torque = law.command(law.state(q, 0.0 * v), Target(pose_of(law, q))).torque
-        vdot, _ = accelerated(law, q, 0.0 * v, torque)
-        # The error of a pose is rounding, 1e-15, times ω² = 900 and masses of 1 / s_on².
-        assert np.abs(vdot).max() < 1e-7
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_braking_takes_energy_from_every_motion(name):
     law = law_of(name)
     for q, v in poses(name, 10, seed=7):

@@ -9,17 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.graph.bare_node import PHASES
 from benchmarks.graph.benchmark import run_benchmark
-from benchmarks.graph.checks import Expected
-from benchmarks.graph.plan import Configuration, Plan, Step
+from benchmarks.graph.plan import Plan
 from benchmarks.graph.recorded import ASKED, LOST
-from benchmarks.graph.run import STOLEN, Run, measure, processor_share
+from benchmarks.graph.run import STOLEN, Run, processor_share
 from benchmarks.graph.statuses import ANSWERS, MISSED, PERCENTILES, SAID_HOPS, latency
 from benchmarks.graph.statuses import RATE as RATE_OF
 from hapticmech_ros.nodes.entry import NODES
-from hapticmech_ros.nodes.haptic_device import HapticDevice
-from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 from ros.harness import RATE
 
@@ -87,20 +83,3 @@ def test_both_graphs_are_run_and_written_down(alone: None, tmp_path: Path) -> No
     lines = [line.partition(": ")[0] for line in log.splitlines()]
     wanted = [*NODES, *(f"bare {name}" for name in NODES)]
     assert [name for name in wanted if name not in lines] == [], log
-
-
-def test_the_bare_graph_keeps_the_real_ones_phases() -> None:
-    assert {actor.name: actor.phase for actor in (HapticDevice, MechanismSimulator)} == PHASES
-
-
-def test_a_graph_that_does_not_start_is_a_result(
-    alone: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # A module that says something else and ends.
-    monkeypatch.setattr("benchmarks.graph.run.BARE", "this")
-    step = Step(Configuration(RATE, "composed", False), 1, "bare")
-    nothing = Expected((), (), False)
-    found = measure(step, tmp_path / "scene.yaml", "handle", SECONDS, tmp_path, nothing)
-    assert "ended by itself" in found.failure
-    assert not found.sound
-    assert found.figures == {}

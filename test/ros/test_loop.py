@@ -72,7 +72,9 @@ def test_every_callback_waits_for_its_actor_to_know_what_its_kernel_did(
     node = ManagedNode(actor_type(name), Exchange())
     try:
         node.start()
-        entities = [*node.subscriptions, *node.services, *node.timers]
+        # Diagnostics take their turn for a part of what they do.
+        timers = [one for one in node.timers if one is not node._timer]
+        entities = [*node.subscriptions, *node.services, *timers]
         settled = node._settled(print).__code__
         assert [one for one in entities if one.callback.__code__ is not settled] == []
         # The executor runs nothing else of it.

@@ -16,7 +16,6 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from hapticmech_ros import Mechanism, load_scene
 from hapticmech_ros.robot.law import OperationalLaw, inertia_ratio, loop_rates
@@ -272,13 +271,3 @@ def test_rates_follow_delay_and_payload_and_change_while_it_follows(
             refused(peer, "robot_follower", (rule,), **changed)
         assert acts(0.01)
         assert seen.figure("engagements") == "1"
-
-
-def test_trajectories_name_their_joints(domain: int, peer: Peer) -> None:
-    with graph(domain, "position", command_type="trajectory"):
-        orders = peer.listen("robot/commands", JointTrajectory)
-        peer.until(lambda: orders, "a trajectory")
-        names = Mechanism(load_scene(ROBOT)).tree.joint_names
-        assert tuple(orders[-1].joint_names) == names
-        (point,) = orders[-1].points
-        assert len(point.positions) == len(point.velocities) == len(names)

@@ -3,6 +3,8 @@
 """The device's safety envelope over the graph: each cause brings zero force, and says so."""
 
 import math
+import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,8 +13,10 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import SetBool
 
+from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
 from hapticmech_ros.nodes.messages import stamp_ns
-from ros.harness import Peer, allowing, running, six
+from ros.harness import RATE, Peer, allowing, running, six
+from ros.standing_device import STANDS_S
 
 pytestmark = pytest.mark.ros
 MS = 1_000_000
@@ -147,3 +151,29 @@ def test_limits_slew_ramp_and_workspace_hold_and_are_told(
     assert 0.1 < np.linalg.norm(given[:, :3], axis=1).max() <= 2.0 * (1 + 1e-12)
     assert np.abs(given[:, 3:]).max() <= 0.01 * (1 + 1e-12)
     assert min(told) > 0
+
+
+def test_a_device_that_nobody_could_stop_ends_its_force_until_it_listens_again(
+    domain: int, peer: Peer
+) -> None:
+    others = "mechanism_simulator,nullspace_analyser,teleoperation_controller"
+    statuses = peer.statuses()
+    arguments = ros_arguments({"scene": "five_bar", "control_rate": RATE})
+    command = [sys.executable, str(Path(__file__).with_name("standing_device.py")), *arguments]
+    applied = peer.listen("device/measured_cf", WrenchStamped)
+    with running(others, domain), start_process(command, private_environment(domain)) as device:
+        try:
+            for again in range(2):
+                peer.until(lambda: statuses.well("haptic_device"), "rendering")
+                peer.until(lambda: any(six(applied[-1])), "a force")
+                applied.clear()
+                begun_ns = peer.node.get_clock().now().nanoseconds
+                device.send_signal(signal.SIGUSR1)
+                peer.until(lambda: applied and not any(six(applied[-1])), "its end")
+                after_ns = stamp_ns(applied[-1].header) - begun_ns
+                assert 70 * MS < after_ns < 500 * MS < STANDS_S * 1e9, again
+                peer.until(
+                    lambda: any(six(applied[-1])), "a force once it listens again", timeout=10.0
+                )
+        finally:
+            stop_process(device)

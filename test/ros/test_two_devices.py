@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros import SharedSession, load_scene
+from hapticmech_ros import load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment import compare
@@ -24,9 +24,7 @@ from hapticmech_ros.graph import Graph, private_environment
 from hapticmech_ros.lockstep import LockstepRun, replay, run_lockstep
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
-from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceStateMessage
-from hapticmech_ros.wire.state import StateLayout
 from hapticmech_ros.wire.topics import DEVICE_STATE, users_of
 from ros.harness import Peer, next_domain, scene_like, six
 
@@ -82,32 +80,6 @@ def two_hands(folder: Path, period: float = 0.001) -> str:
     moves = {"point": "a", "hand": ARM | {"waypoints": WAY}}
     lighter = {"device": {"mass": 0.2, "safety": PATIENT}}
     return two_points(folder, period, hands=[stays, moves | lighter])
-
-
-def test_several_hands_in_lockstep_move_as_a_shared_session_does(tmp_path: Path) -> None:
-    path, bag = two_hands(tmp_path), tmp_path / "bag"
-    scene = load_scene(path)
-    run = LockstepRun(path, duration=0.4, hold=scene.held_points, composed=True, out=bag)
-    assert run_lockstep(run, private_environment(next_domain()), lambda: False) == 400
-    session, late = SharedSession(scene), SharedSession(scene)
-    rows, layout = session.run(400), StateLayout(session.simulator.mechanism)
-    # What devices get of each other at once is part of it.
-    late._direct = {point: {} for point in "ab"}
-    other = late.run(400)
-    assert np.abs(other["a"]["q"] - rows["a"]["q"]).max() > 1e-6
-    with BagReader(bag) as reader:
-        found = {name: [data for *_, data in reader.serialized(name)] for name in reader.topics}
-    q = np.array([layout.unpack(decode(data)).q for data in found["/mechanism/state"]])
-    assert q.shape == rows["a"]["q"].shape
-    assert np.abs(q - rows["a"]["q"]).max() < 1e-10
-    assert np.abs(q[-1] - q[0]).max() > 0.01
-    for point in "ab":
-        messages = found[f"/{point}/device/servo_cf"]
-        commands = np.array([np.frombuffer(data[-48:], dtype="<f8") for data in messages])
-        # By rounding of poses that are sent as quaternions, as in test_lockstep.py.
-        expected = rows[point]["device_command"]
-        assert np.abs(commands - expected).max() < 1e-10 * np.abs(expected).max()
-        assert np.abs(expected).max() > 0.1
 
 
 def test_the_record_of_a_bag_is_that_of_the_session(tmp_path: Path) -> None:

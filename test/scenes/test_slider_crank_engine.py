@@ -68,14 +68,6 @@ def test_the_mass_at_the_crank_pin_comes_and_goes(angle):
     assert found.constraint_wrenches.shape == (6, 2)
 
 
-def test_the_mass_felt_is_what_the_scene_promises():
-    masses = np.array([Turn(angle).inertia for angle in np.linspace(0.0, np.pi, 361)]) / RADIUS**2
-    # Least where the piston turns back, at the outer dead centre; read off the header.
-    assert masses.min() == pytest.approx(0.65, abs=0.01)
-    assert masses.max() == pytest.approx(1.57, abs=0.01)
-    assert np.argmin(masses) in (0, 360)
-
-
 @pytest.mark.parametrize("angle", ANGLES)
 def test_the_mass_at_the_piston(angle):
     turn = Turn(angle)

@@ -59,7 +59,7 @@ def test_what_is_packed_is_unpacked(layout, mechanism, q):
     if mechanism.nq == mechanism.nv:
         assert found.q.tobytes() == q.tobytes()
     else:
-        assert np.abs(layout.coordinates(found.q) - layout.coordinates(q)).max() < 1e-12
+        assert np.abs(mechanism.coordinates(found.q) - mechanism.coordinates(q)).max() < 1e-12
 
 
 def test_parts_are_where_the_label_says(five_bar):

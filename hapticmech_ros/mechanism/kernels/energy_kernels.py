@@ -189,38 +189,30 @@ def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> fl
     return float(0.5 * step * step * (total + dot(force, force)))
 
 
-@kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[:,::1],"
-    " boolean, float64, float64, float64[::1])",
-    linked=True,
-)
+@kernel("void(Model, Data, Data, Work, float64[:,::1], boolean, float64, float64, Balance)")
 def judge(
-    numbers: Array,
-    values: Array,
-    start: Array,
-    end: Array,
-    work: Array,
+    model: Model,
+    start: Data,
+    end: Data,
+    parts: Work,
     external: Array,
     damps: bool,
     work_in: float,
     lost: float,
-    out: Array,
+    found: Balance,
 ) -> None:
-    """Fill ``out`` (7,) with the account of a step that was done elsewhere, see ``put_balance``.
+    """Fill the account of a step that was done elsewhere, see ``put_balance``.
 
     Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        start: (size,) packed terms at the start.
-        end: (size,) packed terms at the end.
-        work: (work,) see ``model.Work``: with q0 and v0, q and v, and what acts.
+        model: constants of the mechanism.
+        start: terms at the start.
+        end: terms at the end.
+        parts: of the work, with q0 and v0, q and v, and what acts.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         damps: see ``put_balance``.
         work_in: J, done in the step.
         lost: J, in damping, friction and stops.
-        out: (7,) a :class:`Balance` to fill; what was exchanged with ``pushed_energy``.
+        found: to fill; what was exchanged with ``pushed_energy``.
     """
-    model, parts, found = Model(numbers, values), Work(numbers, work), Balance(out)
-    first = Data(model.numbers, start)
-    put_balance(model, first, Data(model.numbers, end), parts, damps, work_in, lost, found)
-    found.exchanged += pushed_energy(model, first, parts, external)
+    put_balance(model, start, end, parts, damps, work_in, lost, found)
+    found.exchanged += pushed_energy(model, start, parts, external)

@@ -36,12 +36,6 @@ from hapticmech_ros.mechanism.kernels.many_rows import (
     solve_lower_columns,
     triangularise,
 )
-from hapticmech_ros.mechanism.kernels.metric_kernels import (
-    accelerate,
-    close_rates,
-    correction_of,
-    lift,
-)
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model
 from hapticmech_ros.mechanism.kernels.tree_kernels import inertia_of, place_tree
 from hapticmech_ros.mechanism.tolerances import (
@@ -255,7 +249,7 @@ def locate(model: Model, q: Array, data: Data) -> None:
 
 @inner
 def factorise(model: Model, data: Data) -> int:
-    """Fill the rest of ``data`` where :func:`locate` was; see :func:`factor_closures`."""
+    """Fill the rest of ``data`` where :func:`locate` was; see :func:`factor`."""
     residual, lengths, tail = data.residual, model.lengths, data.tail
     drift = 0.0
     for i in range(model.m):
@@ -279,92 +273,17 @@ def factorise(model: Model, data: Data) -> int:
     return rank
 
 
-@inner
+@kernel("int64(Model, float64[::1], Data)")
 def factor(model: Model, q: Array, data: Data) -> int:
-    """Fill ``data`` at a configuration; see :func:`factor_closures`."""
-    locate(model, q, data)
-    return factorise(model, data)
-
-
-@kernel("int64(int64[::1], float64[::1], float64[::1], float64[::1])")
-def factor_closures(numbers: Array, values: Array, q: Array, packed: Array) -> int:
-    """Fill ``packed`` at a configuration.
+    """Fill ``data`` at a configuration.
 
     Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
+        model: constants of the mechanism.
         q: (nq,) configuration.
-        packed: (size,) to fill.
+        data: to fill.
 
     Returns:
         The rank r; or NO_SVD, SINGULAR and below, or NOT_DECIDED of a sparse factorisation.
     """
-    return factor(Model(numbers, values), q, Data(numbers, packed))
-
-
-@kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[::1])"
-)
-def solve_motion(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    bias_force: Array,
-    passive: Array,
-    bias: Array,
-    result: Array,
-) -> None:
-    """Solve Eq. 1: see :func:`accelerate`.
-
-    Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) packed terms at the configuration.
-        bias_force: (nv,) h, N m or N.
-        passive: (nv,) forces of elements without efforts, N m or N.
-        bias: (m,) Ẇv, m/s² or 1/s².
-        result: (nv + m,) Σ Jᵀ F and efforts, N m or N, replaced by v̇ and λ; λ is NaN if sparse.
-    """
-    model, data = Model(numbers, values), Data(numbers, packed)
-    accelerate(model, data, bias_force, passive, bias, result)
-
-
-@kernel("void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
-def correct(numbers: Array, values: Array, packed: Array, residual: Array, change: Array) -> None:
-    """Fill ``change``: see :func:`correction_of`.
-
-    Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) packed terms at the configuration.
-        residual: (m,) φ, rad or m.
-        change: (nv,) to fill, rad or m.
-    """
-    correction_of(Model(numbers, values), Data(numbers, packed), residual, change)
-
-
-@kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
-def keep_closed(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
-    """Replace rates: see :func:`close_rates`.
-
-    Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) packed terms at the configuration.
-        rates: (nv,) rad/s or m/s, replaced by the nearest with W v = 0.
-    """
-    close_rates(Model(numbers, values), Data(numbers, packed), rates)
-
-
-@kernel("void(int64[::1], float64[::1], float64[::1], float64[::1])")
-def lift_rates(numbers: Array, values: Array, packed: Array, rates: Array) -> None:
-    """Replace rates: see ``metric_kernels.lift``.
-
-    Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) packed terms at the configuration.
-        rates: (nv,) rates or a change of q, replaced by Lᵀ of them, in the mass metric.
-    """
-    lift(Model(numbers, values), Data(numbers, packed), rates)
+    locate(model, q, data)
+    return factorise(model, data)

@@ -17,7 +17,7 @@ import numpy as np
 
 from hapticmech_ros.mechanism.kernels.band_kernels import BEGIN, FIRST, LAST
 from hapticmech_ros.mechanism.kernels.closure_kernels import COUPLING
-from hapticmech_ros.mechanism.kernels.factor_kernels import factor_closures
+from hapticmech_ros.mechanism.kernels.factor_kernels import factor
 from hapticmech_ros.mechanism.kernels.many_rows import FEW_ROWS
 from hapticmech_ros.mechanism.kernels.model import SPARSE, Data, Model, pack
 from hapticmech_ros.numerics import Array
@@ -120,7 +120,7 @@ def sparse(dense: ActiveSet, position: Array) -> ActiveSet | None:
     for order in _orders(model, reaches):
         trial = _in_order(dense, reaches, order, model.nv, -1)
         packed = np.empty(trial.size)
-        rank = factor_closures(*trial.constants, start, packed)
+        rank = factor(trial.model, start, Data(trial.model.numbers, packed))
         if rank >= 0:
             width = _width(trial, packed) + _SLACK if model.m else 0
             return _in_order(dense, reaches, order, width, rank)

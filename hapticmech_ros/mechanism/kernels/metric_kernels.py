@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner
+from hapticmech_ros.compilation import inner, kernel
 from hapticmech_ros.mechanism.kernels.articulated_kernels import (
     force_to_metric,
     sweep_outwards,
@@ -50,9 +50,15 @@ def from_metric(model: Model, data: Data, vector: Array) -> None:
         solve_lower_transposed(data.factor, vector)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1])")
 def lift(model: Model, data: Data, rates: Array) -> None:
-    """Replace joint rates (nv,) by Lᵀ of them."""
+    """Replace joint rates by Lᵀ of them.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        rates: (nv,) rates or a change of q, replaced by what they are in the mass metric.
+    """
     if model.path == SPARSE:
         sweep_outwards(model, data, rates, True)
         return
@@ -79,13 +85,21 @@ def free_part(model: Model, data: Data, vector: Array) -> None:
         remove(data.basis, rank, vector, model.along)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1], float64[::1], float64[::1], float64[::1])")
 def accelerate(
     model: Model, data: Data, bias_force: Array, passive: Array, bias: Array, result: Array
 ) -> None:
-    """Replace joint forces in ``result`` (nv + m,) by v̇, followed by λ.
+    """Solve Eq. 1: replace joint forces by v̇, followed by λ.
 
     A sparse factorisation gives no λ: it would not be the smallest one where rows are redundant.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        bias_force: (nv,) h, N m or N.
+        passive: (nv,) forces of elements without efforts, N m or N.
+        bias: (m,) Ẇv, m/s² or 1/s².
+        result: (nv + m,) Σ Jᵀ F and efforts, N m or N, replaced by v̇ and λ; λ is NaN if sparse.
     """
     nv, rank = model.nv, int(data.tail.rank)
     rates, multipliers = result[:nv], result[nv:]
@@ -111,9 +125,16 @@ def accelerate(
     from_metric(model, data, rates)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1], float64[::1])")
 def correction_of(model: Model, data: Data, residual: Array, change: Array) -> None:
-    """Fill ``change`` (nv,) with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual."""
+    """Fill ``change`` with D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ residual.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        residual: (m,) φ, rad or m.
+        change: (nv,) to fill, rad or m.
+    """
     change[:] = 0.0
     rank = int(data.tail.rank)
     if model.path == SPARSE:
@@ -129,9 +150,15 @@ def correction_of(model: Model, data: Data, residual: Array, change: Array) -> N
     from_metric(model, data, change)
 
 
-@inner
+@kernel("void(Model, Data, float64[::1])")
 def close_rates(model: Model, data: Data, rates: Array) -> None:
-    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v."""
+    """Replace rates v by v - D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ W v.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at the configuration.
+        rates: (nv,) rad/s or m/s, replaced by the nearest with W v = 0.
+    """
     lift(model, data, rates)
     free_part(model, data, rates)
     from_metric(model, data, rates)

@@ -152,34 +152,20 @@ def add_link_forces(model: Model, data: Data, external: Array, force: Array) -> 
         add_wrench(model, data, joint, origin, push[4:10], force)
 
 
-@kernel(
-    "void(int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:,::1])"
-)
-def move_frames(
-    numbers: Array,
-    values: Array,
-    packed: Array,
-    q: Array,
-    v: Array,
-    terms: Array,
-    poses: Array,
-) -> None:
+@kernel("void(Model, Data, float64[::1], float64[::1], float64[::1], float64[:,::1])")
+def move_frames(model: Model, data: Data, q: Array, v: Array, terms: Array, poses: Array) -> None:
     """Fill the terms of Eq. 1 that depend on rates, and what operational points need.
 
     Args:
-        numbers: (integers,) constants of the mechanism, whole ones.
-        values: (numbers,) the others; see ``model.pack``.
-        packed: (size,) the configuration's terms.
+        model: constants of the mechanism.
+        data: the configuration's terms.
         q: (nq,) configuration.
         v: (nv,) rates, rad/s or m/s.
         terms: (3 nv + m + points (6 nv + 12),) to fill with h, forces of elements, their
             dissipative part, Ẇv; then for each operational point J_h, J_h v and J̇_h v.
         poses: (points, 12) to fill: each point's axes in the world, then its origin, m.
     """
-    model = Model(numbers, values)
     nv, m = model.nv, model.m
-    data = Data(model.numbers, packed)
     element_forces(model, data, q, v, terms[nv : 2 * nv], terms[2 * nv : 3 * nv])
     motions = model.motions
     move_joints(model, data, v, motions)

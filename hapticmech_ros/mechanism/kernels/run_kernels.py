@@ -262,7 +262,7 @@ def advance(
         0; SINGULAR_STEP before a step that starts at, lands on, or would leave a singular position,
         or has a stage next to one, and INACCURATE before one whose energy account would be off by
         too much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step
-        failed, see ``settle`` and ``factor_closures``, and RATES_NOT_FINITE. The account says how
+        failed, see ``settle`` and ``factor``, and RATES_NOT_FINITE. The account says how
         many steps were done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)

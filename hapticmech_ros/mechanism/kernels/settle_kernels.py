@@ -72,7 +72,7 @@ def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
     After a step, ``parts.theta`` is what it changed.
 
     Returns:
-        SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor_closures``, and
+        SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor``, and
         NOT_FINITE states.
     """
     settings, account, q, theta = parts.settings, parts.account, parts.q, parts.theta

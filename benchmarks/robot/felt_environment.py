@@ -18,7 +18,7 @@ D = exp(-3/2 T s), and n periods of delay each way closes it by
     otherwise:  H = b b_s / (a (a_s + x E) + x E b_s),      a = s² + b
 
 with p of the operational point, a_s and b_s of the joints' own controllers
-(:mod:`..robot.interfaces`), r their rate and c the correction of velocities:
+(:mod:`hapticmech_ros.robot.interfaces`), r their rate and c the correction of velocities:
 a_s = s² + 2 r s + r² and b_s = r² for positions, b_s = 2 r s + r² with rates; a_s = s² + b_s and
 b_s = 2 r (s + c) for velocities. Whether that loop is stable is told by Nyquist's criterion on the
 line Re s = `SLOWEST`; the robot by itself is stable.
@@ -33,6 +33,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.robot.driven import STEPS, DrivenRobot
 from hapticmech_ros.analysis.felt_model import felt_model
 from hapticmech_ros.analysis.impedance import (
     alone,
@@ -52,17 +53,15 @@ from hapticmech_ros.analysis.touch import (
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism import Mechanism, PointKinematics
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.quaternions import turned
-from hapticmech_ros.robot.follower import Follower, FollowerSettings, Order
-from hapticmech_ros.robot.interfaces import CORRECTION, RATE, Interface, servo_torque
+from hapticmech_ros.robot.interfaces import CORRECTION, RATE, Interface
 from hapticmech_ros.robot.law import Gains, OperationalLaw
 from hapticmech_ros.robot.linear_environment import Impedance, LinearEnvironment
 from hapticmech_ros.robot.mujoco_robot import MujocoRobot
 from hapticmech_ros.scene import Scene
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
-# Amplitude of the force, N per Hz; of MuJoCo in a period.
-PUSH_N_PER_HZ, STEPS = 0.0005, 4
+# Amplitude of the force, N per Hz.
+PUSH_N_PER_HZ = 0.0005
 # In which the force fades in; what dies away before the window; the window, of whole periods of all
 # frequencies.
 FADING_S, SETTLING_S, WINDOW_S = 1.0, 6.0, 1.0
@@ -106,10 +105,6 @@ class FeltEnvironment:
         """Whether the motion became periodic, as the force is."""
         return bool(np.isfinite(self.ratio).all())
 
-    def error(self, frequency: float) -> float:
-        """Return the largest |ratio - 1| up to a frequency, Hz."""
-        return float(np.abs(self.ratio - 1.0)[self.frequencies <= frequency].max())
-
     def model_error(self, frequency: float) -> float:
         """Return the largest |predicted / ratio - 1| up to a frequency, Hz."""
         off = np.abs(self.predicted / self.ratio - 1.0)
@@ -133,7 +128,7 @@ class Loop:
     axis: int = 0
 
 
-class RobotInEnvironment:
+class RobotInEnvironment(DrivenRobot):
     """A robot in MuJoCo, its follower, and the environment at its tool.
 
     Args:
@@ -142,53 +137,22 @@ class RobotInEnvironment:
         environment: at its tool.
 
     Attributes:
-        follower: that drives it.
         mobility: X_aa where it starts, 1/kg.
     """
 
     def __init__(self, loop: Loop, interface: str, environment: Impedance) -> None:
-        kind, self._with_rates = INTERFACES[interface]
-        self._interface, period = kind, loop.scene.simulation.period
+        period = loop.scene.simulation.period
         law = OperationalLaw(Mechanism(loop.robot), gains=loop.gains)
-        self._rest = law.resting(law.posture)
-        self._order: Order | None = None
-        self._robot = MujocoRobot(loop.robot, step=period / STEPS)
-        self._robot.put(law.posture, 0.0 * law.posture)
+        robot = MujocoRobot(loop.robot, step=period / STEPS)
+        super().__init__(robot, law, *INTERFACES[interface], period)
         self._environment = LinearEnvironment(environment, np.eye(3)[loop.axis])
-        self.follower = Follower(law, FollowerSettings(kind, period, has_sensor=True))
         at_rest = law.state(law.posture, 0.0 * law.posture).analysis
         self.mobility = float(at_rest.inverse_inertia[loop.axis, loop.axis])
 
     def go_on(self, time: float) -> Array:
-        """Move for a period under the last order, and take a new one.
-
-        Args:
-            time: s, of its start.
-
-        Returns:
-            (6,) F_c at the start, N and N m, world axes.
-
-        Raises:
-            HapticMechError: the robot is lost.
-        """
-        robot, force = self._robot, self._environment.force
-        self.follower.update_joints(robot.q, robot.v, time)
-        sensed = np.concatenate((force, np.zeros(3)))
-        self.follower.update_wrench(turned(sensed, robot.pose.rotation.T), time)
-        order = self.follower.order(time)
-        robot.advance(self._torque(), STEPS, self._environment)
-        self._order = order
-        return np.zeros(6) if order is None else order.contact
-
-    def _torque(self) -> Array:
-        order = self._order
-        if order is None:
-            return self._rest
-        if self._interface == "effort":
-            return order.values
-        if self._interface == "velocity":
-            return servo_torque(self._robot, None, order.values)
-        return servo_torque(self._robot, order.values, order.rates if self._with_rates else None)
+        """Move for a period; see :meth:`DrivenRobot.move`."""
+        sensed = np.concatenate((self._environment.force, np.zeros(3)))
+        return self.move(time, sensed, self._environment)
 
 
 def felt_environment(

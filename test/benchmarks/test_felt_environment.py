@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.robot import felt_environment as measured
 from benchmarks.robot.environment import loop
-from hapticmech_ros.analysis import environment
-from hapticmech_ros.analysis.environment import (
+from benchmarks.robot.felt_environment import (
     ClosedForm,
     RobotInEnvironment,
     device_twists,
@@ -124,8 +124,8 @@ def test_a_robot_with_a_servo_presses_as_the_closed_form_says(interface):
 def test_what_a_tool_is_fixed_to_is_felt_as_the_linear_loop_says(monkeypatch, impedance, felt):
     """A robot gives way by ω² / X, 1.7 kN/m: at 1 Hz to a spring by 14 %, to a wall by 92 %."""
     # Nothing swings here that would have to die away.
-    monkeypatch.setattr(environment, "FADING_S", 0.5)
-    monkeypatch.setattr(environment, "SETTLING_S", 2.0)
+    monkeypatch.setattr(measured, "FADING_S", 0.5)
+    monkeypatch.setattr(measured, "SETTLING_S", 2.0)
     found = felt_environment(loop(), "fixed", impedance, "effort", 0)
     assert found.steady
     assert found.stable

@@ -1,0 +1,153 @@
+# Copyright 2026 The hapticmech_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Somebody else, at 1 kHz: a CRTK driver, who commands the device, or who tells its gains.
+
+Usage: ``python foreigner.py driver`` publishes a device that stands still, and obeys servo_cf;
+``python foreigner.py commander FX FY FZ TX TY TZ`` commands a constant wrench (N and N m) with
+empty stamps, and without numbers holds the device where it is; ``python foreigner.py gain`` tells
+it in local_feedback_gain that it is very stiff, and that the mechanism has got much energy. Tells
+``first`` whenever one more can hear it, with the monotonic time of the first message to that one.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from hapticmech_ros.nodes.loop import wake_up_in_time, watch, write_progress
+from hapticmech_ros.nodes.messages import CONTROL_SUBSCRIBER, STREAM_PUBLISHER, WORLD
+from hapticmech_ros.wire import topics
+from hapticmech_ros.wire.bounds import read
+from hapticmech_ros.wire.cdr import decode
+from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
+
+PERIOD_S = 0.001
+# m, where the driver's device is: somewhere else than the simulated one.
+PLACE = (0.06, 0.02)
+# Critically damped for the scene's device of 0.3 kg and 3e-4 kg m².
+SPRING, DAMPER = np.repeat([120.0, 0.12], 3), np.repeat([12.0, 0.012], 3)
+# N/m and N m/rad, a thousand times what the scene's device can bear; and J that nobody has given.
+STIFFNESS, ENERGY = np.diag(np.repeat([1e6, 1e3], 3)), 1e3
+
+
+class Foreigner(Node):
+    """Publishes on topics that are somebody else's, and tells who can hear that.
+
+    Args:
+        name: of the node.
+        kinds: of its messages, by topic.
+    """
+
+    def __init__(self, name: str, kinds: Mapping[str, Any]) -> None:
+        super().__init__(name)
+        self._heard_by = 0
+        self._outlets = [
+            self.create_publisher(kind, topic, STREAM_PUBLISHER) for topic, kind in kinds.items()
+        ]
+        self.create_timer(PERIOD_S, self._publish)
+
+    def _next(self) -> Iterable[Any]:
+        """Return what is published now, on each topic."""
+        raise NotImplementedError
+
+    def _publish(self) -> None:
+        heard_by = sum(one.get_subscription_count() for one in self._outlets)
+        for _ in range(self._heard_by, heard_by):
+            write_progress("first", at_ns=time.monotonic_ns())
+        self._heard_by = max(self._heard_by, heard_by)
+        for outlet, message in zip(self._outlets, self._next(), strict=True):
+            outlet.publish(message)
+
+
+class ForeignDriver(Foreigner):
+    """A driver that knows nothing but CRTK; a sample is whole with its pose."""
+
+    def __init__(self) -> None:
+        kinds = {
+            topics.DEVICE_TWIST.name: TwistStamped,
+            topics.DEVICE_FORCE.name: WrenchStamped,
+            topics.HAND_FORCE.name: WrenchStamped,
+            topics.DEVICE_POSE.name: PoseStamped,
+        }
+        super().__init__("foreign_driver", kinds)
+        self._messages = [kind() for kind in kinds.values()]
+        pose = self._messages[-1].pose
+        pose.position.x, pose.position.y = PLACE
+        name = topics.DEVICE_COMMAND.name
+        self.create_subscription(WrenchStamped, name, lambda command: None, CONTROL_SUBSCRIBER)
+
+    def _next(self) -> Iterable[Any]:
+        stamp = self.get_clock().now().to_msg()
+        for message in self._messages:
+            message.header.stamp, message.header.frame_id = stamp, WORLD
+        return self._messages
+
+
+class ForeignGain(Foreigner):
+    """Tells the device how commands depend on it, and commands nothing."""
+
+    def __init__(self) -> None:
+        super().__init__("foreign_gain", {topics.DEVICE_GAIN.name: Float64MultiArray})
+        self._model = np.concatenate((np.zeros(36), STIFFNESS.ravel(), np.zeros(36)))
+
+    def _next(self) -> Iterable[Float64MultiArray]:
+        now = self.get_clock().now().nanoseconds
+        gain = LocalFeedbackGain.answering(now, now, ENERGY, self._model)
+        return (Float64MultiArray(data=gain.values.tolist()),)
+
+
+class ForeignCommander(Foreigner):
+    """Commands a constant wrench, or holds the device's position and lets it turn no further.
+
+    Args:
+        wrench: (6,) force and torque, N and N m, world axes; holds if empty.
+    """
+
+    def __init__(self, wrench: Sequence[float]) -> None:
+        super().__init__("foreign_commander", {topics.DEVICE_COMMAND.name: WrenchStamped})
+        self._held: np.ndarray | None = None
+        self._message = WrenchStamped()
+        self._message.header.frame_id = WORLD
+        if wrench:
+            self._fill(wrench)
+        else:
+            self.create_subscription(
+                Float64MultiArray,
+                topics.DEVICE_STATE.name,
+                self._hold,
+                CONTROL_SUBSCRIBER,
+                raw=True,
+            )
+
+    def _hold(self, message: bytes) -> None:
+        measured = read(DeviceStateMessage, decode(message)).sample
+        if self._held is None:
+            self._held = measured.position.copy()
+        away = np.concatenate((measured.position - self._held, np.zeros(3)))
+        self._fill(-SPRING * away - DAMPER * measured.twist)
+
+    def _fill(self, wrench: Sequence[float] | np.ndarray) -> None:
+        force, torque = self._message.wrench.force, self._message.wrench.torque
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = map(float, wrench)
+
+    def _next(self) -> Iterable[WrenchStamped]:
+        return (self._message,)
+
+
+def foreigner(kind: str, numbers: Sequence[str]) -> Foreigner:
+    """Return the node of a kind."""
+    if kind == "commander":
+        return ForeignCommander([float(number) for number in numbers])
+    return ForeignDriver() if kind == "driver" else ForeignGain()
+
+
+if __name__ == "__main__":
+    wake_up_in_time()
+    sys.exit(watch(lambda: foreigner(sys.argv[1], sys.argv[2:]), []))
