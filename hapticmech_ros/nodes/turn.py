@@ -106,14 +106,16 @@ class Turn:
         if not self.is_shared:
             yield
             return
-        with self._kernel:
-            self.kernel_runs = True
-            self._turn.release()
-            try:
-                yield
-            finally:
-                self.kernel_runs = False
-        self._turn.acquire()
+        try:
+            with self._kernel:
+                self.kernel_runs = True
+                self._turn.release()
+                try:
+                    yield
+                finally:
+                    self.kernel_runs = False
+        finally:
+            self._turn.acquire()
 
     @contextmanager
     def taken(self) -> Iterator[None]:
