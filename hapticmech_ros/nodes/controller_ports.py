@@ -267,7 +267,13 @@ class ControllerOutputs:
         self.answers += 1
 
     def publish_view(self, wrenches: Array, stamp_ns: int, energies: ControllerEnergies) -> None:
-        """Publish these now; arguments as of :meth:`view`."""
+        """Publish the parts of an answer, and energies, now.
+
+        Args:
+            wrenches: (6, 6) as of :meth:`view`.
+            stamp_ns: of the sample that is answered.
+            energies: of the controllers.
+        """
         for outlet, wrench in zip(self._publish_parts, wrenches[2:5], strict=True):
             if outlet.wanted:
                 outlet.publish(encode_wrench(wrench, stamp_ns))

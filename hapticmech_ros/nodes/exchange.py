@@ -302,7 +302,7 @@ class Exchange:
 
     @contextmanager
     def taken(self, rings: bool = False) -> Iterator[None]:
-        """Run a callback: no kernel works meanwhile, and the node knows what it has done.
+        """Return a context for a callback: no kernel runs, and the node knows what one has done.
 
         Args:
             rings: whether the loop is to look at its deadlines afterwards.

@@ -44,7 +44,11 @@ class DurationHistogram:
         self.max_ns = max(self.max_ns, duration_ns)
 
     def extend(self, durations_ns: Array) -> None:
-        """Count durations (n,), ns."""
+        """Count durations.
+
+        Args:
+            durations_ns: (n,) ns.
+        """
         if not durations_ns.size:
             return
         bins = np.clip(durations_ns, 0, None) // BIN_NS

@@ -90,7 +90,7 @@ class Turn:
 
     @contextmanager
     def given(self) -> Iterator[None]:
-        """Give the turn away while the loop's thread waits."""
+        """Return a context in which the turn is given away, while the loop's thread waits."""
         if not self.is_shared:
             yield
             return
@@ -102,7 +102,7 @@ class Turn:
 
     @contextmanager
     def given_to_kernel(self) -> Iterator[None]:
-        """Give it away while a kernel runs."""
+        """Return a context in which it is given away while a kernel runs."""
         if not self.is_shared:
             yield
             return
@@ -119,7 +119,7 @@ class Turn:
 
     @contextmanager
     def taken(self) -> Iterator[None]:
-        """Take the turn, once no kernel runs."""
+        """Return a context that has the turn, and in which no kernel runs."""
         if not self.is_shared:
             yield
             return
