@@ -127,7 +127,7 @@ class Peer:
     """
 
     def __init__(self, folder: Path, received: str, spoken: str) -> None:
-        self.lane, self.got, self.sent_ns = Lane(folder), [], list[int]()
+        self.lane, self.got = Lane(folder), list[bytes]()
         self.received, self.spoken = received, spoken
         self.number = 0
         if received:
@@ -135,7 +135,6 @@ class Peer:
 
     def _get(self, message: bytes, origin: Origin) -> None:
         self.got.append(message)
-        self.sent_ns.append(origin.sent_ns)
 
     def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
         """Send a message; ``both`` as if through the middleware too."""
