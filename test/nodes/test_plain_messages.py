@@ -133,7 +133,7 @@ class Peer:
         if received:
             self.lane.listen(received, self._get)
 
-    def _get(self, message: bytes, origin: Origin) -> None:
+    def _get(self, message: bytes, _: Origin) -> None:
         self.got.append(message)
 
     def speak(self, message: bytes, outlet: int = 1, both: bool = False) -> None:
