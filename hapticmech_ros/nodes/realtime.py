@@ -292,12 +292,12 @@ def longest_idle_exit_us() -> int:
 
 
 def slice_ns() -> int:
-    """Return the slice (ns) of the thread that asks; 0 where the system has none or hides it."""
+    """Return the slice (ns) of the process's main thread; 0 if there is none, or it is hidden."""
     call = _SCHED_CALLS.get(platform.machine())
     if call is None:
         return 0
     found = ctypes.create_string_buffer(_SCHED_ATTRIBUTES.size)
-    if ctypes.CDLL(None).syscall(call[1], 0, found, _SCHED_ATTRIBUTES.size, 0):
+    if ctypes.CDLL(None).syscall(call[1], os.getpid(), found, _SCHED_ATTRIBUTES.size, 0):
         return 0
     return int(_SCHED_ATTRIBUTES.unpack(found.raw)[5])
 
@@ -333,17 +333,18 @@ def _ask_for_slice(thread: int, length_ns: int = SLICE_NS) -> None:
 
 
 def scheduling() -> str:
-    """Return how the system schedules the thread that asks.
+    """Return how the system schedules the process's main thread, which is the loop's.
 
     Returns:
         Policy, and priority or nice value; the slice where it is the one that is asked for here.
     """
-    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    main = os.getpid()
+    policy = os.sched_getscheduler(main) & ~os.SCHED_RESET_ON_FORK
     name = _NAMES.get(policy, f"policy {policy}")
-    priority = os.sched_getparam(0).sched_priority
+    priority = os.sched_getparam(main).sched_priority
     if priority:
         return f"{name} {priority}"
-    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    nice = os.getpriority(os.PRIO_PROCESS, main)
     short = f", slice {SLICE_NS // 1000} us" if slice_ns() == SLICE_NS else ""
     return f"{name}, nice {nice}{short}" if nice else f"{name}{short}"
 

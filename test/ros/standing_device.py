@@ -7,6 +7,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from typing import Any
 
 from hapticmech_ros.nodes import loop
 from hapticmech_ros.nodes.entry import start
@@ -28,6 +29,10 @@ class Standing:
     def _stand(self, number: int, frame: object) -> None:
         del number, frame
         self._stands = True
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else the executor has."""
+        return getattr(self._executor, name)
 
     def spin_once(self, timeout_sec: float) -> None:
         """Stand still if told to, else do what the executor does."""
