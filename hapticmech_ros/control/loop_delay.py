@@ -58,11 +58,6 @@ class RoundTripEstimate:
         self._window = np.zeros(WINDOW)
         self._count = 0
 
-    @property
-    def until_renewed(self) -> int:
-        """How many more round trips leave the value as it is."""
-        return EVERY - self._count % EVERY - 1
-
     def add(self, round_trip: float) -> None:
         """Add one round trip, s."""
         self._window[self._count % WINDOW] = round_trip

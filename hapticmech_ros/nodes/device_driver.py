@@ -582,7 +582,7 @@ class DeviceDriver(ClockedActor[D]):
         link.done, link.held = 0, -1 if held is None else self._ticks_held
         link.gain_ns, link.remembers = gain[1], self.loop.count
         link.gain_newest, link.gain_arrived, link.gain_after = *order, self.loop.from_ns
-        link.most_trips, link.trips = self.answers.until_renewed, 0
+        link.trips = 0
         # The first one whose number is divided by it is seen.
         link.until_view = 1 + -self._ticks % self.view_every
         return True

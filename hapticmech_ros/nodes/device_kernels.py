@@ -96,7 +96,7 @@ class DeviceLink(Link):
         held: for how many periods the hand has held, or -1.
         gain_ns: since when it is known how commands depend on the device.
         remembers: how many samples are remembered.
-        most_trips, trips: how many round trips change nothing, and how many were noted.
+        trips: how many round trips were noted.
         gain_newest: stamp of the newest gain.
         gain_arrived: when it came.
         gain_after: which samples it must answer, those later than this.
@@ -116,7 +116,6 @@ class DeviceLink(Link):
     held = Whole()
     gain_ns = Whole()
     remembers = Whole()
-    most_trips = Whole()
     trips = Whole()
     gain_newest = Whole()
     gain_arrived = Whole()
@@ -273,7 +272,7 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (28,) how things stand, a :class:`DeviceLink`; changed.
+        shared: (27,) how things stand, a :class:`DeviceLink`; changed.
         inputs: (2, 9) a ``lane_kernels.Reading`` each, of commands and gains; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
@@ -309,7 +308,7 @@ def drive_at_deadlines(
         period: s.
         energies: (2,) E_m as it was received, J, and from what on it counts; NaN while nobody
             sends it; changed.
-        trips: (n,) to fill: s, of samples and their answers.
+        trips: (n,) to fill: s, of samples and their answers; as many as ``ages``.
         ages: (n,) to fill: of the commands, ns.
         listened: (1,) until when the middleware was listened to, ns of the monotonic clock.
 
@@ -355,7 +354,7 @@ def drive_at_deadlines(
             time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = read_command(link, frame, plain, values, most, time)
             overtaken = stamp < link.newest or stamp == time
-            if stamp == UNSOUND or overtaken or link.trips == trips.size:
+            if stamp == UNSOUND or overtaken:
                 return TO_READ
             take(read, words, frame, copies)
             if link.received <= known < came:
@@ -417,6 +416,4 @@ def drive_at_deadlines(
             return TO_LOOK_AT
         if left:
             return TO_SEND
-        if link.trips > link.most_trips:
-            break
     return TIME_IS_UP

@@ -16,7 +16,6 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.control.loop_delay import EVERY
 from hapticmech_ros.control.loop_layout import DeviceAccount
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import (
@@ -38,6 +37,7 @@ from hapticmech_ros.nodes.inputs import Stamped
 from hapticmech_ros.nodes.local_loop import NO_GAIN
 from hapticmech_ros.nodes.parameters import DeviceParameters
 from hapticmech_ros.nodes.plain_messages import (
+    MOST_READ,
     PlainCommand,
     PlainMessages,
     Publication,
@@ -148,7 +148,7 @@ class DeviceTicks(PlainMessages):
         self._frame, self._command = frame, command
         self._most = message_bounds(DeviceStateMessage, actor.limits).most
         self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._commands, self._trips = np.zeros((2, 6)), np.zeros(2 * EVERY)
+        self._commands, self._trips = np.zeros((2, 6)), np.zeros(MOST_READ)
         self._state, self._later = SimulatedState().values, SimulatedState().values
         self._model = NO_GAIN.copy()
         self._out.obeys = True

@@ -345,11 +345,6 @@ class Answers(InOrder):
             self._estimate.add((now_ns - stamp_ns) / NANOSECONDS)
         return True
 
-    @property
-    def until_renewed(self) -> int:
-        """How many more answers leave :attr:`round_trip` as it is."""
-        return self._estimate.until_renewed
-
     def went_on(self, newest: tuple[int, int], trips: Sequence[float]) -> None:
         """Note answers.
 
