@@ -20,6 +20,8 @@ import numpy as np
 from hapticmech_ros.nodes.lane_kernels import DEAF_NS
 
 FOR_EVER = 1 << 62
+# For how long the loop lets those who wait for their turn go first, at a time, s.
+LETS_S = 20e-6
 
 
 class Turn:
@@ -36,6 +38,8 @@ class Turn:
         self.bell, self.rope = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._turn, self._kernel = threading.RLock(), threading.Lock()
         self._loop, self.kernel_runs = 0, False
+        # Threads that wait for their turn: a lock alone lets a busy loop have it again and again.
+        self._wanting: set[int] = set()
         self.listened = np.array([FOR_EVER])
         # Of what people see: whose it is to publish that, and what there is to be published.
         self._publishing = threading.Lock()
@@ -98,7 +102,12 @@ class Turn:
         try:
             yield
         finally:
-            self._turn.acquire()
+            self._take_back()
+
+    def _take_back(self) -> None:
+        while self._wanting:
+            time.sleep(LETS_S)
+        self._turn.acquire()
 
     @contextmanager
     def given_to_kernel(self) -> Iterator[None]:
@@ -115,7 +124,7 @@ class Turn:
                 finally:
                     self.kernel_runs = False
         finally:
-            self._turn.acquire()
+            self._take_back()
 
     @contextmanager
     def taken(self) -> Iterator[None]:
@@ -123,7 +132,9 @@ class Turn:
         if not self.is_shared:
             yield
             return
+        self._wanting.add(threading.get_ident())
         with self._turn:
+            self._wanting.discard(threading.get_ident())
             if self.kernel_runs:
                 self.ring()
                 # No other one begins: for that the loop's thread needs the turn.

@@ -71,6 +71,32 @@ def test_callbacks_run_while_the_loop_waits_and_not_while_it_works(
     wait_for(ran.is_set, exchange)
 
 
+def test_a_loop_that_is_always_busy_lets_callbacks_have_their_turn(
+    process: tuple[Queued, Exchange, Threads],
+) -> None:
+    executor, exchange, _ = process
+    assert exchange.lane is not None
+    for _ in range(30):
+        began, ran = threading.Event(), threading.Event()
+
+        def callback(began: threading.Event = began, ran: threading.Event = ran) -> None:
+            began.set()
+            with exchange.taken():
+                ran.set()
+
+        executor.queue.put(callback)
+        assert began.wait(20.0)
+        time.sleep(0.001)
+        for _ in range(3):
+            # There is always something to read, and it takes most of the time.
+            exchange.lane.turn.ring()
+            exchange.collect(0.01)
+            end = time.monotonic() + 200e-6
+            while time.monotonic() < end:
+                pass
+        assert ran.is_set()
+
+
 def test_a_callback_that_may_change_deadlines_ends_the_wait(
     process: tuple[Queued, Exchange, Threads],
 ) -> None:
