@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.graph import start_process, stop_process
+from hapticmech_ros.graph.processes import start_process, stop_process
 
 Found = TypeVar("Found")
 

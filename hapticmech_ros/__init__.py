@@ -18,8 +18,9 @@ know, and what comes into and out of each part::
     bag          messages <-> files
 
 robot, live, haply, view, experiment, analysis, offline and study are beside them: of the ten, none
-but their own nodes and the commands (cli) import these. Below the ten, and without them, are
-numerics, compilation (of kernels), files, system and errors.
+but their own nodes import these. Above all are graph (nodes as processes, and the experiment over
+them) and cli (the commands). Below the ten, and without them, are numerics, compilation (of
+kernels), files, system and errors.
 """
 
 from importlib import import_module

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hapticmech_ros.files import shared
-from hapticmech_ros.graph import private_environment
+from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.system import discovery
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE, choose_discovery, exposure
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hapticmech_ros.graph import SHARING_NICE, Graph, GraphLoad, LoadWatch
+from hapticmech_ros.graph.processes import SHARING_NICE, Graph, GraphLoad, LoadWatch
 from hapticmech_ros.system import cpu_list
 from hapticmech_ros.system.readiness import Report
 from real_time import grants_nice

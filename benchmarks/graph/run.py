@@ -29,7 +29,7 @@ from benchmarks.graph.recorded import recorded
 from benchmarks.graph.statuses import Figures, Status, around, said, status_of
 from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.graph import Graph, private_environment, ros_arguments, start_process
+from hapticmech_ros.graph.processes import Graph, private_environment, ros_arguments, start_process
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.system.readiness import Readiness

@@ -35,7 +35,7 @@ from hapticmech_ros.cli.console import OutOption
 from hapticmech_ros.cli.graph import nodes_of
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.haply.emulator import EmulatedInverse3, spoilt
 from hapticmech_ros.haply.messages import cursor_of, found_in, parsed
 from hapticmech_ros.loading.loader import copy_scene

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.children import STARTS_WITHIN_S, BenchError, next_line
-from hapticmech_ros.graph import private_environment, start_process, stop_process
+from hapticmech_ros.graph.processes import private_environment, start_process, stop_process
 from hapticmech_ros.numerics import Array
 
 

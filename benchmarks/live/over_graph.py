@@ -22,7 +22,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from benchmarks.children import BenchError
 from benchmarks.live.browser import Page, wait_until
 from benchmarks.live.served import drag, sight
-from hapticmech_ros.graph import private_environment, stop_process
+from hapticmech_ros.graph.processes import private_environment, stop_process
 from hapticmech_ros.nodes.messages import STREAM_PUBLISHER
 from hapticmech_ros.numerics import Array
 

@@ -19,7 +19,7 @@ from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from benchmarks.reliability.rig import Rig
 from benchmarks.reliability.soak import growth, render
 from benchmarks.reliability.trial import GOAL_PEAK
-from hapticmech_ros.graph import stop_process
+from hapticmech_ros.graph.processes import stop_process
 
 PART = "disk"
 FULL_S, QUICK_FULL_S = 600.0, 10.0

@@ -29,7 +29,7 @@ from benchmarks.reliability.emulated_network import (
 from benchmarks.reliability.figure import Figure, unmeasured
 from hapticmech_ros.compilation.library import compile_ahead
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.graph import stop_process
+from hapticmech_ros.graph.processes import stop_process
 from hapticmech_ros.system.discovery import PEERS, PROFILES, RANGE
 
 PART = "exposure"

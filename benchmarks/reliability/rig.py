@@ -19,7 +19,7 @@ from benchmarks.reliability.sample import DEVICE, Ring, Samples
 from benchmarks.reliability.stepped_clock import SteppedClock
 from benchmarks.reliability.usage import processor_s
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import lane_folder

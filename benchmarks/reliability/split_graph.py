@@ -21,7 +21,12 @@ from numpy.typing import NDArray
 
 from benchmarks.children import ReportingProcess, finding_benchmarks, output_to, wait_until
 from benchmarks.reliability.emulated_network import DEVICE, REST, EmulatedNetwork
-from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_processes
+from hapticmech_ros.graph.processes import (
+    private_environment,
+    ros_arguments,
+    start_process,
+    stop_processes,
+)
 from hapticmech_ros.wire.messages import DeviceStateMessage
 
 Array = NDArray[np.float64]

@@ -34,7 +34,7 @@ from benchmarks.reliability.hostile import Hostile
 from benchmarks.reliability.memory_growth import MemoryGrowth, worst_growth
 from benchmarks.reliability.outputs import Outputs
 from benchmarks.reliability.usage import resident
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import wait_for_messages
 from hapticmech_ros.nodes.messages import LATCHED

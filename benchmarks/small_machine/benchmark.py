@@ -27,7 +27,7 @@ from hapticmech_ros.analysis.study import NOTHING, Sheet, Show, judged, number, 
 from hapticmech_ros.cli.console import OutOption, words
 from hapticmech_ros.cli.study import JsonOption, carry_out
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.graph import RATES
+from hapticmech_ros.graph.processes import RATES
 
 PROCESSORS, BUSY, CORES = 2, 2, 1.2
 LOADS = ("alone", "busy", "quota")

@@ -17,7 +17,7 @@ from typing import Any
 
 from benchmarks.children import BenchError, output_to
 from hapticmech_ros.analysis.study import number
-from hapticmech_ros.graph import start_process, stop_process
+from hapticmech_ros.graph.processes import start_process, stop_process
 
 SCENE = "five_bar"
 FIGURES = ("fig5a.png", "fig5b.png", "fig5c.png")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchmarks.children import BenchError, next_line, output_to
 from benchmarks.small_machine.demo_run import SCENE, hapticmech
-from hapticmech_ros.graph import start_process, stop_process
+from hapticmech_ros.graph.processes import start_process, stop_process
 
 PROGRAM = """
 import rclpy

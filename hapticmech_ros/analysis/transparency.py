@@ -40,7 +40,6 @@ from hapticmech_ros.analysis.study import Results, Sheet, Show, complex_parts, s
 from hapticmech_ros.analysis.touch import Setup, fine_times, write_script
 from hapticmech_ros.bag import BagReader
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.experiment.figure_style import (
     BLUE,
     GREY,
@@ -51,6 +50,7 @@ from hapticmech_ros.experiment.figure_style import (
     legend_outside,
     new_figure,
 )
+from hapticmech_ros.graph.demo import record_graph
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene, document_of

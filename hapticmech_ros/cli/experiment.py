@@ -57,8 +57,8 @@ def demo(
     changes: ChangesOption = None,
 ) -> None:
     """Run the paper's experiment over ROS: graph, bag, figures, summary."""
-    from hapticmech_ros.experiment.demo import run_demo
     from hapticmech_ros.experiment.from_session import UnfinishedRunError
+    from hapticmech_ros.graph.demo import run_demo
     from hapticmech_ros.loading import load_scene
 
     (scene,) = with_changes([scene], changes, out)

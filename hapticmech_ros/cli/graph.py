@@ -35,7 +35,7 @@ from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import DEVICE, MECHANISM
 
 if TYPE_CHECKING:
-    from hapticmech_ros.graph import AuxiliaryProcess, Graph
+    from hapticmech_ros.graph.processes import AuxiliaryProcess, Graph
 from collections.abc import Iterator
 
 from rich.box import SIMPLE_HEAD
@@ -211,10 +211,10 @@ def run(
     ] = None,
 ) -> None:
     """Start the nodes on SCENE and keep them running until Ctrl-C."""
-    from hapticmech_ros.graph import SHARING_NICE, AuxiliaryProcess, Graph, LoadWatch
+    from hapticmech_ros.graph.lockstep import LockstepRun, run_lockstep
+    from hapticmech_ros.graph.processes import SHARING_NICE, AuxiliaryProcess, Graph, LoadWatch
     from hapticmech_ros.live.settings import VISER
     from hapticmech_ros.loading import load_scene
-    from hapticmech_ros.lockstep import LockstepRun, run_lockstep
     from hapticmech_ros.system.cpu_list import available_cores
     from hapticmech_ros.system.installation import refuse_unmet
     from hapticmech_ros.wire.topics import PAGE, VIEWER
@@ -478,7 +478,7 @@ def settings_of(texts: list[str]) -> dict[str, object]:
 
 def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> AuxiliaryProcess:
     """Start a recorder of everything beside a graph."""
-    from hapticmech_ros.graph import AuxiliaryProcess, start_process
+    from hapticmech_ros.graph.processes import AuxiliaryProcess, start_process
 
     command = [sys.executable, "-m", "hapticmech_ros", "bag", "record", "--all"]
     command += ["--out", str(record), "--storage", storage, "--transport", transport]

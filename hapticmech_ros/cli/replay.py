@@ -50,8 +50,8 @@ def replay(
     """Feed a session's inputs into a graph in lockstep, record what comes out, and compare."""
     from hapticmech_ros.bag.compare import compare
     from hapticmech_ros.cli.bag_tables import show_comparison
-    from hapticmech_ros.lockstep import LockstepRun
-    from hapticmech_ros.lockstep import replay as run_replay
+    from hapticmech_ros.graph.lockstep import LockstepRun
+    from hapticmech_ros.graph.lockstep import replay as run_replay
     from hapticmech_ros.wire.topics import topic_of
 
     stop = stop_by_signals()

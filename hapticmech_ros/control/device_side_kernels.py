@@ -28,11 +28,10 @@ from hapticmech_ros.control.loop_layout import (
     DeviceAccount,
     HandMemory,
     HandsCorrection,
-    LocalModel,
 )
 from hapticmech_ros.device.safety_kernels import Safety, stay_bounded, stay_within
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
 from hapticmech_ros.numerics.small_matrices import add_scaled
 
 

@@ -10,7 +10,14 @@ held; what is said to be known, or to hold, is 1, or else 0.
 from __future__ import annotations
 
 from hapticmech_ros.compilation.records import Nested, Number, Record, Vector, Whole, matrix
-from hapticmech_ros.numerics.layout import TWIST, WRENCH, DeviceSample, Pose
+from hapticmech_ros.numerics.layout import (
+    TWIST,
+    WRENCH,
+    ControllerEnergies,
+    DeviceSample,
+    LocalModel,
+    Pose,
+)
 
 # By so much more than evenly a damper brakes in what is left of its time, at a start.
 BRAKE = 1.2
@@ -43,19 +50,6 @@ class ControllerSettings(Record):
     c1, c2, c3, c4, c5, c6 = Number(), Number(), Number(), Number(), Number(), Number()
     ramp, carries, force_limit, torque_limit = Number(), Number(), Number(), Number()
     engaged_at, displacement, turn = Number(), Vector(3), Vector(4)
-
-
-class ControllerEnergies(Record):
-    """Energies of the controllers since rendering started; see :mod:`.account_kernels`.
-
-    Attributes:
-        to_mechanism: E_m, given to the mechanism at its operational point, J.
-        stored: S, held in springs now, J.
-        injected: E_inj, that came by directions and gains that changed, J.
-        dissipated: E_b, lost in dampers, J.
-    """
-
-    to_mechanism, stored, injected, dissipated = Number(), Number(), Number(), Number()
 
 
 class ControllerAccount(Record):
@@ -100,19 +94,6 @@ class ControlWrenches(Record):
 
     on_hand, on_mechanism = Vector(6), Vector(6)
     impedance, joint_constraint, four_channel, error = Vector(6), Vector(6), Vector(6), Vector(6)
-
-
-class LocalModel(Record):
-    """How a wrench on the hand depends on the device, which corrects it by that; SI.
-
-    Attributes:
-        force: G, wrench per F_h: 1, m and 1/m.
-        stiffness: K, wrench per displacement ξ: N/m, N/rad, N and N m/rad.
-        damping: B, wrench per twist v: N s/m, N s/rad, N s and N m s/rad.
-    """
-
-    force, stiffness = matrix(6, 6, "ratio"), matrix(6, 6, "stiffness")
-    damping = matrix(6, 6, "damping")
 
 
 class Answer(Record):

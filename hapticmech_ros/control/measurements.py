@@ -26,6 +26,7 @@ from hapticmech_ros.numerics.layout import (
     OperationalModelSample,
     Pose,
 )
+from hapticmech_ros.numerics.quaternions import place_of
 from hapticmech_ros.operational import OperationalAnalysis
 
 
@@ -158,17 +159,6 @@ def point_of(operational_model: Array) -> PointMeasurement:
     model = OperationalModelSample(operational_model)
     place = place_of(np.concatenate((model.position, model.quaternion)))
     return PointMeasurement(place, model.twist, model.contact)
-
-
-def place_of(numbers: Array) -> pin.SE3:
-    """Return the pose of a position, m, and a quaternion of any length but 0, (7,) in all.
-
-    Args:
-        numbers: (7,) position, m, and quaternion x, y, z, w.
-    """
-    quaternion = numbers[3:]
-    length = float(np.sqrt(quaternion @ quaternion))
-    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), numbers[:3])
 
 
 class InFlight(NamedTuple):

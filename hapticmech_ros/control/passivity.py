@@ -35,17 +35,12 @@ from hapticmech_ros.control.device_side_kernels import (
     correct,
     energy_available,
 )
-from hapticmech_ros.control.loop_layout import (
-    DeviceAccount,
-    HandMemory,
-    HandsCorrection,
-    LocalModel,
-)
+from hapticmech_ros.control.loop_layout import DeviceAccount, HandMemory, HandsCorrection
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import NO_WRENCH
 from hapticmech_ros.device.safety import SafetyEnvelope, SafetyLimits, safety_limits
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 

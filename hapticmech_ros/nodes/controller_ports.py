@@ -54,10 +54,10 @@ from collections.abc import Mapping
 
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.control.loop_layout import ControllerEnergies
 from hapticmech_ros.control.rendering_controller import ControllerCommand
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import write_wrench
+from hapticmech_ros.numerics.layout import ControllerEnergies
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire

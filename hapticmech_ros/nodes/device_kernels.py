@@ -15,12 +15,7 @@ from hapticmech_ros.control.device_side_kernels import (
     correct,
     take_energy,
 )
-from hapticmech_ros.control.loop_layout import (
-    DeviceAccount,
-    HandMemory,
-    HandsCorrection,
-    LocalModel,
-)
+from hapticmech_ros.control.loop_layout import DeviceAccount, HandMemory, HandsCorrection
 from hapticmech_ros.device.kernels import (
     DeviceModel,
     PublishedState,
@@ -61,7 +56,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     wait_until,
 )
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
 from hapticmech_ros.wire.kernels import (
     GAIN,
     QUATERNION_TOLERANCE,

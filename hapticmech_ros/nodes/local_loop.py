@@ -16,7 +16,7 @@ import numpy as np
 
 from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.loop_delay import RoundTripEstimate
-from hapticmech_ros.control.loop_layout import HandMemory, LocalModel
+from hapticmech_ros.control.loop_layout import HandMemory
 from hapticmech_ros.control.other_hands import NO_OTHERS, OtherHands
 from hapticmech_ros.control.passivity import corrected
 from hapticmech_ros.nodes.device_kernels import MICROSECOND, find_sample
@@ -25,7 +25,7 @@ from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.timeouts import ByRate
 from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample
+from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 from hapticmech_ros.wire.bounds import Bounds, message_bounds, read
 from hapticmech_ros.wire.layouts import CouplingMatrices

@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
+from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import grasp_written
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
@@ -54,7 +55,6 @@ from hapticmech_ros.session.tick_kernels import (
 from hapticmech_ros.simulation import MechanismState, Simulator
 from hapticmech_ros.wire.bounds import pose_bounds
 from hapticmech_ros.wire.cdr import FlatArray
-from hapticmech_ros.wire.layouts import energy_of
 from hapticmech_ros.wire.messages import MechanismEnergy
 from hapticmech_ros.wire.stamped import JointStateWriter
 from hapticmech_ros.wire.state import StateLayout, WireState, coordinate_names
@@ -653,3 +653,24 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         for name in points:
             listened.listen(EXTERNAL_WRENCH.of(name))
         return listened
+
+
+def energy_of(mechanism: Mechanism, state: MechanismState, time_ns: int) -> MechanismEnergy:
+    """Return the energies of a mechanism at a state, at a time (ns).
+
+    What contacts hold counts as potential energy, what they lose as lost by damping.
+    """
+    kinetic, potential = mechanism.energy(state.q, state.v)
+    account = state.account
+    return MechanismEnergy.of(
+        time_ns,
+        kinetic=kinetic,
+        potential=potential + account.contact_energy,
+        work_in=account.work_in,
+        damping_loss=account.damping_loss + account.contact_loss,
+        latch_loss=account.latch_loss,
+        closure_error=state.closure_error,
+        surplus=account.surplus,
+        refined=account.refined,
+        inaccurate=account.inaccurate,
+    )

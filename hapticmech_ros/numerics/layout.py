@@ -1,13 +1,13 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a device measures, and what rendering needs of an operational point, as records.
+"""What device, analysis and controllers pass to each other, as records, in a session and a graph.
 
 What the numbers of stamps, twists and wrenches are, for the layouts of messages.
 """
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation.records import Record, Vector, matrix
+from hapticmech_ros.compilation.records import Number, Record, Vector, matrix
 
 SECONDS = ("seconds", "nanoseconds")
 TWIST = ("linear_velocity",) * 3 + ("angular_velocity",) * 3
@@ -66,3 +66,29 @@ class OperationalModelSample(Record):
     quaternion = Vector(4, "quaternion")
     twist = Vector(6, TWIST)
     contact = Vector(6, WRENCH)
+
+
+class ControllerEnergies(Record):
+    """Energies of the controllers since rendering started.
+
+    Attributes:
+        to_mechanism: E_m, given to the mechanism at its operational point, J.
+        stored: S, held in springs now, J.
+        injected: E_inj, that came by directions and gains that changed, J.
+        dissipated: E_b, lost in dampers, J.
+    """
+
+    to_mechanism, stored, injected, dissipated = Number(), Number(), Number(), Number()
+
+
+class LocalModel(Record):
+    """How a wrench on the hand depends on the device, which corrects it by that; SI.
+
+    Attributes:
+        force: G, wrench per F_h: 1, m and 1/m.
+        stiffness: K, wrench per displacement ξ: N/m, N/rad, N and N m/rad.
+        damping: B, wrench per twist v: N s/m, N s/rad, N s and N m s/rad.
+    """
+
+    force, stiffness = matrix(6, 6, "ratio"), matrix(6, 6, "stiffness")
+    damping = matrix(6, 6, "damping")

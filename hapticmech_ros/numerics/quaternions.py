@@ -32,3 +32,14 @@ def turned(six: Array, rotation: Array) -> Array:
         rotation: (3, 3) its axes in those that are wanted.
     """
     return np.concatenate((rotation @ six[:3], rotation @ six[3:]))
+
+
+def place_of(numbers: Array) -> pin.SE3:
+    """Return the pose of a position, m, and a quaternion of any length but 0, (7,) in all.
+
+    Args:
+        numbers: (7,) position, m, and quaternion x, y, z, w.
+    """
+    quaternion = numbers[3:]
+    length = float(np.sqrt(quaternion @ quaternion))
+    return pin.SE3(pin.Quaternion(quaternion / length).matrix(), numbers[:3])

@@ -26,7 +26,6 @@ from hapticmech_ros.control.loop_layout import (
     ActingWrenches,
     Answer,
     ControllerAccount,
-    ControllerEnergies,
     ControllerSettings,
     DeviceAccount,
     HandMemory,
@@ -50,7 +49,7 @@ from hapticmech_ros.mechanism.closures import grasped
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.motion import NOTHING
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import DeviceSample, OperationalModelSample
+from hapticmech_ros.numerics.layout import ControllerEnergies, DeviceSample, OperationalModelSample
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.analysis import contact_wrench

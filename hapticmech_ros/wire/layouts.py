@@ -15,14 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from hapticmech_ros.compilation.records import Field, Layout
-from hapticmech_ros.control.measurements import place_of
 from hapticmech_ros.device import NO_WRENCH, DeviceState
-from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.numerics import Array
+from hapticmech_ros.numerics.quaternions import place_of
 from hapticmech_ros.operational import Analyser
 from hapticmech_ros.operational.observation import Observation, PastRates
 from hapticmech_ros.scene.document import Limits
-from hapticmech_ros.simulation import MechanismState
 from hapticmech_ros.wire.bounds import (
     Bounds,
     SixBounds,
@@ -35,7 +33,6 @@ from hapticmech_ros.wire.kernels import write_operational_model
 from hapticmech_ros.wire.messages import (
     STAMP,
     DeviceStateMessage,
-    MechanismEnergy,
     OperationalModelMessage,
 )
 from hapticmech_ros.wire.stamped import seconds_of
@@ -185,24 +182,3 @@ class CouplingWire:
         parts = {name: values[self.fields.slice(name)] for name in self._others}
         matrices = {name: part.reshape(6, 6) for name, part in parts.items() if part.any()}
         return CouplingMatrices(stamp, matrices)
-
-
-def energy_of(mechanism: Mechanism, state: MechanismState, time_ns: int) -> MechanismEnergy:
-    """Return the energies of a mechanism at a state, at a time (ns).
-
-    What contacts hold counts as potential energy, what they lose as lost by damping.
-    """
-    kinetic, potential = mechanism.energy(state.q, state.v)
-    account = state.account
-    return MechanismEnergy.of(
-        time_ns,
-        kinetic=kinetic,
-        potential=potential + account.contact_energy,
-        work_in=account.work_in,
-        damping_loss=account.damping_loss + account.contact_loss,
-        latch_loss=account.latch_loss,
-        closure_error=state.closure_error,
-        surplus=account.surplus,
-        refined=account.refined,
-        inaccurate=account.inaccurate,
-    )

@@ -23,9 +23,15 @@ from hapticmech_ros.compilation.records import (
     Vector,
     Whole,
 )
-from hapticmech_ros.control.loop_layout import ControllerEnergies, LocalModel
 from hapticmech_ros.numerics import Array
-from hapticmech_ros.numerics.layout import SECONDS, WRENCH, DeviceSample, OperationalModelSample
+from hapticmech_ros.numerics.layout import (
+    SECONDS,
+    WRENCH,
+    ControllerEnergies,
+    DeviceSample,
+    LocalModel,
+    OperationalModelSample,
+)
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of
 

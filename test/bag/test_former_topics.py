@@ -13,8 +13,8 @@ from hapticmech_ros.bag import BagReader, BagWriter
 from hapticmech_ros.bag.reader import FORMER, present_name, refuse_former_topics
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment.from_bag import record_from_bag
+from hapticmech_ros.graph.lockstep import LockstepRun, replay
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.lockstep import LockstepRun, replay
 from hapticmech_ros.wire.topics import TOPICS
 
 Bytes = Callable[[int, float], bytes]

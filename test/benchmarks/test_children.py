@@ -10,7 +10,7 @@ from benchmarks.children import (
     finding_benchmarks,
     wait_until,
 )
-from hapticmech_ros.graph import start_process
+from hapticmech_ros.graph.processes import start_process
 
 
 def busy_children(parent: int) -> set[int]:

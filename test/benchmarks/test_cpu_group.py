@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from benchmarks.small_machine.cpu_group import cpu_group, places
-from hapticmech_ros.graph import start_process
+from hapticmech_ros.graph.processes import start_process
 
 FILES = {1: ("cpu.cfs_period_us", "cpu.cfs_quota_us"), 2: ("cpu.max",)}
 SLEEP = [sys.executable, "-I", "-S", "-c", "import time; print('in', flush=True); time.sleep(600)"]

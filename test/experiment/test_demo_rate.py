@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from hapticmech_ros.experiment import demo
-from hapticmech_ros.experiment.demo import GraphRun, record_graph, run_demo
-from hapticmech_ros.graph import GraphLoad, events_of, start_process, stop_process
+from hapticmech_ros.graph.demo import GraphRun, record_graph, run_demo
+from hapticmech_ros.graph.processes import GraphLoad, events_of, start_process, stop_process
 from hapticmech_ros.system.readiness import Report
 
 # Says that it is ready and waits, then gets no processor.

@@ -7,9 +7,9 @@ from contextlib import suppress
 
 import pytest
 
-from hapticmech_ros import graph
 from hapticmech_ros.compilation.library import compile_ahead
-from hapticmech_ros.graph import private_environment
+from hapticmech_ros.graph import processes
+from hapticmech_ros.graph.processes import private_environment
 from ros import forked
 from ros.harness import Peer, next_domain
 
@@ -21,7 +21,7 @@ def compiled_kernels() -> None:
 
 @pytest.fixture(autouse=True)
 def graphs_are_forked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph, "start_process", forked.start)
+    monkeypatch.setattr(processes, "start_process", forked.start)
 
 
 @pytest.fixture(autouse=True)

@@ -27,7 +27,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TextIO
 
-from hapticmech_ros.graph import _end_with_parent, start_process
+from hapticmech_ros.graph.processes import _end_with_parent, start_process
 from hapticmech_ros.system.discovery import choose_discovery
 
 # Bytes of a request: arguments and an environment.

@@ -28,7 +28,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 
-from hapticmech_ros.graph import (
+from hapticmech_ros.graph.processes import (
     _end_with_parent,
     private_environment,
     ros_arguments,

@@ -19,7 +19,7 @@ import sys
 import time
 from collections import Counter
 
-from hapticmech_ros.graph import ros_arguments
+from hapticmech_ros.graph.processes import ros_arguments
 from hapticmech_ros.nodes import runtime
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.realtime import QuickStart

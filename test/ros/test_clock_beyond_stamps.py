@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import Float64MultiArray
 
-from hapticmech_ros.graph import ros_arguments
+from hapticmech_ros.graph.processes import ros_arguments
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.messages import DeviceStateMessage

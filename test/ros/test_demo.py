@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.small_machine.demo_run import APART, POSITION_MM, ROTATION_DEG, faults
-from hapticmech_ros.experiment.demo import run_demo
+from hapticmech_ros.graph.demo import run_demo
 from sampling import only_long
 
 pytestmark = [pytest.mark.ros, pytest.mark.alone]

@@ -24,7 +24,7 @@ import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
 
-from hapticmech_ros.graph import private_environment
+from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.messages import message_class
 from hapticmech_ros.system.readiness import ADDRESS, Readiness
 from ros.harness import WAIT_S, Peer, figures, program, running, six

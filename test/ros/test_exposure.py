@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.reliability.emulated_network import not_permitted
 from benchmarks.reliability.exposure import plain_environment, visit
-from hapticmech_ros.graph import stop_process
+from hapticmech_ros.graph.processes import stop_process
 from hapticmech_ros.system.discovery import RANGE, listening
 from ros.harness import Peer
 

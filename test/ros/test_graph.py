@@ -12,7 +12,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from std_msgs.msg import UInt8
 
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.messages import stamp_ns
 from real_time import grants_real_time
@@ -74,7 +74,7 @@ def test_a_graph_ends_with_its_parent(domain: int, peer: Peer) -> None:
     statuses = peer.statuses()
     script = (
         "import os, time\n"
-        "from hapticmech_ros.graph import Graph\n"
+        "from hapticmech_ros.graph.processes import Graph\n"
         f"graph = Graph('five_bar', True, parameters={{'control_rate': {RATE}}})\n"
         "print(next(iter(graph.processes.values())).pid, flush=True)\n"
         "time.sleep(60)\n"

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from benchmarks.haply.emulated import Trace, emulated
 from hapticmech_ros.cli import app
-from hapticmech_ros.graph import private_environment, start_process, stop_process
+from hapticmech_ros.graph.processes import private_environment, start_process, stop_process
 from hapticmech_ros.loading.loader import copy_scene
 from hapticmech_ros.nodes.conformance import DriverTest
 from hapticmech_ros.scene.device import Device

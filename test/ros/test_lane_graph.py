@@ -16,7 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.bag import BagReader
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import Lane, lane_folder
 from ros.bag_processes import bag_command

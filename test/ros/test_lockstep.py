@@ -19,8 +19,8 @@ from hapticmech_ros import Mechanism, Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.control.measurements import device_of, point_of
 from hapticmech_ros.errors import BagError, InvalidInputError
-from hapticmech_ros.graph import private_environment, start_process, stop_process
-from hapticmech_ros.lockstep import LockstepError, LockstepRun, run_lockstep
+from hapticmech_ros.graph.lockstep import LockstepError, LockstepRun, run_lockstep
+from hapticmech_ros.graph.processes import private_environment, start_process, stop_process
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceEnergy, DeviceStateMessage, OperationalModelMessage

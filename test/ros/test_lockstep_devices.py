@@ -11,8 +11,8 @@ import pytest
 
 from hapticmech_ros import Session, load_scene
 from hapticmech_ros.bag.reader import BagReader
-from hapticmech_ros.graph import private_environment
-from hapticmech_ros.lockstep import LockstepRun, run_lockstep
+from hapticmech_ros.graph.lockstep import LockstepRun, run_lockstep
+from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.wire.bounds import read
 from hapticmech_ros.wire.cdr import decode
 from hapticmech_ros.wire.messages import DeviceStateMessage

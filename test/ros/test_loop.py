@@ -13,7 +13,7 @@ import rclpy
 from rclpy.task import Future
 from std_msgs.msg import UInt8
 
-from hapticmech_ros.graph import private_environment
+from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.loop import wait_for_messages

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import pytest
 from rcl_interfaces.msg import Log
 
-from hapticmech_ros.graph import Graph, private_environment
+from hapticmech_ros.graph.processes import Graph, private_environment
 from ros.harness import Peer
 
 pytestmark = pytest.mark.ros

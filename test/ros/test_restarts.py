@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import sampling
-from hapticmech_ros.graph import private_environment
+from hapticmech_ros.graph.processes import private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.lane import lane_folder
 from ros.harness import RATE, Peer

@@ -18,8 +18,8 @@ from std_msgs.msg import Float64MultiArray
 from benchmarks.children import wait_until
 from benchmarks.reliability.full_disk import FullDisk, NoDiskError
 from hapticmech_ros.cli.graph import HEARS_WITHIN_S, _receives
-from hapticmech_ros.experiment.demo import DemoError, record_graph
-from hapticmech_ros.graph import start_process
+from hapticmech_ros.graph.demo import DemoError, record_graph
+from hapticmech_ros.graph.processes import start_process
 from ros.harness import RATE, WAIT_S, Peer, child_of, program
 
 pytestmark = pytest.mark.ros
@@ -126,7 +126,7 @@ def test_a_demo_says_how_its_recorder_ended(
         begun.append(start_process(*arguments, **options))  # type: ignore[arg-type]
         return begun[-1]
 
-    monkeypatch.setattr("hapticmech_ros.experiment.demo.start_process", start)
+    monkeypatch.setattr("hapticmech_ros.graph.demo.start_process", start)
 
     def show(stage: str, done: float | None) -> None:
         if stage == "starting the graph":

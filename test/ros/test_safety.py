@@ -13,7 +13,12 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import SetBool
 
-from hapticmech_ros.graph import private_environment, ros_arguments, start_process, stop_process
+from hapticmech_ros.graph.processes import (
+    private_environment,
+    ros_arguments,
+    start_process,
+    stop_process,
+)
 from hapticmech_ros.nodes.messages import stamp_ns
 from ros.harness import RATE, Peer, allowing, running, six
 from ros.standing_device import STANDS_S

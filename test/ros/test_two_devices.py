@@ -17,11 +17,11 @@ from hapticmech_ros import load_scene
 from hapticmech_ros.bag.reader import BagReader
 from hapticmech_ros.errors import BagError
 from hapticmech_ros.experiment import compare
-from hapticmech_ros.experiment.demo import record_graph
 from hapticmech_ros.experiment.from_bag import HAND, read_series, shared_record_from_bag
 from hapticmech_ros.experiment.from_session import run_shared_session
-from hapticmech_ros.graph import Graph, private_environment
-from hapticmech_ros.lockstep import LockstepRun, replay, run_lockstep
+from hapticmech_ros.graph.demo import record_graph
+from hapticmech_ros.graph.lockstep import LockstepRun, replay, run_lockstep
+from hapticmech_ros.graph.processes import Graph, private_environment
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.messages import DeviceStateMessage

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from hapticmech_ros.bag.reader import BagReader, refuse_former_topics
 from hapticmech_ros.errors import BagError, HapticMechError, InvalidInputError
-from hapticmech_ros.graph import Graph, events_of, start_process, stop_process
+from hapticmech_ros.graph.processes import Graph, events_of, start_process, stop_process
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS, check_feeds, users_of

@@ -17,7 +17,8 @@ from hapticmech_ros.experiment.from_bag import record_from_bag, shared_record_fr
 from hapticmech_ros.experiment.from_session import run_session, run_shared_session
 from hapticmech_ros.experiment.record import health_from_bag
 from hapticmech_ros.experiment.run import write_results, write_shared_results
-from hapticmech_ros.graph import (
+from hapticmech_ros.graph.lockstep import LockstepRun, run_lockstep
+from hapticmech_ros.graph.processes import (
     MOST_MISSED,
     RATES,
     Graph,
@@ -30,7 +31,6 @@ from hapticmech_ros.graph import (
     stop_process,
 )
 from hapticmech_ros.loading import load_scene
-from hapticmech_ros.lockstep import LockstepRun, run_lockstep
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.system.cpu_list import available_cores
 from hapticmech_ros.system.readiness import Report
@@ -61,8 +61,8 @@ def run_demo(
     """Run the experiment over ROS.
 
     Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
-    is run at a lower one, of :data:`~hapticmech_ros.graph.RATES`, unless a rate is given. Where it
-    does not carry the lowest one either, or delays the loop, the experiment is run in lockstep.
+    is run at a lower one, of :data:`.processes.RATES`, unless a rate is given. Where it does not
+    carry the lowest one either, or delays the loop, the experiment is run in lockstep.
 
     Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
     several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
