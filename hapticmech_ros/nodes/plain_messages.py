@@ -321,13 +321,12 @@ class PlainMessages:
                 if any(row.left or row.unsent for row in self._sending):
                     self._code = kernels.TO_SEND
                     break
-        code, reads = self._code, link.reads
+        code = self._code
         self.settle()
         if code == kernels.TO_LOOK_AT:
             self._view()()
             self._actor.node.exchange.meet_failures()
-        # Who has read what came before is not behind: one after the other is soon enough.
-        return code == kernels.TO_READ, time.monotonic_ns() if reads else link.idle
+        return code == kernels.TO_READ, link.idle
 
     def _show(self, turn: Turn) -> bool:
         """Have another thread publish a view, if there is one; return whether there is.

@@ -308,6 +308,40 @@ def test_whoever_looked_a_moment_ago_takes_one_at_a_time_and_loses_none(
     assert received.messages == [b"0", b"1", b"2"]
 
 
+class LongWait:
+    """Waits as a kernel does, for longer than after which a process that has not waited is behind.
+
+    Args:
+        idle_ns: returns when it had to wait last, ns.
+    """
+
+    settled = True
+
+    def __init__(self, idle_ns: Callable[[], int]) -> None:
+        self._idle_ns = idle_ns
+
+    def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
+        del lane, waited, until_ns
+        return True
+
+    def __call__(self, lane: Lane) -> tuple[bool, int]:
+        del lane
+        time.sleep(2e-9 * lane_module.BEHIND_NS)
+        return True, self._idle_ns()
+
+
+@pytest.mark.parametrize(("idle_ns", "first"), [(time.monotonic_ns, [b"0"]), (lambda: 0, [b"2"])])
+def test_what_a_kernel_leaves_is_all_taken_if_it_was_waiting_a_moment_ago(
+    lanes: list[Lane], received: Received, idle_ns: Callable[[], int], first: list[bytes]
+) -> None:
+    receives, speaks, _ = lanes
+    receives.wait = LongWait(idle_ns)
+    for number in range(3):
+        send(speaks, b"%d" % number)
+    hand_on(receives, whole=False, timeout_s=0.1)
+    assert received.messages == first
+
+
 def test_whoever_is_slower_than_a_publisher_has_its_newest_messages(
     lanes: list[Lane], received: Received
 ) -> None:
