@@ -76,16 +76,17 @@ class DelayFollower:
 
     Attributes:
         delay: design delay, s, one way.
+        tolerated: longest round trip, s, of the declared delay and of the graph.
     """
 
     def __init__(self, connection: Connection) -> None:
         self._designed = self.delay = connection.designed
-        self._tolerated = 2.0 * connection.latest + OWN_S
+        self.tolerated = 2.0 * connection.latest + OWN_S
         self._shorter_since: float | None = None
 
     def exceeded(self, round_trip: float) -> bool:
         """Return whether a round trip (s) exceeds the declared delay plus that of the graph."""
-        return round_trip > self._tolerated
+        return round_trip > self.tolerated
 
     def is_settled(self, round_trip: float) -> bool:
         """Return whether the same round trip (s) would change nothing, however often it came."""

@@ -7,23 +7,20 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
+    GOES_ON,
     GRACE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
     PLAIN,
     TIME_IS_UP,
-    TO_LOOK_AT,
     TO_READ,
-    TO_SEND,
     Link,
     Reading,
     Sending,
-    look_is_due,
     note_read,
     peek,
-    publish_outside,
-    send_to_all,
+    publish,
     take,
     time_of,
     wait_until,
@@ -225,13 +222,10 @@ def answer_states(
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
         message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
-        send_to_all(sends, words, out_frame, targets, real)
+        code = publish(link, sends, words, out_frame, targets, real)
         note_read(link, read, ages, time, time - stamp, counted, sent)
         link.last = stamp
-        left = publish_outside(sends, out_frame)
-        if look_is_due(link):
-            return TO_LOOK_AT
-        if left:
-            return TO_SEND
+        if code != GOES_ON:
+            return code
         grace = 0
     return TIME_IS_UP

@@ -7,10 +7,8 @@ from __future__ import annotations
 from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.compilation.records import Nested, Record, Whole
 from hapticmech_ros.control.account_kernels import (
-    account_for_hand,
     account_for_motion,
-    conclude,
-    give_answer,
+    answer_sample,
     passive_wrench,
     queue_wrench,
     remember_commanded,
@@ -23,6 +21,7 @@ from hapticmech_ros.control.loop_layout import (
 )
 from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
+    GOES_ON,
     GRACE_NS,
     MONOTONIC,
     NOTHING,
@@ -31,14 +30,11 @@ from hapticmech_ros.nodes.lane_kernels import (
     SECOND,
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
-    TO_LOOK_AT,
     TO_READ,
-    TO_SEND,
     Link,
     Reading,
     Sending,
     arrival,
-    look_is_due,
     note_read,
     pass_over,
     peek,
@@ -47,6 +43,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     take,
     time_of,
     wait_until,
+    went_on,
     write_stamp,
 )
 from hapticmech_ros.numerics import Array
@@ -166,7 +163,7 @@ def plain_model(
 
 @inner
 def plain_sample(
-    link: ControllerLink, state: DeviceStateMessage, most: Array, round_trip: float, time: int
+    link: ControllerLink, state: DeviceStateMessage, most: Array, round_trips: Array, time: int
 ) -> int:
     """Return the stamp, ns, of a sample that is answered as those before it were; or UNSOUND.
 
@@ -174,13 +171,14 @@ def plain_sample(
         link: how things stand.
         state: the message.
         most: (29,) largest magnitudes.
-        round_trip: s, as the device has reported it.
+        round_trips: (2,) s, as of :func:`answer_samples`.
         time: now, ns of the node's time.
     """
     stamp = sound_stamp(state.values, most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE)
     if stamp == UNSOUND or abs(time - stamp) > link.oldest:
         return UNSOUND
-    if state.obeys != 1.0 or state.round_trip != round_trip:
+    alike = state.round_trip == round_trips[0] or 0.0 <= state.round_trip <= round_trips[1]
+    if state.obeys != 1.0 or not alike:
         return UNSOUND
     if stamp < link.newest or stamp == time:
         return UNSOUND
@@ -216,7 +214,7 @@ def write_gain(message: LocalFeedbackGain, stamp: int, answer: Answer) -> None:
     " int64[::1], float64[::1], int64[::1], float64[::1], float64[::1],"
     " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:, ::1], float64, int64[::1])",
+    " float64[:, ::1], float64[::1], int64[::1])",
     waits=True,
 )
 def answer_samples(
@@ -260,7 +258,7 @@ def answer_samples(
     motion: Array,
     moved: Array,
     wrenches: Array,
-    round_trip: float,
+    round_trips: Array,
     ages: Array,
 ) -> int:
     """Answer samples as they come.
@@ -308,7 +306,8 @@ def answer_samples(
         motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
         moved: (numbers,) to work with.
         wrenches: (2, 6) to work with.
-        round_trip: s, as the device has reported it.
+        round_trips: (2,) s, of the device's samples and their answers: as it has reported it last,
+            changed; and what it may be without a change of anything.
         ages: (n,) to fill: of the messages, ns.
 
     Returns:
@@ -356,7 +355,7 @@ def answer_samples(
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trip, time)
+        stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trips, time)
         if stamp == UNSOUND or has_paused(link.of_device, stamp, counted, link.period):
             return TO_READ
         sample = DeviceStateMessage(state).sample
@@ -381,9 +380,7 @@ def answer_samples(
             elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
         closed.with_model = 1.0 if stamp >= link.gain_from else 0.0
         account_for_motion(side, seen.twist, elapsed)
-        account_for_hand(side, sample)
-        give_answer(side, gains, faded, flying, sample, seen, time_s, ahead, closed, given)
-        conclude(side, gains, sample, seen, time_s, closed, given)
+        answer_sample(side, gains, faded, flying, sample, seen, time_s, ahead, closed, False, given)
         passive_wrench(side, given, wrenches[0])
         put(to_device, given.wrenches.on_hand)
         put(to_point, wrenches[0])
@@ -411,13 +408,13 @@ def answer_samples(
         note_sender(link.of_device, stamp, counted)
         note_read(link, states, ages, time, time - stamp, counted, sent)
         link.last, link.newest, link.arrived = time, stamp, time
+        round_trips[0] = DeviceStateMessage(state).round_trip
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
         left = publish_outside(for_device, device_frame) or left
         left = publish_outside(for_point, point_frame) or left
-        if look_is_due(link):
-            return TO_LOOK_AT
-        if left:
-            return TO_SEND
+        code = went_on(link, left)
+        if code != GOES_ON:
+            return code
         grace = 0
     return TIME_IS_UP

@@ -549,6 +549,13 @@ class DevicePath(InOrder):
         """Whether further samples that tell the same round trip change nothing."""
         return self.round_trip <= 0.0 or self._follower.is_settled(self.round_trip)
 
+    @property
+    def round_trips(self) -> tuple[float, float]:
+        """The round trip as it was reported last, and up to which another changes nothing, s."""
+        tolerated = self._follower.tolerated
+        alike = self.round_trip <= tolerated and self._follower.is_settled(tolerated)
+        return self.round_trip, tolerated if alike else 0.0
+
     def tune(
         self, control: ControlArchitecture, gains: Controller, soften: bool, time: float | None
     ) -> None:

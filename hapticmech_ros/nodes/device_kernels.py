@@ -28,6 +28,7 @@ from hapticmech_ros.device.motion_kernels import is_too_fast
 from hapticmech_ros.device.safety_kernels import Safety
 from hapticmech_ros.nodes.lane_kernels import (
     DEAF_NS,
+    GOES_ON,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -36,24 +37,22 @@ from hapticmech_ros.nodes.lane_kernels import (
     SECOND,
     TIME_IS_UP,
     TO_ACT,
-    TO_LOOK_AT,
     TO_READ,
     TO_SAY,
-    TO_SEND,
-    Link,
+    DeadlineLink,
     Reading,
     Sending,
     arrival,
-    is_set,
-    look_is_due,
-    note_read,
+    find_command,
+    is_late,
+    known_since,
     peek,
-    publish_outside,
-    read_command,
-    send_to_all,
+    publish,
+    stepped,
     take,
+    take_command,
     time_of,
-    wait_until,
+    wait_for_deadline,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
@@ -77,17 +76,12 @@ SAMPLE_SIZE = DeviceSample.layout.size
 MICROSECOND = 1000
 
 
-class DeviceLink(Link):
+class DeviceLink(DeadlineLink):
     """How things stand, for the device; times are ns, by the node's time.
 
     Attributes:
-        next, period: the next deadline, and the period.
-        timeout, fresh: how long a command stands, and how long what says how it depends on the
-            device.
-        received, received_before: since when a command stands, and the one before.
-        answered, answered_before: which samples they answer.
-        newest, arrived: the newest stamp, and when it came.
-        done: how many steps were done.
+        fresh: how long it counts what says how a command depends on the device.
+        answered, answered_before: which samples the commands answer.
         held: for how many periods the hand has held, or -1.
         gain_ns: since when it is known how commands depend on the device.
         remembers: how many samples are remembered.
@@ -97,17 +91,9 @@ class DeviceLink(Link):
         gain_after: which samples it must answer, those later than this.
     """
 
-    next = Whole()
-    period = Whole()
-    timeout = Whole()
     fresh = Whole()
-    received = Whole()
-    received_before = Whole()
     answered = Whole()
     answered_before = Whole()
-    newest = Whole()
-    arrived = Whole()
-    done = Whole()
     held = Whole()
     gain_ns = Whole()
     remembers = Whole()
@@ -267,7 +253,7 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (27,) how things stand, a :class:`DeviceLink`; changed.
+        shared: (28,) how things stand, a :class:`DeviceLink`; changed.
         inputs: (2, 9) a ``lane_kernels.Reading`` each, of commands and gains; changed.
         outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
         words: (5,) to work with.
@@ -315,20 +301,14 @@ def drive_at_deadlines(
     measured, published = DeviceSample(state).values, PublishedState(state).values
     side = DeviceAccount(account)
     while link.reads < ages.size:
-        deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
-        if now < deadline:
-            if now >= link.until:
-                break
-            # After a step there is time for Python, and not in the midst of the wait for the next.
-            end = deadline if link.done > 0 else min(deadline, link.until)
-            if wait_until(end, link, words, polled, 0) != NOTHING:
-                return TO_READ
+        if now < link.next - link.ahead:
+            code = wait_for_deadline(link, words, polled, now)
+            if code != GOES_ON:
+                return code
             continue
-        # Commands that came meanwhile act from the next step on: nobody had to be there for them.
-        known = link.next - link.period - 1
         while link.reads < ages.size:
-            found = peek(link, read, words, frame, prefix)
+            found = find_command(link, read, words, frame, prefix, plain, values, most)
             if found == NOTHING:
                 break
             if found == OTHER:
@@ -346,24 +326,16 @@ def drive_at_deadlines(
                 ):
                     continue
                 return TO_READ
-            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
-            stamp = read_command(link, frame, plain, values, most, time)
-            overtaken = stamp < link.newest or stamp == time
-            if stamp == UNSOUND or overtaken:
-                return TO_READ
-            take(read, words, frame, copies)
-            if link.received <= known < came:
-                put(commands[1], commands[0])
-                link.received_before, link.answered_before = link.received, link.answered
-            put(commands[0], values)
-            link.received, link.answered, link.newest, link.arrived = came, stamp, stamp, came
-            if row_of(stamps, link.remembers, stamp) >= 0:
-                trips[link.trips] = (came - stamp) / 1e9
+            if take_command(link, read, words, frame, copies, values, commands, found, ages):
+                link.answered_before = link.answered
+            link.answered = found
+            if row_of(stamps, link.remembers, found) >= 0:
+                trips[link.trips] = (link.received - found) / 1e9
                 link.trips += 1
-            note_read(link, read, ages, time, came - stamp, counted, sent)
         now_real, time = time_of(REALTIME, words), now + link.ahead
-        if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
+        if is_late(link, words, now, now_real):
             return TO_ACT
+        known = known_since(link)
         before, received, answered = 0, link.received, link.answered
         if link.received > known:
             before, received, answered = 1, link.received_before, link.answered_before
@@ -394,21 +366,15 @@ def drive_at_deadlines(
         move_device(device, now_there, link.held, next_there)
         put(state, later)
         link.held += int(link.held >= 0)
-        put(commands[1], commands[0])
-        link.received_before, link.answered_before = link.received, link.answered
-        stamp = link.next
-        link.next += link.period
-        link.done += 1
+        stamp = stepped(link, commands)
+        link.answered_before = link.answered
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[PUBLISHED : PUBLISHED + published.size], published)
         sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
         if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
-        send_to_all(sends, words, out_frame, targets, now_real)
+        code = publish(link, sends, words, out_frame, targets, now_real)
         remember_sample(link, stamps, samples, hand, stamp, measured)
-        left = publish_outside(sends, out_frame)
-        if look_is_due(link):
-            return TO_LOOK_AT
-        if left:
-            return TO_SEND
+        if code != GOES_ON:
+            return code
     return TIME_IS_UP

@@ -11,7 +11,7 @@ Kernel that waits for a loop to stand still. It needs neither Python nor its loc
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import c_function, function_at, inner, kernel
+from hapticmech_ros.compilation import c_function, function_at, inner, kernel, put
 from hapticmech_ros.compilation.records import Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
@@ -88,6 +88,29 @@ class Link(Record):
     reads = Whole()
 
 
+class DeadlineLink(Link):
+    """How things stand, for who acts at deadlines on the commands of another; times are ns.
+
+    Attributes:
+        next, period: the next deadline, and the period.
+        timeout: how long a command stands; 0 for ever.
+        since: from what stamp on commands count.
+        received, received_before: since when a command stands, and the one before.
+        newest, arrived: the newest stamp, and when it came.
+        done: how many steps were done.
+    """
+
+    next = Whole()
+    period = Whole()
+    timeout = Whole()
+    since = Whole()
+    received = Whole()
+    received_before = Whole()
+    newest = Whole()
+    arrived = Whole()
+    done = Whole()
+
+
 class Reading(Record):
     """A topic that is read.
 
@@ -147,6 +170,8 @@ class Sending(Record):
 # was sent last is to be looked at, or to go to more than the kernel could reach; and Python has to
 # act at a deadline, or to say what the kernel did not dare to.
 TIME_IS_UP, TO_READ, TO_LOOK_AT, TO_SEND, TO_ACT, TO_SAY = range(6)
+# Why it does not return.
+GOES_ON = -1
 # Of a message on the lane, before its bytes; and where in an array of words it begins, so that the
 # numbers in it, which follow four bytes of encapsulation, are at whole words.
 HEADER_BYTES, BEGINS_AT = 32, 4
@@ -420,9 +445,154 @@ def publish_outside(topic: Sending, frame: Array) -> bool:
 
 
 @inner
-def look_is_due(link: Link) -> bool:
-    """Return whether what was sent last is to be looked at."""
-    if link.until_view == 0:
-        return False
-    link.until_view -= 1
-    return bool(link.until_view == 0)
+def publish(
+    link: Link, topic: Sending, words: Array, frame: Array, targets: Array, real: int
+) -> int:
+    """Send what a frame holds by all ways; return why the kernel is to return, or GOES_ON.
+
+    Args:
+        link: how things stand.
+        topic: of the message.
+        words: (5,) to work with.
+        frame: (words,) the message, from :data:`BEGINS_AT` on.
+        targets: (2 n,) connections, each with the topic's number there.
+        real: the machine's time, ns.
+    """
+    send_to_all(topic, words, frame, targets, real)
+    return went_on(link, publish_outside(topic, frame))
+
+
+@inner
+def went_on(link: Link, left: bool) -> int:
+    """Return why the kernel is to return after a message, or GOES_ON.
+
+    Args:
+        link: how things stand.
+        left: whether Python has to send some of it.
+    """
+    if link.until_view != 0:
+        link.until_view -= 1
+        if link.until_view == 0:
+            return TO_LOOK_AT
+    return TO_SEND if left else GOES_ON
+
+
+@inner
+def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int) -> int:
+    """Wait for the next deadline; return why the kernel is to return, or GOES_ON.
+
+    Args:
+        link: how things stand.
+        words: (5,) to work with.
+        polled: (n,) struct pollfd of all connections but that of the commands.
+        now: ns of the monotonic clock.
+    """
+    if now >= link.until:
+        return TIME_IS_UP
+    # After a step there is time for Python, and not in the midst of the wait for the next.
+    deadline = link.next - link.ahead
+    end = deadline if link.done > 0 else min(deadline, link.until)
+    return GOES_ON if wait_until(end, link, words, polled, 0) == NOTHING else TO_READ
+
+
+@inner
+def find_command(
+    link: DeadlineLink,
+    topic: Reading,
+    words: Array,
+    frame: Array,
+    prefix: Array,
+    plain: Array,
+    values: Array,
+    most: Array,
+) -> int:
+    """Return the stamp, ns, of the command that has come; NOTHING has, or OTHER than a plain one.
+
+    It is left there, as by :func:`peek`. One that a newer one has overtaken is no plain one.
+
+    Args:
+        link: how things stand.
+        topic: of the commands.
+        words: (5,) to fill, as :func:`peek`.
+        frame: (words,) for the message.
+        prefix: (words,) the bytes before its stamp.
+        plain: (2,) those between its stamp and its wrench.
+        values: (6,) a view of the wrench in ``frame``.
+        most: (6,) largest magnitude of each of its numbers.
+    """
+    found = peek(link, topic, words, frame, prefix)
+    if found != PLAIN:
+        return found
+    stamp = read_command(link, frame, plain, values, most, words[0])
+    newer = stamp >= link.newest and stamp > link.since and stamp != words[0]
+    return stamp if newer and stamp != UNSOUND else OTHER
+
+
+@inner
+def take_command(
+    link: DeadlineLink,
+    topic: Reading,
+    words: Array,
+    frame: Array,
+    copies: Array,
+    values: Array,
+    commands: Array,
+    stamp: int,
+    ages: Array,
+) -> bool:
+    """Take a command away that was found; return whether the one before stood at the last step.
+
+    That one acts in the step that is due: nobody had to be there for what came meanwhile.
+
+    Args:
+        link: how things stand.
+        topic: of the commands.
+        words: (5,) as :func:`find_command` left them.
+        frame: (words,) the message.
+        copies: (n, words) of messages that the middleware will bring too, to fill.
+        values: (6,) a view of the wrench in ``frame``.
+        commands: (2, 6) the command that stands, and the one before; changed.
+        stamp: of the command, ns.
+        ages: (n,) of messages, ns; to fill.
+    """
+    time, came, counted, sent = words[0], arrival(words), words[2], words[3]
+    take(topic, words, frame, copies)
+    stood = link.received <= known_since(link) < came
+    if stood:
+        put(commands[1], commands[0])
+        link.received_before = link.received
+    put(commands[0], values)
+    link.received, link.newest, link.arrived = came, stamp, came
+    note_read(link, topic, ages, time, came - stamp, counted, sent)
+    return bool(stood)
+
+
+@inner
+def known_since(link: DeadlineLink) -> int:
+    """Return until when, ns, a command must have come to act in the step that is due."""
+    return int(link.next - link.period - 1)
+
+
+@inner
+def is_late(link: DeadlineLink, words: Array, now: int, real: int) -> bool:
+    """Return whether a step cannot be done as if it were done at its deadline.
+
+    Args:
+        link: how things stand.
+        words: (5,) to work with.
+        now: ns of the monotonic clock.
+        real: the machine's time, ns.
+    """
+    missed = now >= link.next - link.ahead + link.period
+    return bool(missed or is_set(link, time_of(MONOTONIC, words), real))
+
+
+@inner
+def stepped(link: DeadlineLink, commands: Array) -> int:
+    """Note a step that was done under the commands (2, 6); return its stamp, ns."""
+    put(commands[1], commands[0])
+    link.received_before = link.received
+    stamp = link.next
+    link.next += link.period
+    link.done += 1
+    return int(stamp)

@@ -8,6 +8,7 @@ from hapticmech_ros.compilation import inner, kernel, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.nodes.lane_kernels import (
+    GOES_ON,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -15,54 +16,34 @@ from hapticmech_ros.nodes.lane_kernels import (
     SECOND,
     TIME_IS_UP,
     TO_ACT,
-    TO_LOOK_AT,
     TO_READ,
     TO_SAY,
-    TO_SEND,
-    Link,
+    DeadlineLink,
     Reading,
     Sending,
-    arrival,
-    is_set,
-    look_is_due,
-    note_read,
-    peek,
-    publish_outside,
-    read_command,
-    send_to_all,
-    take,
+    find_command,
+    is_late,
+    known_since,
+    publish,
+    stepped,
+    take_command,
     time_of,
-    wait_until,
+    wait_for_deadline,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.session.tick_kernels import SessionData, move_mechanism
 from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 
 
-class MechanismLink(Link):
-    """How things stand, for the mechanism; times are ns, by the node's time.
+class MechanismLink(DeadlineLink):
+    """How things stand, for the mechanism.
 
     Attributes:
-        next, period: the next deadline, and the period.
-        timeout, ramp: how long a command stands, 0 for ever, and how long it then takes to reach
-            zero.
-        since: from what stamp on commands count.
-        received, received_before: since when the command stands, and the one before.
-        newest, arrived: the newest stamp, and when it came.
-        done: how many steps were done.
+        ramp: how long a command that has run out takes to reach zero, ns.
         position, velocity, commanded: where in a state begins what changes.
     """
 
-    next = Whole()
-    period = Whole()
-    timeout = Whole()
     ramp = Whole()
-    since = Whole()
-    received = Whole()
-    received_before = Whole()
-    newest = Whole()
-    arrived = Whole()
-    done = Whole()
     position = Whole()
     velocity = Whole()
     commanded = Whole()
@@ -161,39 +142,24 @@ def move_at_deadlines(
     data = SessionData(whole, real)
     nv = data.v.size
     while link.reads < ages.size:
-        deadline = link.next - link.ahead
         now = time_of(MONOTONIC, words)
-        if now < deadline:
-            if now >= link.until:
-                break
-            # After a step there is time for Python, and not in the midst of the wait for the next.
-            end = deadline if link.done > 0 else min(deadline, link.until)
-            if wait_until(end, link, words, polled, 0) != NOTHING:
-                return TO_READ
+        if now < link.next - link.ahead:
+            code = wait_for_deadline(link, words, polled, now)
+            if code != GOES_ON:
+                return code
             continue
-        # Commands that came meanwhile act from the next step on: nobody had to be there for them.
-        known = link.next - link.period - 1
         while link.reads < ages.size:
-            found = peek(link, read, words, frame, prefix)
+            found = find_command(link, read, words, frame, prefix, plain, values, most)
             if found == NOTHING:
                 break
-            time, came, counted, sent = words[0], arrival(words), words[2], words[3]
-            stamp = read_command(link, frame, plain, values, most, time)
-            newer = stamp >= link.newest and stamp > link.since and stamp != time
-            if found == OTHER or stamp == UNSOUND or not newer:
+            if found == OTHER:
                 return TO_READ
-            take(read, words, frame, copies)
-            if link.received <= known < came:
-                put(commands[1], commands[0])
-                link.received_before = link.received
-            put(commands[0], values)
-            link.received, link.newest, link.arrived = came, stamp, came
-            note_read(link, read, ages, time, came - stamp, counted, sent)
+            take_command(link, read, words, frame, copies, values, commands, found, ages)
         now_real = time_of(REALTIME, words)
-        if now >= deadline + link.period or is_set(link, time_of(MONOTONIC, words), now_real):
+        if is_late(link, words, now, now_real):
             return TO_ACT
         acting = ActingWrenches(data.wrenches)
-        standing(link, commands, known, acting.on_mechanism)
+        standing(link, commands, known_since(link), acting.on_mechanism)
         moved = move_mechanism(
             numbers,
             constants,
@@ -206,21 +172,14 @@ def move_at_deadlines(
         )
         if not moved:
             return TO_ACT
-        put(commands[1], commands[0])
-        link.received_before = link.received
-        stamp = link.next
-        link.next += link.period
-        link.done += 1
+        stamp = stepped(link, commands)
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[link.position : link.position + nv], data.q)
         put(out[link.velocity : link.velocity + nv], data.v)
         out[link.commanded] = 1.0 if stamp - link.received <= link.timeout else 0.0
         if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
             return TO_SAY
-        send_to_all(sends, words, out_frame, targets, now_real)
-        left = publish_outside(sends, out_frame)
-        if look_is_due(link):
-            return TO_LOOK_AT
-        if left:
-            return TO_SEND
+        code = publish(link, sends, words, out_frame, targets, now_real)
+        if code != GOES_ON:
+            return code
     return TIME_IS_UP

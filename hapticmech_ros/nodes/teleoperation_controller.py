@@ -118,6 +118,7 @@ class SampleAnswers(PlainMessages):
         )
         self._before, self._moved = ControllerAccount().values, Motion().values
         self._wrenches, self._answer = np.zeros((2, 6)), Answer()
+        self._round_trips = np.zeros(2)
         self._settings = self._locality = np.zeros(0)
         self.link.period = nanoseconds(actor.period_s)
 
@@ -127,6 +128,7 @@ class SampleAnswers(PlainMessages):
         if found is None:
             return False
         self._settings, self._locality = found
+        self._round_trips[:] = self._controller.path.round_trips
         self.link.sample_ns = 0
         if not self.targets[own.AS_GAIN].size:
             self.link.gain_every = 0
@@ -150,7 +152,7 @@ class SampleAnswers(PlainMessages):
             *(side.account.values, self._before, self._settings, NO_WRENCH),
             *(side.queue, side.past, self._locality, self._answer.values),
             *(actor.motion.numbers.values, self._moved, self._wrenches),
-            *(actor.path.round_trip, self.ages),
+            *(self._round_trips, self.ages),
         )
 
     def did(self, code: int, reads: int) -> None:
@@ -160,6 +162,7 @@ class SampleAnswers(PlainMessages):
             origin = self.origin(own.MODELS)
             self._controller.received_model(self.link, self._known, origin, models.read)
         if states.read:
+            self._controller.path.round_trip = float(self._round_trips[0])
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
     def view(self) -> Callable[[], None]:

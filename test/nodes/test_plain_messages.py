@@ -607,7 +607,7 @@ class Inputs:
         self._device = FlatArray(DeviceStateMessage.layout)
         self._model = FlatArray(OperationalModelMessage.layout)
         self._rng, self._tick = np.random.default_rng(2), 0
-        self.stamp_ns = time.time_ns()
+        self.stamp_ns, self.round_trip = time.time_ns(), 0.0
 
     def next(self, late: int = 0) -> tuple[bytes, bytes]:
         """Return a sample and a model that is ``late`` periods older."""
@@ -619,6 +619,7 @@ class Inputs:
         twist, push = (0.01 * np.cos(phase), *[0.0] * 5), 0.1 * self._rng.normal(size=6)
         sample = np.concatenate((position, quaternion, twist, push))
         device = DeviceStateMessage.of(self.stamp_ns, sample=sample, obeys=True)
+        device.round_trip = self.round_trip
         state = self._state
         told = WireState(
             self.stamp_ns - late * MS,
@@ -654,7 +655,7 @@ def remembered(actor: Any) -> list[tuple[Any, str, Any]]:
     whose = (
         (actor, "_last_ns", "_state_ns", "_rendered_ns", "_command_stamps"),
         (actor._outputs, "answers", "gain_from_ns"),
-        (actor.path, "last"),
+        (actor.path, "last", "round_trip"),
         (actor.motion, "stamp_ns"),
         (actor._device_pauses, "_via", "_count", "_stamp_ns"),
         (actor._model_pauses, "_via", "_count", "_stamp_ns"),
@@ -712,6 +713,34 @@ def test_samples_are_answered_as_python_answers_them(
     assert found[0] == found[1]
     for by_kernel, by_python in zip(*ended, strict=True):
         assert by_kernel.tobytes() == by_python.tobytes()
+
+
+def test_a_round_trip_that_changes_no_gains_needs_no_python(
+    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, inputs = rendering
+    actor, (device, analyser, *_) = process.actor, process.peers
+    codes, tolerated = by_the_kernel(process, monkeypatch), 2e-3
+
+    def answer(round_trip: float) -> None:
+        inputs.round_trip, done = round_trip, actor._outputs.answers
+        sample, model = inputs.next()
+        analyser.speak(model)
+        device.speak(sample)
+        process.until(lambda: actor._outputs.answers > done)
+
+    answer(1e-4)
+    codes.clear()
+    for number in range(20):
+        answer(tolerated * (number % 10 + 1) / 11)
+        assert actor.path.round_trip == inputs.round_trip
+    # Now and then for the lane itself.
+    assert codes.count(lane_kernels.TO_READ) < 10
+    codes.clear()
+    answer(0.1)
+    assert lane_kernels.TO_READ in codes
+    assert actor.path.round_trip == 0.1
+    assert actor._control.aim[1] == pytest.approx(0.05)
 
 
 POSES, AT_ORIGIN = "/device/measured_cp PoseStamped", (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
