@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Push on a running mechanism from a node of one's own: 0.4 N in y for three seconds.
+"""Push on a running mechanism from your own node: 0.4 N in y for three seconds.
 
 Start a graph first (`hapticmech run five_bar`), then run this with the same Python.
 """

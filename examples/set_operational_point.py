@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hold a running mechanism elsewhere: on a link, at an offset in its frame.
+"""Move the point you hold on a running mechanism: to a link, at an offset in its frame.
 
 Start a graph first (`hapticmech run five_bar`), then:
 python examples/set_operational_point.py link1 0.02 0.01 0
@@ -17,7 +17,7 @@ WAIT_S = 5.0
 
 
 def main() -> int:
-    """Say where, and wait until the mechanism says so too; 1 if it does not."""
+    """Publish the point, and wait until the mechanism confirms it; 1 if it does not."""
     link, *offset = sys.argv[1:] or ["link1", "0.02", "0.01", "0"]
     rclpy.init()
     node = rclpy.create_node("grasp")
