@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from hapticmech_ros.files import shared
 from hapticmech_ros.nodes.entry import NODES
 from hapticmech_ros.nodes.managed import descriptor_of
+from hapticmech_ros.nodes.parameter_table import MODELS
 from hapticmech_ros.nodes.runtime import actor_type
 from ros.harness import Peer, refused, running
 
@@ -46,14 +47,14 @@ def test_every_parameter_describes_itself(domain: int, peer: Peer) -> None:
                 assert descriptor.dynamic_typing is (descriptor.name == "cpu_affinity")
 
 
-@pytest.mark.parametrize("node", list(NODES))
+@pytest.mark.parametrize("node", list(MODELS))
 def test_parameter_file_names_all_parameters_and_their_defaults(node: str) -> None:
     path = shared(f"config/{node}.yaml")
     assert path is not None
     text = Path(path).read_text(encoding="utf-8")
     document = yaml.safe_load(text)
     assert list(document) == [f"/**/{node}"]
-    model = actor_type(node).parameters_type
+    model = MODELS[node]
     given = document[f"/**/{node}"]["ros__parameters"]
     assert given == {name: field.default for name, field in model.model_fields.items()}
     # A number without a decimal point would be an integer to other tools.
