@@ -242,11 +242,8 @@ _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
 SPIN_S = 0.02
 # Whoever wants Python's lock gets it after so long, s: five milliseconds are several periods.
 SWITCH_S = 0.0005
-# How often the middleware is looked at by who answers nobody, ns.
-LOOK_NS = 8_000_000
-# Callbacks in one look; and no more of them after so long: where much waits on the lane, one may
-# take seconds.
-MOST_CALLBACKS, MOST_LOOK_NS = 32, 50_000_000
+# For how long callbacks that have waited keep a kernel from going on, s.
+CALLBACKS_S = 0.005
 # Who answers nobody takes what has come so often, s: to wake up for each message would take as much
 # of a processor again, and keep those waiting who answer.
 GATHER_S = 0.01
@@ -292,6 +289,24 @@ def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None
         left = end - time.monotonic()
         if left <= 0.0:
             return
+
+
+def run_waiting(executor: Executor, most_s: float) -> None:
+    """Run the callbacks of what the middleware has brought by now, for ``most_s`` at most.
+
+    The executor does not tell whether a call of ``spin_once`` found anything, and what it found may
+    be as short as nothing: messages that were replaced before they were taken leave events behind
+    for which there is no message. So a mark is queued behind what is there, and callbacks are run
+    until it comes out.
+
+    Args:
+        executor: of the nodes.
+        most_s: s.
+    """
+    waiting, end = [True], time.monotonic() + most_s
+    executor.create_task(waiting.clear)
+    while waiting and time.monotonic() < end:
+        executor.spin_once(timeout_sec=NO_WAIT_S)
 
 
 class Threads:
@@ -363,7 +378,7 @@ class Threads:
                 if self._exchange.has_deferred:
                     time.sleep(max(self._exchange.until_called_s, 0.0))
                     with self._exchange.taken():
-                        self._run_waiting()
+                        run_waiting(self._executor, CALLBACKS_S)
                 else:
                     self._executor.spin_once(timeout_sec=SPIN_S)
             except Exception as error:  # noqa: BLE001 - the loop's thread raises it
@@ -371,14 +386,6 @@ class Threads:
                 turn.ring()
                 return
             turn.listen()
-
-    def _run_waiting(self) -> None:
-        """Run the callbacks of what the middleware has brought by now, as :meth:`Inbox.look`."""
-        waiting = [True]
-        self._executor.create_task(waiting.clear)
-        for _ in range(MOST_CALLBACKS):
-            if waiting:
-                self._executor.spin_once(timeout_sec=NO_WAIT_S)
 
     def _publish_views(self, turn: Turn) -> None:
         while turn.wait_for_view():
@@ -401,9 +408,7 @@ class Inbox:
         self._executor = executor
         self._exchange = exchange
         self._threads = threads
-        self._look_ns = self._answer_ns = 0
-        self._marked = False
-        self._late_ns = 0
+        self._answer_ns = self._late_ns = 0
 
     def wait(self, timeout_s: float) -> None:
         """Wait for messages, no longer than ``timeout_s``, and hand on what has come.
@@ -450,9 +455,7 @@ class Inbox:
         exchange.collect(whole=True)
         exchange.deliver()
         # All of it, but for so long only: messages may come as fast as they are taken.
-        end = time.monotonic() + GATHER_S
-        while self.look() and time.monotonic() < end:
-            self._look_ns = 0
+        run_waiting(self._executor, GATHER_S)
 
     def drain(self, most_s: float) -> None:
         """Hand on all that has come until now, for ``most_s`` at most."""
@@ -460,9 +463,7 @@ class Inbox:
         time.sleep(GATHER_S)
         self._exchange.collect(whole=True)
         self._exchange.deliver()
-        self._mark()
-        while self._marked and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=NO_WAIT_S)
+        run_waiting(self._executor, end - time.monotonic())
 
     def _collect_until(self, deadline: int, now: int) -> None:
         """Let messages come until a deadline, ns, which is met to some microseconds."""
@@ -486,36 +487,6 @@ class Inbox:
     def acted(self) -> None:
         """Note that what was sent now may be answered soon."""
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
-
-    def _mark(self) -> None:
-        if not self._marked:
-            self._marked = True
-            self._executor.create_task(self._unmark)
-
-    def _unmark(self) -> None:
-        self._marked = False
-
-    def look(self) -> bool:
-        """Run the callbacks of what the middleware has brought, if it is time for that.
-
-        The executor does not tell whether a call of ``spin_once`` found anything, and what it found
-        may be as short as nothing: messages that were replaced before they were taken leave events
-        behind for which there is no message. So a mark is queued behind what is there, and
-        callbacks are run until it comes out.
-
-        Returns:
-            Whether there may be more of it.
-        """
-        now = time.monotonic_ns()
-        if now < self._look_ns:
-            return False
-        self._mark()
-        for _ in range(MOST_CALLBACKS):
-            self._executor.spin_once(timeout_sec=NO_WAIT_S)
-            if not self._marked or time.monotonic_ns() - now > MOST_LOOK_NS:
-                break
-        self._look_ns = 0 if self._marked else time.monotonic_ns() + LOOK_NS
-        return self._marked
 
 
 class HasDeadlines(Protocol):
