@@ -13,6 +13,7 @@ from hapticmech_ros.compilation.decorators import (
 from hapticmech_ros.compilation.structures import (
     SIZES,
     Part,
+    RealTail,
     RecordPart,
     Size,
     Structure,
@@ -22,6 +23,7 @@ from hapticmech_ros.compilation.structures import (
 __all__ = [
     "SIZES",
     "Part",
+    "RealTail",
     "RecordPart",
     "Size",
     "Structure",

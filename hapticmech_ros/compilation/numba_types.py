@@ -17,7 +17,7 @@ from hapticmech_ros.compilation import arrays
 from hapticmech_ros.compilation.inner_functions import TYPES, translated
 from hapticmech_ros.compilation.library import DATA_AT, SHAPE_AT, SLOTS_AT
 from hapticmech_ros.compilation.records import Nested, Record, Vector
-from hapticmech_ros.compilation.structures import Place, RecordPart, Structure
+from hapticmech_ros.compilation.structures import Place, RealTail, RecordPart, Structure
 
 # Which have no types of their own.
 numba: Any = importlib.import_module("numba")
@@ -54,6 +54,15 @@ def _shift(_context: Any, pointer: Any, _count: Any) -> Any:
         return builder.gep(arguments[0], [arguments[1]])
 
     return pointer(pointer, types.int64), generate
+
+
+def _as_real(_context: Any, pointer: Any) -> Any:
+    """Return a pointer to the float64 numbers that whole ones are by their bits."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    return _NUMBERS(pointer), generate
 
 
 def _find_start(_context: Any, array: Any) -> Any:
@@ -93,6 +102,7 @@ def _room(dtype: Any) -> Any:
 
 
 _shifted, _start_of = extending.intrinsic(_shift), extending.intrinsic(_find_start)
+_real = extending.intrinsic(_as_real)
 _numbers_on_stack, _whole_on_stack = _room(types.float64), _room(types.int64)
 
 
@@ -192,8 +202,15 @@ def _part_getter(part: Place) -> Callable[[Any], Any]:
             _shifted(whole(held), held.numbers[at]), (held.numbers[rows], held.numbers[columns])
         )
 
+    def tail(held):  # type: ignore[no-untyped-def]
+        return lambda held: carray(
+            _real(_shifted(held.numbers, held.numbers[at])), (held.numbers[rows],)
+        )
+
     if kind is not None:
         return record
+    if isinstance(part, RealTail):
+        return tail
     return vector if part.dimensions == 1 else matrix
 
 

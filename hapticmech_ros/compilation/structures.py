@@ -114,6 +114,22 @@ class Part(Place):
         return self.view(structure)
 
 
+class RealTail(Part):
+    """The last numbers of a part of whole ones, as the float64 numbers that their bits are.
+
+    Args:
+        of: the part's name; it is declared before.
+    """
+
+    def __init__(self, of: str) -> None:
+        super().__init__(1, whole=True)
+        self.of = of
+
+    def view(self, structure: Structure) -> Array:
+        """Return the numbers (n,), not copied."""
+        return super().view(structure).view(np.float64)
+
+
 class RecordPart(Place, Generic[Kept]):
     """A part that is read as a record.
 
@@ -139,7 +155,7 @@ def arrays_of(
     Args:
         kind: of structure.
         sizes: by name; 0 where left out.
-        parts: name -> (n,) or (n, m) array; all of them.
+        parts: name -> (n,) or (n, m) array; all of them, of a :class:`RealTail` as long a one.
     """
     numbers = np.zeros(SIZES + 3 * len(kind.parts), dtype=np.int64)
     for name, size in sizes.items():
@@ -148,6 +164,10 @@ def arrays_of(
     for name, place in kind.parts.items():
         given = parts[name]
         columns = given.shape[1] if given.ndim == 2 else 1
+        if isinstance(place, RealTail):
+            begin, size = numbers[kind.parts[place.of].at :][:2].tolist()
+            numbers[place.at : place.at + 3] = begin + size - given.size, given.size, 1
+            continue
         numbers[place.at : place.at + 3] = sized[place.whole], len(given), columns
         (whole if place.whole else real).append(given.ravel())
         sized[place.whole] += given.size

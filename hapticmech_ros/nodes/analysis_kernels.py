@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
@@ -15,9 +15,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     PLAIN,
     TIME_IS_UP,
     TO_READ,
+    WORDS,
     Link,
-    Reading,
-    Sending,
+    PublishedTopic,
+    SubscribedTopic,
     note_read,
     peek,
     publish,
@@ -93,31 +94,19 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
 
 
 @kernel(
-    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
-    " int64[::1], int64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " int64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
-    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64,"
-    " float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], int64[::1],"
-    " float64[:, ::1], int64[::1])",
+    "int64(AnalyserLink, SubscribedTopic, PublishedTopic, int64[::1], float64[::1],"
+    " float64[::1], int64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " float64[::1], int64[::1], float64, float64, float64[::1], float64[::1], float64[::1],"
+    " ConstraintTrigger, int64[::1], int64[::1], float64[:, ::1], int64[::1])",
     waits=True,
 )
 def answer_states(
-    shared: Array,
-    inputs: Array,
-    outputs: Array,
-    words: Array,
+    link: AnalyserLink,
+    states: SubscribedTopic,
+    models: PublishedTopic,
     polled: Array,
-    frame: Array,
-    prefix: Array,
-    copies: Array,
-    values: Array,
-    most: Array,
     active: Array,
     grasp: Array,
-    out_frame: Array,
-    out: Array,
-    out_most: Array,
-    targets: Array,
     numbers: Array,
     constants: Array,
     packed: Array,
@@ -130,7 +119,7 @@ def answer_states(
     before: Array,
     ahead: Array,
     observation: Array,
-    counter: Array,
+    counter: ConstraintTrigger,
     past: Array,
     stamps: Array,
     rates: Array,
@@ -139,22 +128,12 @@ def answer_states(
     """Answer states as they come.
 
     Args:
-        shared: (19,) how things stand, an :class:`AnalyserLink`; changed.
-        inputs: (1, 9) a ``lane_kernels.Reading``, of the states; changed.
-        outputs: (1, 17) a ``lane_kernels.Sending``, of the answers; changed.
-        words: (5,) to work with.
+        link: how things stand; changed.
+        states: of the mechanism.
+        models: the answers.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
-        frame: (words,) for the message that has come.
-        prefix: (words,) the bytes before a state's data.
-        copies: (n, words) to fill, with messages that the middleware will bring too.
-        values: (n,) a view of the data in ``frame``.
-        most: (n,) largest magnitude of each number of a state.
         active: (closures,) flags of closures.
         grasp: (7,) the point's place.
-        out_frame: (words,) for the answer.
-        out: (151,) a view of the data in ``out_frame``.
-        out_most: (151,) largest magnitude of each.
-        targets: (2 n,) to whom it is sent.
         numbers: (integers,) of the mechanism, as of ``observe_point``.
         constants: (numbers,) likewise.
         packed: (size,) likewise.
@@ -167,7 +146,7 @@ def answer_states(
         before: (1 + nv,) to fill.
         ahead: (size,) as of ``observe_point``.
         observation: (numbers,) to fill, likewise.
-        counter: (numbers,) an ``observe_kernels.ConstraintTrigger``.
+        counter: of joint constraints.
         past: (5,) see ``observe_kernels``.
         stamps: (states,) likewise.
         rates: (states, nv) likewise.
@@ -176,8 +155,7 @@ def answer_states(
     Returns:
         Why it returns.
     """
-    link, read, sends = AnalyserLink(shared), Reading(inputs[0]), Sending(outputs[0])
-    nv, grace = v.size, 0
+    words, values, nv, grace = local_whole(WORDS), states.values, v.size, 0
     while link.reads < ages.size:
         if time_of(MONOTONIC, words) >= link.until + grace:
             break
@@ -185,10 +163,10 @@ def answer_states(
         found = wait_until(link.until + grace, link, words, polled, 1)
         if found == NOTHING:
             continue
-        if found == OTHER or peek(link, read, words, frame, prefix) != PLAIN:
+        if found == OTHER or peek(link, states, words) != PLAIN:
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_stamp(link, values, most, active, grasp)
+        stamp = plain_stamp(link, values, states.most, active, grasp)
         if stamp == UNSOUND or abs(time - stamp) > link.oldest:
             return TO_READ
         put(q, values[link.position : link.position + nv])
@@ -213,17 +191,19 @@ def answer_states(
         if code != 0:
             return TO_READ
         model, contact = observation[:MODEL_SIZE], values[link.contact : link.contact + 6]
-        message = OperationalModelMessage(out)
+        message = OperationalModelMessage(models.values)
         write_operational_model(message, stamp, model, contact, values[link.commanded], grasp)
-        if sound_stamp(out, out_most, MODEL_QUATERNION, QUATERNION_TOLERANCE) == UNSOUND:
+        quaternion = MODEL_QUATERNION
+        sound = sound_stamp(models.values, models.most, quaternion, QUATERNION_TOLERANCE)
+        if sound == UNSOUND:
             return TO_READ
         # From here on it is answered.
-        take(read, words, frame, copies)
+        take(states, words)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
-        message.count = count_rigid(ConstraintTrigger(counter), observation[: rows.size], since)
-        code = publish(link, sends, words, out_frame, targets, real)
-        note_read(link, read, ages, time, time - stamp, counted, sent)
+        message.count = count_rigid(counter, observation[: rows.size], since)
+        code = publish(link, models, words, real)
+        note_read(link, states.reading, ages, time, time - stamp, counted, sent)
         link.last = stamp
         if code != GOES_ON:
             return code

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
 from hapticmech_ros.compilation.records import Nested, Record, Whole
 from hapticmech_ros.control.account_kernels import (
     account_for_motion,
@@ -31,10 +31,12 @@ from hapticmech_ros.nodes.lane_kernels import (
     SHORTEST_PAUSE_NS,
     TIME_IS_UP,
     TO_READ,
+    WORDS,
     Link,
-    Reading,
-    Sending,
+    PublishedTopic,
+    SubscribedTopic,
     arrival,
+    is_within,
     note_read,
     pass_over,
     peek,
@@ -189,15 +191,6 @@ def plain_sample(
 
 
 @inner
-def keeps(wrench: Array, most: Array) -> bool:
-    """Return whether a wrench (6,) is within its bounds (6,), which no NaN is."""
-    kept = True
-    for i in range(6):
-        kept = kept and abs(wrench[i]) <= most[i]
-    return kept
-
-
-@inner
 def write_gain(message: LocalFeedbackGain, stamp: int, answer: Answer) -> None:
     """Fill a message with how an answer depends on the sample, of a time in ns, that it answers."""
     message.stamp[0], message.stamp[1] = stamp // SECOND, stamp % SECOND
@@ -207,105 +200,56 @@ def write_gain(message: LocalFeedbackGain, stamp: int, answer: Answer) -> None:
 
 
 @kernel(
-    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
-    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
-    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
-    " int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64[::1],"
-    " int64[::1], float64[::1], int64[::1], float64[::1], float64[::1],"
-    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " float64[:, ::1], float64[::1], int64[::1])",
+    "int64(ControllerLink, SubscribedTopic, SubscribedTopic, int64[:, ::1], PublishedTopic,"
+    " PublishedTopic, PublishedTopic, int64[::1], OperationalModelSample, float64[::1],"
+    " ControllerAccount, ControllerSettings, float64[::1], float64[:, ::1], float64[:, ::1],"
+    " Locality, Answer, Motion, float64[::1], int64[::1])",
     waits=True,
 )
 def answer_samples(
-    shared: Array,
-    inputs: Array,
+    link: ControllerLink,
+    states: SubscribedTopic,
+    models: SubscribedTopic,
     passed: Array,
-    outputs: Array,
-    words: Array,
+    to_device: PublishedTopic,
+    to_point: PublishedTopic,
+    as_gain: PublishedTopic,
     polled: Array,
-    state_frame: Array,
-    state_prefix: Array,
-    state_copies: Array,
-    state: Array,
-    state_most: Array,
-    model_frame: Array,
-    model_prefix: Array,
-    model_copies: Array,
-    model: Array,
-    model_most: Array,
-    device_frame: Array,
-    to_device: Array,
-    device_targets: Array,
-    point_frame: Array,
-    to_point: Array,
-    point_targets: Array,
-    gain_frame: Array,
-    gain: Array,
-    gain_targets: Array,
-    gain_most: Array,
-    most: Array,
-    known: Array,
+    known: OperationalModelSample,
     grasp: Array,
-    account: Array,
-    before: Array,
-    settings: Array,
+    side: ControllerAccount,
+    settings: ControllerSettings,
     faded: Array,
     queue: Array,
     past: Array,
-    locality: Array,
-    answer: Array,
-    motion: Array,
-    moved: Array,
-    wrenches: Array,
+    closed: Locality,
+    given: Answer,
+    motion: Motion,
     round_trips: Array,
     ages: Array,
 ) -> int:
     """Answer samples as they come.
 
     Args:
-        shared: (26,) how things stand, a :class:`ControllerLink`; changed.
-        inputs: (2, 9) a ``lane_kernels.Reading`` each, of the samples and the models; changed.
-        passed: (n, 9) likewise, of the device's topics that are passed over.
-        outputs: (3, 17) a ``lane_kernels.Sending`` each, of the commands to device and mechanism,
-            and of the gains; changed.
-        words: (5,) to work with.
+        link: how things stand; changed.
+        states: samples of the device.
+        models: operational models.
+        passed: (n, 9) a ``lane_kernels.Reading`` each, of the device's topics that are passed over.
+        to_device: commands to the device.
+        to_point: commands to the mechanism.
+        as_gain: what says how the device's depend on the sample.
         polled: (n,) struct pollfd of all connections but that of the analyser's process, that of
             the device's first.
-        state_frame: (words,) for the sample that has come.
-        state_prefix: (words,) the bytes before its data.
-        state_copies: (n, words) to fill, with those that the middleware will bring too.
-        state: (29,) a view of the data in ``state_frame``.
-        state_most: (29,) largest magnitude of each number.
-        model_frame: (words,) for the model that has come.
-        model_prefix: (words,) the bytes before its data.
-        model_copies: (n, words) as ``state_copies``.
-        model: (151,) a view of the data in ``model_frame``.
-        model_most: (151,) largest magnitude of each number.
-        device_frame: (words,) for the command to the device.
-        to_device: (6,) a view of its wrench, N and N m, world axes at the point held.
-        device_targets: (2 n,) to whom it is sent.
-        point_frame: (words,) for the command to the mechanism.
-        to_point: (6,) a view of its wrench, N and N m, world axes at the operational point.
-        point_targets: (2 n,) to whom it is sent.
-        gain_frame: (words,) for a gain.
-        gain: (113,) a view of its data.
-        gain_targets: (2 n,) to whom it is sent.
-        gain_most: (113,) largest magnitude of each number.
-        most: (6,) largest magnitudes of a wrench.
-        known: (139,) the operational model as it was heard last; changed.
+        known: the operational model as it was received last; changed.
         grasp: (7,) where it has the point.
-        account: (numbers,) of the controller, a ``ControllerAccount``; changed.
-        before: (numbers,) to work with.
-        settings: (59,) of the controllers, a ``ControllerSettings``.
+        side: account of the controller; changed.
+        settings: of the controllers.
         faded: (6,) zeros.
         queue: (d, 6) commands to the mechanism that do not act yet, changed.
         past: (n, 6) those until now, changed.
-        locality: (3,) what the device closes, a ``Locality``.
-        answer: (numbers,) an ``Answer`` to fill.
-        motion: (numbers,) of the device, a ``device.motion_kernels.Motion``; changed.
-        moved: (numbers,) to work with.
-        wrenches: (2, 6) to work with.
+        closed: what the device closes.
+        given: the answer, to fill.
+        motion: of the device; changed.
         round_trips: (2,) s, of the device's samples and their answers: as it has reported it last,
             changed; and what it may be without a change of anything.
         ages: (n,) to fill: of the messages, ns.
@@ -313,11 +257,10 @@ def answer_samples(
     Returns:
         Why it returns.
     """
-    link, states, models = ControllerLink(shared), Reading(inputs[STATES]), Reading(inputs[MODELS])
-    for_device, for_point = Sending(outputs[TO_DEVICE]), Sending(outputs[TO_POINT])
-    for_gain = Sending(outputs[AS_GAIN])
-    side, gains, given = ControllerAccount(account), ControllerSettings(settings), Answer(answer)
-    closed, seen = Locality(locality), OperationalModelSample(known)
+    words, moved, before = local_whole(WORDS), Motion(), ControllerAccount()
+    wrenches = shaped(local(12), (2, 6))
+    state, model = DeviceStateMessage(states.values), OperationalModelMessage(models.values)
+    for_device, for_point, gain = to_device.values, to_point.values, as_gain.values
     grace = 0
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
@@ -335,35 +278,35 @@ def answer_samples(
             return TO_READ
         # What there is to answer with comes first; nobody had to be there for it.
         while link.reads < ages.size:
-            found = peek(link, models, words, model_frame, model_prefix)
+            found = peek(link, models, words)
             if found == NOTHING:
                 break
             time, came, counted, sent = words[0], arrival(words), words[2], words[3]
-            stamp = plain_model(link, OperationalModelMessage(model), model_most, grasp, time)
+            stamp = plain_model(link, model, models.most, grasp, time)
             paused = has_paused(link.of_analyser, stamp, counted, link.period)
             if found == OTHER or stamp == UNSOUND or paused:
                 return TO_READ
-            take(models, words, model_frame, model_copies)
-            put(known, OperationalModelMessage(model).operational_model.values)
+            take(models, words)
+            put(known.values, model.operational_model.values)
             link.model_ns = stamp
             note_sender(link.of_analyser, stamp, counted)
-            note_read(link, models, ages, time, came - stamp, counted, sent)
+            note_read(link, models.reading, ages, time, came - stamp, counted, sent)
         if link.reads == ages.size:
             break
-        if peek(link, states, words, state_frame, state_prefix) != PLAIN:
-            if pass_over(link, passed, words, states.connection):
+        if peek(link, states, words) != PLAIN:
+            if pass_over(link, passed, words, states.reading.connection):
                 continue
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
-        stamp = plain_sample(link, DeviceStateMessage(state), state_most, round_trips, time)
+        stamp = plain_sample(link, state, states.most, round_trips, time)
         if stamp == UNSOUND or has_paused(link.of_device, stamp, counted, link.period):
             return TO_READ
-        sample = DeviceStateMessage(state).sample
-        put(moved, motion)
+        sample = state.sample
+        put(moved.values, motion.values)
         elapsed_s = (stamp - link.moved) / 1e9
-        if follow_sample(Motion(moved), sample, elapsed_s) != SOUND:
+        if follow_sample(moved, sample, elapsed_s) != SOUND:
             return TO_READ
-        put(before, account)
+        put(before.values, side.values)
         period, time_s = side.period, (time - link.epoch) / 1e9
         late = (stamp - link.model_ns) // link.period * period
         ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
@@ -379,40 +322,42 @@ def answer_samples(
         if link.rendered > 0:
             elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
         closed.with_model = 1.0 if stamp >= link.gain_from else 0.0
-        account_for_motion(side, seen.twist, elapsed)
-        answer_sample(side, gains, faded, flying, sample, seen, time_s, ahead, closed, False, given)
+        account_for_motion(side, known.twist, elapsed)
+        answer_sample(
+            side, settings, faded, flying, sample, known, time_s, ahead, closed, False, given
+        )
         passive_wrench(side, given, wrenches[0])
-        put(to_device, given.wrenches.on_hand)
-        put(to_point, wrenches[0])
-        sound = keeps(to_device, most) and keeps(to_point, most)
+        put(for_device, given.wrenches.on_hand)
+        put(for_point, wrenches[0])
+        sound = is_within(for_device, to_device.most) and is_within(for_point, to_point.most)
         if given.modelled != 0.0:
             write_gain(LocalFeedbackGain(gain), stamp, given)
-            sound = sound and sound_stamp(gain, gain_most, -1, 0.0) != UNSOUND
+            sound = sound and sound_stamp(gain, as_gain.most, -1, 0.0) != UNSOUND
         if not sound:
-            put(account, before)
+            put(side.values, before.values)
             return TO_READ
         # From here on it is answered.
-        take(states, words, state_frame, state_copies)
-        write_stamp(device_frame, stamp)
-        send_to_all(for_device, words, device_frame, device_targets, real)
-        write_stamp(point_frame, stamp)
-        send_to_all(for_point, words, point_frame, point_targets, real)
+        take(states, words)
+        write_stamp(to_device.frame, stamp)
+        send_to_all(to_device, words, real)
+        write_stamp(to_point.frame, stamp)
+        send_to_all(to_point, words, real)
         left = False
         if given.modelled != 0.0:
-            send_to_all(for_gain, words, gain_frame, gain_targets, real)
-            left = publish_outside(for_gain, gain_frame)
+            send_to_all(as_gain, words, real)
+            left = publish_outside(as_gain)
             link.gain_from = stamp + link.gain_every
         queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
-        put(motion, moved)
+        put(motion.values, moved.values)
         note_sender(link.of_device, stamp, counted)
-        note_read(link, states, ages, time, time - stamp, counted, sent)
+        note_read(link, states.reading, ages, time, time - stamp, counted, sent)
         link.last, link.newest, link.arrived = time, stamp, time
-        round_trips[0] = DeviceStateMessage(state).round_trip
+        round_trips[0] = state.round_trip
         link.moved, link.rendered, link.sample_ns = stamp, link.model_ns, stamp
         link.answers += 1
-        left = publish_outside(for_device, device_frame) or left
-        left = publish_outside(for_point, point_frame) or left
+        left = publish_outside(to_device) or left
+        left = publish_outside(to_point) or left
         code = went_on(link, left)
         if code != GOES_ON:
             return code

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hapticmech_ros.compilation import inner, kernel, local, put
+from hapticmech_ros.compilation import inner, kernel, local, local_whole, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
@@ -39,9 +39,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_ACT,
     TO_READ,
     TO_SAY,
+    WORDS,
     DeadlineLink,
-    Reading,
-    Sending,
+    PublishedTopic,
+    SubscribedTopic,
     arrival,
     find_command,
     is_late,
@@ -149,36 +150,23 @@ def remember_sample(
 
 @inner
 def take_gain(
-    link: DeviceLink,
-    read: Reading,
-    words: Array,
-    frame: Array,
-    prefix: Array,
-    copies: Array,
-    values: Array,
-    most: Array,
-    model: Array,
-    energies: Array,
+    link: DeviceLink, topic: SubscribedTopic, words: Array, model: Array, energies: Array
 ) -> bool:
     """Take a ``local_feedback_gain`` that keeps the rules, as ``LocalLoop.take`` does.
 
     Args:
         link: how things stand.
-        read: of the gains.
+        topic: of the gains.
         words: (5,) to work with.
-        frame: (words,) for the message.
-        prefix: (words,) the bytes before its data.
-        copies: (n, words) to fill, with messages that the middleware will bring too.
-        values: (113,) a view of the data in ``frame``.
-        most: (113,) largest magnitude of each number.
         model: (108,) how commands depend on the device, a ``LocalModel``; changed.
         energies: (2,) E_m as it was received, and from what on it counts, J; changed.
 
     Returns:
         Whether it was one.
     """
-    full = read.copied == copies.shape[0]
-    if full or peek(link, read, words, frame, prefix) != PLAIN:
+    read, values, most = topic.reading, topic.values, topic.most
+    full = read.copied == topic.copies.shape[0]
+    if full or peek(link, topic, words) != PLAIN:
         return False
     time, came, counted, sent = words[0], arrival(words), words[2], words[3]
     after = ANSWERED + STAMP_SIZE
@@ -188,7 +176,7 @@ def take_gain(
         return False
     if max(abs(time - stamp), abs(time - answered)) > link.oldest:
         return False
-    take(read, words, frame, copies)
+    take(topic, words)
     link.gain_newest, link.gain_arrived = stamp, came
     energies[0] = LocalFeedbackGain(values).to_mechanism
     if np.isnan(energies[1]):
@@ -201,49 +189,30 @@ def take_gain(
 
 
 @kernel(
-    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1],"
-    " int64[::1], int64[::1], int64[:, ::1], int64[::1], float64[::1], float64[::1],"
-    " int64[::1], int64[::1], int64[:, ::1], float64[::1], float64[::1],"
-    " float64[:, ::1],"
-    " int64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
-    " int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64, float64[::1],"
-    " float64[::1], int64[::1], int64[::1])",
+    "int64(DeviceLink, SubscribedTopic, SubscribedTopic, PublishedTopic, int64[::1],"
+    " float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1], DeviceAccount,"
+    " Safety, int64[::1], float64[:, ::1], float64[::1], float64[::1], HandsCorrection,"
+    " float64, float64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def drive_at_deadlines(
-    shared: Array,
-    inputs: Array,
-    outputs: Array,
-    words: Array,
+    link: DeviceLink,
+    command: SubscribedTopic,
+    gain: SubscribedTopic,
+    sampled: PublishedTopic,
     polled: Array,
-    frame: Array,
-    prefix: Array,
-    copies: Array,
-    plain: Array,
-    values: Array,
-    most: Array,
-    gain_frame: Array,
-    gain_prefix: Array,
-    gain_copies: Array,
-    gain_values: Array,
-    gain_most: Array,
     commands: Array,
-    out_frame: Array,
-    out: Array,
-    out_most: Array,
     fastest: Array,
-    targets: Array,
     device: Array,
     state: Array,
     later: Array,
-    account: Array,
-    safety: Array,
+    side: DeviceAccount,
+    safety: Safety,
     stamps: Array,
     samples: Array,
     hand: Array,
     model: Array,
-    others: Array,
+    others: HandsCorrection,
     period: float,
     energies: Array,
     trips: Array,
@@ -253,39 +222,24 @@ def drive_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (28,) how things stand, a :class:`DeviceLink`; changed.
-        inputs: (2, 9) a ``lane_kernels.Reading`` each, of commands and gains; changed.
-        outputs: (1, 17) a ``lane_kernels.Sending``, of the samples; changed.
-        words: (5,) to work with.
+        link: how things stand; changed.
+        command: commands to the device.
+        gain: what says how they depend on it; over the same connection.
+        sampled: its samples.
         polled: (n,) struct pollfd of all connections but that of the controller's process.
-        frame: (words,) for the message that has come.
-        prefix: (words,) the bytes before a command's stamp.
-        copies: (n, words) to fill, with messages that the middleware will bring too.
-        plain: (2,) those between its stamp and its wrench.
-        values: (6,) a view of the wrench in ``frame``.
-        most: (6,) largest magnitude of each of its numbers.
-        gain_frame: (words,) for a gain that has come.
-        gain_prefix: (words,) the bytes before its data.
-        gain_copies: (n, words) as ``copies``.
-        gain_values: (113,) a view of the data in ``gain_frame``.
-        gain_most: (113,) largest magnitude of each number.
-        commands: (2, 6) the command that stands, and the one before.
-        out_frame: (words,) for the sample.
-        out: (29,) a view of the data in ``out_frame``.
-        out_most: (29,) largest magnitude of each number.
+        commands: (2, 6) the command that stands, and the one before; changed.
         fastest: (2,) m/s and rad/s, that the device can be moved.
-        targets: (2 n,) to whom it is sent.
         device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
             its hand.
         state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
         later: (107,) to work with.
-        account: (numbers,) of the device, a ``DeviceAccount``; changed.
-        safety: (numbers,) its envelope, a :class:`~hapticmech_ros.device.safety_kernels.Safety`.
+        side: account of the device; changed.
+        safety: its envelope.
         stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
         samples: (n, 19) these.
         hand: (22,) the hand's last wrenches.
         model: (108,) how commands depend on the device, a ``LocalModel``; changed.
-        others: (19,) zeros.
+        others: of other hands, zeros.
         period: s.
         energies: (2,) E_m as it was received, J, and from what on it counts; NaN while nobody
             sends it; changed.
@@ -296,10 +250,9 @@ def drive_at_deadlines(
     Returns:
         Why it returns.
     """
-    link, read, sends = DeviceLink(shared), Reading(inputs[COMMANDS]), Sending(outputs[0])
+    words, out = local_whole(WORDS), sampled.values
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
     measured, published = DeviceSample(state).values, PublishedState(state).values
-    side = DeviceAccount(account)
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
         if now < link.next - link.ahead:
@@ -308,25 +261,14 @@ def drive_at_deadlines(
                 return code
             continue
         while link.reads < ages.size:
-            found = find_command(link, read, words, frame, prefix, plain, values, most)
+            found = find_command(link, command, words)
             if found == NOTHING:
                 break
             if found == OTHER:
-                if take_gain(
-                    link,
-                    Reading(inputs[GAINS]),
-                    words,
-                    gain_frame,
-                    gain_prefix,
-                    gain_copies,
-                    gain_values,
-                    gain_most,
-                    model,
-                    energies,
-                ):
+                if take_gain(link, gain, words, model, energies):
                     continue
                 return TO_READ
-            if take_command(link, read, words, frame, copies, values, commands, found, ages):
+            if take_command(link, command, words, commands, found, ages):
                 link.answered_before = link.answered
             link.answered = found
             if row_of(stamps, link.remembers, found) >= 0:
@@ -355,13 +297,13 @@ def drive_at_deadlines(
                 newest,
                 HandMemory(hand),
                 period,
-                HandsCorrection(others),
+                others,
                 asked,
             )
         compensate(body, now_there.twist, added)
         account_for_actuators(side, sample, now_there.applied)
         take_energy(side, energies[0] - energies[1])
-        allow(side, Safety(safety), asked, sample, added)
+        allow(side, safety, asked, sample, added)
         command_device(body, now_there, asked)
         move_device(device, now_there, link.held, next_there)
         put(state, later)
@@ -370,10 +312,10 @@ def drive_at_deadlines(
         link.answered_before = link.answered
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[PUBLISHED : PUBLISHED + published.size], published)
-        sound = sound_stamp(out, out_most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
+        sound = sound_stamp(out, sampled.most, SAMPLE_QUATERNION, QUATERNION_TOLERANCE) != UNSOUND
         if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
-        code = publish(link, sends, words, out_frame, targets, now_real)
+        code = publish(link, sampled, words, now_real)
         remember_sample(link, stamps, samples, hand, stamp, measured)
         if code != GOES_ON:
             return code

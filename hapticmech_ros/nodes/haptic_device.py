@@ -16,7 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from hapticmech_ros.control.loop_layout import DeviceAccount
+from hapticmech_ros.control.loop_layout import DeviceAccount, HandsCorrection
 from hapticmech_ros.control.other_hands import NO_OTHERS
 from hapticmech_ros.device import (
     NO_WRENCH,
@@ -42,7 +42,6 @@ from hapticmech_ros.nodes.plain_messages import (
     PlainMessages,
     Publication,
     Received,
-    frame_of,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import nanoseconds
@@ -129,25 +128,20 @@ class DeviceTicks(PlainMessages):
 
     def __init__(self, actor: HapticDevice, device: ImpedanceDevice, outlet: Outlet) -> None:
         command, sample = PlainCommand(actor.wrenches), FlatArray(DeviceStateMessage.layout)
-        frame, values = frame_of(sample.prefix, sample.size)
-        self._out = DeviceStateMessage(values)
         topic = actor.lane_topic(DEVICE_COMMAND.name, WrenchStamped)
-        published = Publication(outlet, frame, len(sample.prefix) + 8 * sample.size)
+        most = message_bounds(DeviceStateMessage, actor.limits).most
+        gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
         gains, gain_topic = FlatArray(LocalFeedbackGain.layout), ""
         if actor.is_local:
             gain_topic = actor.lane_topic(DEVICE_GAIN.name, Float64MultiArray)
         received = [
             command.received(topic, actor.commanders),
-            Received(
-                gain_topic, actor.gains, gains.prefix, gains.size, len(gains.prefix), beside=True
-            ),
+            Received(gain_topic, actor.gains, gains.prefix, gain_most, beside=True),
         ]
         self.link = own.DeviceLink()
-        super().__init__(actor, received, [published], self.link)
+        super().__init__(actor, received, [Publication(outlet, sample.prefix, most)], self.link)
         self._driver, self._device = actor, device
-        self._frame, self._command = frame, command
-        self._most = message_bounds(DeviceStateMessage, actor.limits).most
-        self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
+        self._out = DeviceStateMessage(self.outputs[0].values)
         self._commands, self._trips = np.zeros((2, 6)), np.zeros(MOST_READ)
         self._state, self._later = SimulatedState().values, SimulatedState().values
         self._model = NO_GAIN.copy()
@@ -166,28 +160,38 @@ class DeviceTicks(PlainMessages):
     def kernel(self) -> Callable[[], int]:
         """Return the kernel with all that it is called with."""
         actor, loop, side = self._driver, self._driver.loop, self._driver.side
+        command, gain = self.inputs
         return partial(
             own.drive_at_deadlines,
-            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.copies[0]),
-            *(self._command.between, self.values[0]),
-            self._command.most,
-            *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1], self._gain_most),
+            self.link,
+            command,
+            gain,
+            self.outputs[0],
+            self.polled,
             self._commands,
-            *(self._frame, self._out.values, self._most, actor.fastest, self.targets[0]),
-            *(self._device.data, self._state, self._later),
-            *(side.passivity.account.values, side.envelope.numbers.values),
-            *(loop.stamps, loop.samples, loop.hand, self._model, NO_OTHERS),
+            actor.fastest,
+            self._device.data,
+            self._state,
+            self._later,
+            side.passivity.account,
+            side.envelope.numbers,
+            loop.stamps,
+            loop.samples,
+            loop.hand,
+            self._model,
+            HandsCorrection(NO_OTHERS),
             actor.period_s,
             loop.energies,
-            *(self._trips, self.ages, actor.node.exchange.listened),
+            self._trips,
+            self.ages,
+            actor.node.exchange.listened,
         )
 
     def did(self, code: int, reads: int) -> None:
         """Tell the driver what the kernel did."""
         actor, trips = self._driver, self._trips[: self.link.trips]
         actor.latency.extend(self.ages[:reads])
-        if self.reading[own.GAINS].read:
+        if self.inputs[own.GAINS].reading.read:
             link = self.link
             newest = link.gain_newest, link.gain_arrived
             actor.loop.took(self._model, link.gain_ns, newest)

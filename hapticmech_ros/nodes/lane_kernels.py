@@ -11,7 +11,17 @@ Kernel that waits for a loop to stand still. It needs neither Python nor its loc
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import c_function, function_at, inner, kernel, put
+from hapticmech_ros.compilation import (
+    Part,
+    RealTail,
+    RecordPart,
+    Structure,
+    c_function,
+    function_at,
+    inner,
+    kernel,
+    put,
+)
 from hapticmech_ros.compilation.records import Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
@@ -143,6 +153,7 @@ class Sending(Record):
 
     Attributes:
         head: by Python: the first word of the header.
+        hearers: to how many it is sent over the lane.
         number: how often the middleware was used.
         length: of a message with its header, bytes.
         sent: how many were sent.
@@ -155,6 +166,7 @@ class Sending(Record):
 
     dtype = int
     head = Whole()
+    hearers = Whole()
     number = Whole()
     length = Whole()
     sent = Whole()
@@ -166,12 +178,48 @@ class Sending(Record):
     message = Vector(8)
 
 
+class SubscribedTopic(Structure):
+    """A topic that is read, with room for a message.
+
+    Attributes:
+        reading: how it is read.
+        prefix: (words,) the bytes that all messages have between header and data.
+        between: (words,) of a WrenchStamped those between stamp and wrench.
+        frame: (words,) for a message, from :data:`BEGINS_AT` on.
+        copies: (n, words) for messages that the middleware will bring too.
+        values: (n,) the data in ``frame``.
+        most: (n,) largest magnitude of each of its numbers.
+    """
+
+    reading = RecordPart(Reading, whole=True)
+    prefix, between, frame = Part(1, whole=True), Part(1, whole=True), Part(1, whole=True)
+    copies, values, most = Part(2, whole=True), RealTail("frame"), Part(1)
+
+
+class PublishedTopic(Structure):
+    """A topic that is sent, with a message.
+
+    Attributes:
+        sending: how it is sent.
+        frame: (words,) the message, from :data:`BEGINS_AT` on.
+        targets: (2 n,) connections, each with the topic's number there.
+        values: (n,) the data in ``frame``.
+        most: (n,) largest magnitude of each of its numbers.
+    """
+
+    sending = RecordPart(Sending, whole=True)
+    frame, targets = Part(1, whole=True), Part(1, whole=True)
+    values, most = RealTail("frame"), Part(1)
+
+
 # Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
 # was sent last is to be looked at, or to go to more than the kernel could reach; and Python has to
 # act at a deadline, or to say what the kernel did not dare to.
 TIME_IS_UP, TO_READ, TO_LOOK_AT, TO_SEND, TO_ACT, TO_SAY = range(6)
 # Why it does not return.
 GOES_ON = -1
+# Of the room that functions work in: times, and the words of a message's header.
+WORDS = 5
 # Of a message on the lane, before its bytes; and where in an array of words it begins, so that the
 # numbers in it, which follow four bytes of encapsulation, are at whole words.
 HEADER_BYTES, BEGINS_AT = 32, 4
@@ -258,7 +306,7 @@ def is_set(link: Link, monotonic: int, real: int) -> bool:
 
 
 @inner
-def peek(link: Link, topic: Reading, words: Array, frame: Array, prefix: Array) -> int:
+def peek(link: Link, topic: SubscribedTopic, words: Array) -> int:
     """Copy the message that has come, and leave it there; return what it is.
 
     If it is a plain one the words are the node's time, the machine's, the message's number, when it
@@ -269,22 +317,21 @@ def peek(link: Link, topic: Reading, words: Array, frame: Array, prefix: Array) 
         link: how things stand.
         topic: that is read.
         words: (5,) to fill.
-        frame: (words,) for the message, from :data:`BEGINS_AT` on.
-        prefix: (words,) the bytes between header and data.
 
     Returns:
         NOTHING has come; PLAIN, or OTHER.
     """
+    read, frame = topic.reading, topic.frame
     at, most = frame.ctypes.data + BEGINS_AT, 8 * frame.size - BEGINS_AT
-    size = _recv(topic.connection, at, most, _PEEK | _DONT_WAIT)
-    if size != topic.length:
+    size = _recv(read.connection, at, most, _PEEK | _DONT_WAIT)
+    if size != read.length:
         return NOTHING if size == -1 else OTHER
     _memcpy(words.ctypes.data, at, HEADER_BYTES)
     both = words[0] >> _BOTH_AT & 1
     words[4] = words[1]
-    if words[0] != topic.head | both << _BOTH_AT or words[1] != topic.number + both:
+    if words[0] != read.head | both << _BOTH_AT or words[1] != read.number + both:
         return OTHER
-    if _memcmp(at + HEADER_BYTES, prefix.ctypes.data, topic.data - HEADER_BYTES) != 0:
+    if _memcmp(at + HEADER_BYTES, topic.prefix.ctypes.data, read.data - HEADER_BYTES) != 0:
         return OTHER
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
     words[0], words[1] = monotonic + link.ahead, real
@@ -311,20 +358,19 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 
 @inner
-def take(topic: Reading, words: Array, frame: Array, copies: Array) -> None:
+def take(topic: SubscribedTopic, words: Array) -> None:
     """Take a message away that was peeked at.
 
     Args:
         topic: of the message.
         words: (5,) as :func:`peek` left them.
-        frame: (words,) the message.
-        copies: (n, words) of messages that the middleware will bring too, to fill.
     """
-    _recv(topic.connection, frame.ctypes.data, 0, _DONT_WAIT)
-    if words[4] != topic.number:
-        _memcpy(copies[topic.copied].ctypes.data, frame.ctypes.data, 8 * frame.size)
-        topic.number = words[4]
-        topic.copied += 1
+    read, frame = topic.reading, topic.frame
+    _recv(read.connection, frame.ctypes.data, 0, _DONT_WAIT)
+    if words[4] != read.number:
+        _memcpy(topic.copies[read.copied].ctypes.data, frame.ctypes.data, 8 * frame.size)
+        read.number = words[4]
+        read.copied += 1
 
 
 @inner
@@ -374,50 +420,51 @@ def note_read(
 
 
 @inner
-def send_to_all(topic: Sending, words: Array, frame: Array, targets: Array, real: int) -> None:
-    """Send what a frame holds.
+def send_to_all(topic: PublishedTopic, words: Array, real: int) -> None:
+    """Send a topic's message over the lane.
 
     Args:
         topic: of the message.
         words: (5,) to work with.
-        frame: (words,) the message, from :data:`BEGINS_AT` on.
-        targets: (2 n,) connections, each with the topic's number there.
         real: the machine's time, ns.
     """
-    at, length = frame.ctypes.data + BEGINS_AT, topic.length
-    topic.sent += 1
-    topic.number += topic.both
-    words[1], words[2], words[3] = topic.number, topic.sent, real
-    for i in range(targets.size // 2):
-        words[0] = topic.head | topic.both << _BOTH_AT | targets[2 * i + 1] << 16
+    sends, targets = topic.sending, topic.targets
+    at, length = topic.frame.ctypes.data + BEGINS_AT, sends.length
+    sends.sent += 1
+    sends.number += sends.both
+    words[1], words[2], words[3] = sends.number, sends.sent, real
+    for i in range(sends.hearers):
+        words[0] = sends.head | sends.both << _BOTH_AT | targets[2 * i + 1] << 16
         _memcpy(at, words.ctypes.data, HEADER_BYTES)
         if _send(targets[2 * i], at, length, _DONT_WAIT | _NO_SIGNAL) != length:
-            topic.unsent |= 1 << i
+            sends.unsent |= 1 << i
 
 
 @inner
-def read_command(
-    link: Link, frame: Array, plain: Array, values: Array, most: Array, time: int
-) -> int:
+def read_command(link: Link, topic: SubscribedTopic, time: int) -> int:
     """Return the stamp, ns, of a WrenchStamped that keeps the rules; or UNSOUND.
 
     Args:
         link: how things stand.
-        frame: (words,) the message.
-        plain: (2,) the bytes of a plain command between stamp and wrench.
-        values: (6,) its wrench.
-        most: (6,) largest magnitudes.
+        topic: of the command.
         time: now, ns of the node's time.
     """
-    if differs(frame, _STAMP_AT + 1, plain):
+    frame = topic.frame
+    if differs(frame, _STAMP_AT + 1, topic.between) or not is_within(topic.values, topic.most):
         return UNSOUND
-    for i in range(6):
-        if not abs(values[i]) <= most[i]:
-            return UNSOUND
     seconds, nanoseconds = frame[_STAMP_AT] & 0xFFFFFFFF, frame[_STAMP_AT] >> 32 & 0xFFFFFFFF
     stamp = int(seconds * SECOND + nanoseconds)
     sound = seconds <= 0x7FFFFFFF and nanoseconds < SECOND and abs(time - stamp) <= link.oldest
     return stamp if sound else UNSOUND
+
+
+@inner
+def is_within(numbers: Array, most: Array) -> bool:
+    """Return whether numbers (n,) are within magnitudes (n,), which no NaN is."""
+    within = True
+    for i in range(most.size):
+        within = within and abs(numbers[i]) <= most[i]
+    return within
 
 
 @inner
@@ -427,39 +474,35 @@ def write_stamp(frame: Array, stamp: int) -> None:
 
 
 @inner
-def publish_outside(topic: Sending, frame: Array) -> bool:
+def publish_outside(topic: PublishedTopic) -> bool:
     """Have the middleware carry what was sent last; return whether Python has to send it on.
 
     Args:
         topic: of the message.
-        frame: (words,) the message, from :data:`BEGINS_AT` on.
     """
-    topic.left = topic.both
-    if topic.both != 0 and topic.publishes != 0:
-        message = topic.message
-        message[0] = frame.ctypes.data + BEGINS_AT + HEADER_BYTES
-        message[1] = message[2] = topic.length - HEADER_BYTES
-        failed = _publish(topic.publishes, topic.publisher, message.ctypes.data, 0)
-        topic.left = int(failed != 0)
-    return bool(topic.left != 0 or topic.unsent != 0)
+    sends = topic.sending
+    sends.left = sends.both
+    if sends.both != 0 and sends.publishes != 0:
+        message = sends.message
+        message[0] = topic.frame.ctypes.data + BEGINS_AT + HEADER_BYTES
+        message[1] = message[2] = sends.length - HEADER_BYTES
+        failed = _publish(sends.publishes, sends.publisher, message.ctypes.data, 0)
+        sends.left = int(failed != 0)
+    return bool(sends.left != 0 or sends.unsent != 0)
 
 
 @inner
-def publish(
-    link: Link, topic: Sending, words: Array, frame: Array, targets: Array, real: int
-) -> int:
-    """Send what a frame holds by all ways; return why the kernel is to return, or GOES_ON.
+def publish(link: Link, topic: PublishedTopic, words: Array, real: int) -> int:
+    """Send a topic's message by all ways; return why the kernel is to return, or GOES_ON.
 
     Args:
         link: how things stand.
         topic: of the message.
         words: (5,) to work with.
-        frame: (words,) the message, from :data:`BEGINS_AT` on.
-        targets: (2 n,) connections, each with the topic's number there.
         real: the machine's time, ns.
     """
-    send_to_all(topic, words, frame, targets, real)
-    return went_on(link, publish_outside(topic, frame))
+    send_to_all(topic, words, real)
+    return went_on(link, publish_outside(topic))
 
 
 @inner
@@ -496,16 +539,7 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
 
 
 @inner
-def find_command(
-    link: DeadlineLink,
-    topic: Reading,
-    words: Array,
-    frame: Array,
-    prefix: Array,
-    plain: Array,
-    values: Array,
-    most: Array,
-) -> int:
+def find_command(link: DeadlineLink, topic: SubscribedTopic, words: Array) -> int:
     """Return the stamp, ns, of the command that has come; NOTHING has, or OTHER than a plain one.
 
     It is left there, as by :func:`peek`. One that a newer one has overtaken is no plain one.
@@ -514,16 +548,11 @@ def find_command(
         link: how things stand.
         topic: of the commands.
         words: (5,) to fill, as :func:`peek`.
-        frame: (words,) for the message.
-        prefix: (words,) the bytes before its stamp.
-        plain: (2,) those between its stamp and its wrench.
-        values: (6,) a view of the wrench in ``frame``.
-        most: (6,) largest magnitude of each of its numbers.
     """
-    found = peek(link, topic, words, frame, prefix)
+    found = peek(link, topic, words)
     if found != PLAIN:
         return found
-    stamp = read_command(link, frame, plain, values, most, words[0])
+    stamp = read_command(link, topic, words[0])
     newer = stamp >= link.newest and stamp > link.since and stamp != words[0]
     return stamp if newer and stamp != UNSOUND else OTHER
 
@@ -531,11 +560,8 @@ def find_command(
 @inner
 def take_command(
     link: DeadlineLink,
-    topic: Reading,
+    topic: SubscribedTopic,
     words: Array,
-    frame: Array,
-    copies: Array,
-    values: Array,
     commands: Array,
     stamp: int,
     ages: Array,
@@ -548,22 +574,19 @@ def take_command(
         link: how things stand.
         topic: of the commands.
         words: (5,) as :func:`find_command` left them.
-        frame: (words,) the message.
-        copies: (n, words) of messages that the middleware will bring too, to fill.
-        values: (6,) a view of the wrench in ``frame``.
         commands: (2, 6) the command that stands, and the one before; changed.
         stamp: of the command, ns.
         ages: (n,) of messages, ns; to fill.
     """
     time, came, counted, sent = words[0], arrival(words), words[2], words[3]
-    take(topic, words, frame, copies)
+    take(topic, words)
     stood = link.received <= known_since(link) < came
     if stood:
         put(commands[1], commands[0])
         link.received_before = link.received
-    put(commands[0], values)
+    put(commands[0], topic.values)
     link.received, link.newest, link.arrived = came, stamp, came
-    note_read(link, topic, ages, time, came - stamp, counted, sent)
+    note_read(link, topic.reading, ages, time, came - stamp, counted, sent)
     return bool(stood)
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from hapticmech_ros.compilation import inner, kernel, put
+from hapticmech_ros.compilation import inner, kernel, local_whole, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.nodes.lane_kernels import (
@@ -18,9 +18,10 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_ACT,
     TO_READ,
     TO_SAY,
+    WORDS,
     DeadlineLink,
-    Reading,
-    Sending,
+    PublishedTopic,
+    SubscribedTopic,
     find_command,
     is_late,
     known_since,
@@ -70,36 +71,22 @@ def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) ->
 
 
 @kernel(
-    "int64(int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64[::1], int64[::1],"
-    " int64[::1], int64[:, ::1], int64[::1], float64[::1],"
-    " float64[::1], float64[:, ::1], int64[::1], float64[::1], float64[::1], int64[::1],"
-    " int64[::1], float64[::1], float64[:, ::1], float64[::1], int64[::1],"
-    " float64[::1], int64[::1], float64[::1], int64[::1], int64[::1])",
+    "int64(MechanismLink, SubscribedTopic, PublishedTopic, int64[::1], float64[:, ::1],"
+    " int64[::1], float64[::1], float64[:, ::1], float64[::1], SessionData,"
+    " int64[::1], float64[::1], int64[::1], int64[::1])",
     waits=True,
 )
 def move_at_deadlines(
-    shared: Array,
-    inputs: Array,
-    outputs: Array,
-    words: Array,
+    link: MechanismLink,
+    command: SubscribedTopic,
+    state: PublishedTopic,
     polled: Array,
-    frame: Array,
-    prefix: Array,
-    copies: Array,
-    plain: Array,
-    values: Array,
-    most: Array,
     commands: Array,
-    out_frame: Array,
-    out: Array,
-    out_most: Array,
-    targets: Array,
     numbers: Array,
     constants: Array,
     packed: Array,
     work: Array,
-    whole: Array,
-    real: Array,
+    data: SessionData,
     contact_numbers: Array,
     contact_values: Array,
     clock: Array,
@@ -108,29 +95,17 @@ def move_at_deadlines(
     """Take commands as they come, and do a step at each deadline.
 
     Args:
-        shared: (22,) how things stand, a :class:`MechanismLink`; changed.
-        inputs: (1, 9) a ``lane_kernels.Reading``, of the commands; changed.
-        outputs: (1, 17) a ``lane_kernels.Sending``, of the states; changed.
-        words: (5,) to work with.
+        link: how things stand; changed.
+        command: commands to the mechanism.
+        state: its states.
         polled: (n,) struct pollfd of all connections but that of the controller's process.
-        frame: (words,) for the message that has come.
-        prefix: (words,) the bytes before a command's stamp.
-        copies: (n, words) to fill, with messages that the middleware will bring too.
-        plain: (2,) those between its stamp and its wrench.
-        values: (6,) a view of the wrench in ``frame``.
-        most: (6,) largest magnitude of each of its numbers.
-        commands: (2, 6) the command that stands, and the one before.
-        out_frame: (words,) for the state.
-        out: (n,) a view of the data in ``out_frame``.
-        out_most: (n,) largest magnitude of each number.
-        targets: (2 n,) to whom it is sent.
+        commands: (2, 6) the command that stands, and the one before; changed.
         numbers: (integers,) of the mechanism, as of ``run_ticks``.
         constants: (numbers,) likewise.
         packed: (4, size) likewise.
         work: (work,) likewise.
-        whole: (integers,) likewise.
-        real: (numbers,) likewise.
-        contact_numbers: (integers,) likewise.
+        data: of a session, whose mechanism is moved.
+        contact_numbers: (integers,) as of ``run_ticks``.
         contact_values: (numbers,) likewise.
         clock: (9,) likewise.
         ages: (n,) to fill: of the commands, ns.
@@ -138,9 +113,7 @@ def move_at_deadlines(
     Returns:
         Why it returns.
     """
-    link, read, sends = MechanismLink(shared), Reading(inputs[0]), Sending(outputs[0])
-    data = SessionData(whole, real)
-    nv = data.v.size
+    words, out, nv = local_whole(WORDS), state.values, data.v.size
     while link.reads < ages.size:
         now = time_of(MONOTONIC, words)
         if now < link.next - link.ahead:
@@ -149,12 +122,12 @@ def move_at_deadlines(
                 return code
             continue
         while link.reads < ages.size:
-            found = find_command(link, read, words, frame, prefix, plain, values, most)
+            found = find_command(link, command, words)
             if found == NOTHING:
                 break
             if found == OTHER:
                 return TO_READ
-            take_command(link, read, words, frame, copies, values, commands, found, ages)
+            take_command(link, command, words, commands, found, ages)
         now_real = time_of(REALTIME, words)
         if is_late(link, words, now, now_real):
             return TO_ACT
@@ -177,9 +150,9 @@ def move_at_deadlines(
         put(out[link.position : link.position + nv], data.q)
         put(out[link.velocity : link.velocity + nv], data.v)
         out[link.commanded] = 1.0 if stamp - link.received <= link.timeout else 0.0
-        if sound_stamp(out, out_most, -1, 0.0) == UNSOUND:
+        if sound_stamp(out, state.most, -1, 0.0) == UNSOUND:
             return TO_SAY
-        code = publish(link, sends, words, out_frame, targets, now_real)
+        code = publish(link, state, words, now_real)
         if code != GOES_ON:
             return code
     return TIME_IS_UP

@@ -37,7 +37,7 @@ from hapticmech_ros.nodes.mechanism_ports import (
 from hapticmech_ros.nodes.messages import LATCHED
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.parameters import MechanismParameters
-from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainCommand, PlainMessages, Publication
 from hapticmech_ros.nodes.timeouts import MECHANISM_COMMAND, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
@@ -84,13 +84,11 @@ class MechanismTicks(PlainMessages):
 
     def __init__(self, actor: MechanismSimulator, layout: StateLayout, outlet: Outlet) -> None:
         command, state, port = PlainCommand(actor.wrenches), FlatArray(layout.fields), actor.port
-        frame, self._out = frame_of(state.prefix, state.size)
         topic = actor.lane_topic(POINT_COMMAND.of(port.name), WrenchStamped)
-        published = Publication(outlet, frame, len(state.prefix) + 8 * state.size)
+        published = Publication(outlet, state.prefix, layout.bounds.most)
         self.link = link = own.MechanismLink()
         super().__init__(actor, [command.received(topic, port.controllers)], [published], link)
-        self._frame, self._command = frame, command
-        self._simulator, self._out_most = actor, layout.bounds.most
+        self._simulator, self._out = actor, self.outputs[0].values
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
@@ -160,20 +158,15 @@ class MechanismTicks(PlainMessages):
         simulator.stepper.prepare()
         return partial(
             own.move_at_deadlines,
-            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.copies[0]),
-            *(self._command.between, self.values[0]),
-            self._command.most,
+            self.link,
+            self.inputs[0],
+            self.outputs[0],
+            self.polled,
             self._commands,
-            self._frame,
-            self._out,
-            self._out_most,
-            self.targets[0],
             *active_set.constants,
             self._packed,
             simulator.stepper.work,
-            data.numbers,
-            data.data,
+            data,
             *_NO_CONTACTS,
             self._clock,
             self.ages,

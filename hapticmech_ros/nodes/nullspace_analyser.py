@@ -19,7 +19,7 @@ from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.messages import check_age
 from hapticmech_ros.nodes.parameters import AnalyserParameters
-from hapticmech_ros.nodes.plain_messages import PlainMessages, Publication, Received, frame_of
+from hapticmech_ros.nodes.plain_messages import PlainMessages, Publication, Received
 from hapticmech_ros.nodes.sources import Sources
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
@@ -55,8 +55,12 @@ class StateAnswers(PlainMessages):
         actor: the analyser.
         layout: of the states.
         sources: of the states.
-        answer: how models are written, and their bounds; words and data of one.
+        encoder: of operational models.
+        bounds: of these.
         outlet: that they are published through.
+
+    Attributes:
+        answer: (151,) data of the last one.
     """
 
     def __init__(
@@ -64,19 +68,17 @@ class StateAnswers(PlainMessages):
         actor: NullspaceAnalyser,
         layout: StateLayout,
         sources: Sources,
-        answer: tuple[FlatArray, Bounds, Array, Array],
+        encoder: FlatArray,
+        bounds: Bounds,
         outlet: Outlet,
     ) -> None:
         state = FlatArray(layout.fields)
-        model, out_bounds, frame, self._out = answer
         topic = actor.lane_topic(STATE.name, Float64MultiArray)
-        received = Received(topic, sources, state.prefix, state.size, len(state.prefix))
-        published = Publication(outlet, frame, len(model.prefix) + 8 * model.size)
+        received = Received(topic, sources, state.prefix, layout.bounds.most)
+        published = Publication(outlet, encoder.prefix, bounds.most)
         self.link = link = own.AnalyserLink()
         super().__init__(actor, [received], [published], link)
-        self._frame = frame
-        self._analyser = actor
-        self._most, self._out_most = layout.bounds.most, out_bounds.most
+        self._analyser, self.answer = actor, self.outputs[0].values
         nv = actor.mechanism.nv
         self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
@@ -100,15 +102,12 @@ class StateAnswers(PlainMessages):
         self._observation = np.empty(analyser.observation_size)
         return partial(
             own.answer_states,
-            *(self.link.values, self.inputs, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
-            self._most,
+            self.link,
+            self.inputs[0],
+            self.outputs[0],
+            self.polled,
             np.array(actor.closed, dtype=float),
             actor.grasp,
-            self._frame,
-            self._out,
-            self._out_most,
-            self.targets[0],
             *active_set.constants,
             active_set.scratch,
             self._position,
@@ -120,7 +119,7 @@ class StateAnswers(PlainMessages):
             self._before,
             self._ahead,
             self._observation,
-            actor.counter.numbers.values,
+            actor.counter.numbers,
             *actor.past.arrays,
             self.ages,
         )
@@ -128,11 +127,11 @@ class StateAnswers(PlainMessages):
     def did(self, code: int, reads: int) -> None:
         """Tell the analyser what the kernel did."""
         if reads:
-            self._analyser.answered(reads, self.link.last, int(self._out[MODEL_COUNT]))
+            self._analyser.answered(reads, self.link.last, int(self.answer[MODEL_COUNT]))
 
     def view(self) -> Callable[[], None]:
         """Return what publishes the last analysis for people."""
-        actor, numbers, count = self._analyser, self._observation.copy(), self._out[MODEL_COUNT]
+        actor, numbers, count = self._analyser, self._observation.copy(), self.answer[MODEL_COUNT]
         found = Observation(numbers, actor.analyser.rows, actor.mechanism.nv)
         return lambda: actor.publish_view(found.analysis, int(count))
 
@@ -170,8 +169,6 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.past = PastRates(periods, period_ns, self.mechanism.nv)
         bounds = message_bounds(OperationalModelMessage, self.limits)
         self._encoder = FlatArray(OperationalModelMessage.layout, bounds)
-        frame, self._values = frame_of(self._encoder.prefix, self._encoder.size)
-        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
         self.grasp = flat_grasp(self.scene, self.analyser.point)
         self._publish_model = self.output(POINT_MODEL, Float64MultiArray)
         self._coupling = CouplingWire(self.other_points, self.limits)
@@ -190,12 +187,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
             STATE.name, self.control_input, self._on_state, self._layout.fields, self._mechanisms
         )
         self._answers = StateAnswers(
-            self,
-            self._layout,
-            self._mechanisms,
-            (self._encoder, bounds, frame, self._values),
-            self._publish_model,
+            self, self._layout, self._mechanisms, self._encoder, bounds, self._publish_model
         )
+        self._model = self._new_model()
 
     def activate(self) -> None:
         """Start the count anew."""
@@ -210,8 +204,11 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
     def reset(self) -> None:
         """Forget what was found of states so far."""
         self.past.forget()
-        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
+        self._model = self._new_model()
         self.activate()
+
+    def _new_model(self) -> OperationalModelWriter:
+        return OperationalModelWriter(self.analyser, self.past, self._answers.answer)
 
     @property
     def answers_plainly(self) -> bool:
@@ -331,7 +328,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         """Analyse the point where the mechanism says that it is from now on."""
         self.mechanism.set_operational_point(grasp_of(self.mechanism.scene, self.point, grasp))
         self.analyser = Analyser(self.mechanism, self.point, self._compensated_delay)
-        self._model = OperationalModelWriter(self.analyser, self.past, self._values)
+        self._model = self._new_model()
         self.grasp = grasp.copy()
         self._count = None
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.exchange import Outlet
 from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
@@ -28,8 +29,8 @@ from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once.
-MOST_READ = 256
+# So many messages are enough for once, and so many processes on the lane that read one.
+MOST_READ, MOST_HEARERS = 256, 62
 # Views come so far apart at the least, ns, for so long after a step was late.
 GIVE_WAY_NS = 50_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
@@ -56,6 +57,9 @@ def words_of(data: bytes) -> Array:
     return np.frombuffer(data.ljust(-(-len(data) // 8) * 8, b"\0"), np.int64).copy()
 
 
+NO_WORDS = np.zeros(0, dtype=np.int64)
+
+
 class Received(NamedTuple):
     """A topic of which messages are read.
 
@@ -63,8 +67,9 @@ class Received(NamedTuple):
         topic: its full name and type on the lane.
         sources: who speaks on it.
         prefix: bytes of a message before its numbers.
-        size: how many numbers it has.
-        alike: how many of the bytes all messages have.
+        most: (n,) largest magnitude of each number.
+        alike: how many of the bytes all messages have; all if left out.
+        between: (words,) see :class:`.lane_kernels.SubscribedTopic`.
         beside: whether it comes over the connection of the topic before, or is left to Python.
         awaited: whether the kernel wakes up for a message, rather than to find it when it acts.
     """
@@ -72,10 +77,28 @@ class Received(NamedTuple):
     topic: str
     sources: Sources
     prefix: bytes
-    size: int
-    alike: int
+    most: Array
+    alike: int | None = None
+    between: Array = NO_WORDS
     beside: bool = False
     awaited: bool = True
+
+    def made(self) -> kernels.SubscribedTopic:
+        """Return room for its messages."""
+        alike, (frame, values) = self.prefix[: self.alike], frame_of(self.prefix, self.most.size)
+        parts = {
+            "reading": np.zeros(kernels.Reading.layout.size),
+            "prefix": words_of(alike),
+            "between": self.between,
+            "frame": frame,
+            "copies": np.zeros((MOST_READ, frame.size)),
+            "values": values,
+            "most": self.most,
+        }
+        topic = kernels.SubscribedTopic(*arrays_of(kernels.SubscribedTopic, {}, parts))
+        topic.reading.data = kernels.HEADER_BYTES + len(alike)
+        topic.reading.length = kernels.HEADER_BYTES + len(self.prefix) + 8 * values.size
+        return topic
 
 
 class Publication(NamedTuple):
@@ -83,15 +106,30 @@ class Publication(NamedTuple):
 
     Attributes:
         outlet: that they go through.
-        frame: words (n,) of a message.
-        size: how many bytes it has.
+        prefix: bytes of a message before its numbers.
+        most: (n,) largest magnitude of each number.
         optional: whether the kernel may do all else where nobody on the lane reads it.
     """
 
     outlet: Outlet
-    frame: Array
-    size: int
+    prefix: bytes
+    most: Array
     optional: bool = False
+
+    def made(self) -> kernels.PublishedTopic:
+        """Return a message."""
+        frame, values = frame_of(self.prefix, self.most.size)
+        parts = {
+            "sending": np.zeros(kernels.Sending.layout.size),
+            "frame": frame,
+            "targets": np.zeros(2 * MOST_HEARERS),
+            "values": values,
+            "most": self.most,
+        }
+        topic = kernels.PublishedTopic(*arrays_of(kernels.PublishedTopic, {}, parts))
+        topic.sending.head = MESSAGE | self.outlet.number << 32
+        topic.sending.length = kernels.HEADER_BYTES + len(self.prefix) + 8 * values.size
+        return topic
 
 
 def _head(origin: Origin, code: int) -> int:
@@ -113,19 +151,20 @@ class PlainCommand:
     Attributes:
         prefix: bytes before the wrench.
         between: (2,) words of those between stamp and wrench.
-        size: bytes of the whole.
         most: (6,) largest magnitudes, N and N m.
     """
 
     def __init__(self, bounds: SixBounds) -> None:
         whole = encode_wrench(np.zeros(6), 0)
-        self.size, self.prefix = len(whole), whole[:_WRENCH_AT]
+        self.prefix = whole[:_WRENCH_AT]
         self.between = words_of(whole[_FRAME_AT:_WRENCH_AT])
         self.most = np.array([bounds.first] * 3 + [bounds.last] * 3)
 
     def received(self, topic: str, sources: Sources) -> Received:
-        """Return a topic of such commands that are read; see :class:`Heard`."""
-        return Received(topic, sources, self.prefix, 6, _STAMP_AT, awaited=False)
+        """Return a topic of such commands that are read."""
+        return Received(
+            topic, sources, self.prefix, self.most, _STAMP_AT, self.between, awaited=False
+        )
 
 
 class PlainMessages:
@@ -140,14 +179,9 @@ class PlainMessages:
             reads that one, by their names on the lane.
 
     Attributes:
-        inputs, outputs: (n, 9) and (m, 17) a :class:`~.lane_kernels.Reading` or
-            :class:`~.lane_kernels.Sending` of each topic.
-        passed: (k, 9) likewise, of each topic that is passed over.
-        reading: of each topic that is read, views.
-        frames, values, prefixes, copies: of each topic that is read words for a message, a view of
-            its data, what all messages begin with, and words for those that the middleware brings.
-        targets: of each topic that is sent (2 n,) connections, each with the topic's number there.
-        words, polled, ages: for the kernel.
+        inputs, outputs: each topic that is read, and each that is sent.
+        passed: (k, 9) a :class:`~.lane_kernels.Reading` of each topic that is passed over.
+        polled, ages: for the kernel.
     """
 
     def __init__(
@@ -164,31 +198,17 @@ class PlainMessages:
         self._code = kernels.TIME_IS_UP
         self._late_ns = self._viewed_ns = 0
         self._passed_over = passed_over
-        made = [frame_of(one.prefix, one.size) for one in received]
-        self.frames, self.values = [frame for frame, _ in made], [values for _, values in made]
-        self.prefixes = [words_of(one.prefix[: one.alike]) for one in received]
         # What nobody wakes up for is found within a period.
         link.step, link.behind = STEP_NS, BEHIND_NS + nanoseconds(actor.period_s)
         self._shared = link
-        reads, sends = kernels.Reading.layout.size, kernels.Sending.layout.size
-        self.inputs = np.zeros((len(received), reads), dtype=np.int64)
+        self.inputs = [one.made() for one in received]
+        self.outputs = [one.made() for one in published]
+        reads = kernels.Reading.layout.size
         self.passed = np.zeros((len(passed_over), reads), dtype=np.int64)
-        self.outputs = np.zeros((len(published), sends), dtype=np.int64)
-        self.reading = [kernels.Reading(row) for row in self.inputs]
         self._passing = [kernels.Reading(row) for row in self.passed]
-        self._sending = [kernels.Sending(row) for row in self.outputs]
-        self.copies = [np.zeros((MOST_READ, frame.size), np.int64) for frame in self.frames]
-        self.words = np.zeros(5, dtype=np.int64)
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
         self.polled = np.zeros(0, dtype=np.int64)
-        self.targets: list[Array] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
-        for one, row in zip(received, self.reading, strict=True):
-            row.data = kernels.HEADER_BYTES + one.alike
-            row.length = kernels.HEADER_BYTES + len(one.prefix) + 8 * one.size
-        for publication, sending in zip(published, self._sending, strict=True):
-            sending.head = MESSAGE | publication.outlet.number << 32
-            sending.length = kernels.HEADER_BYTES + publication.size
 
     def ready(self) -> bool:
         """Tell the kernel how the actor is; return whether it may do anything for it now."""
@@ -217,7 +237,7 @@ class PlainMessages:
         Args:
             at: which topic.
         """
-        return _continued(self._received[at].sources.latest, self.reading[at])
+        return _continued(self._received[at].sources.latest, self.inputs[at].reading)
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Tell the kernel how things stand; return whether it may do anything.
@@ -243,19 +263,18 @@ class PlainMessages:
     def _prepare_to_send(self, lane: Lane) -> bool:
         """Find who hears; return whether somebody does on the lane."""
         self._hearers = []
-        self.targets = []
-        for one, row in zip(self._published, self._sending, strict=True):
-            outlet = one.outlet
+        for one, topic in zip(self._published, self.outputs, strict=True):
+            outlet, row = one.outlet, topic.sending
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
-            if not (hearers or one.optional):
+            if not (hearers or one.optional) or len(hearers) > MOST_HEARERS:
                 return False
             row.both = bool(way)
             if way:
                 row.publishes, row.publisher = outlet.rcl
             numbers = [number for to, code in hearers for number in (to.connection.fileno(), code)]
             self._hearers.append(hearers)
-            self.targets.append(np.array(numbers, dtype=np.int64))
+            topic.targets[: len(numbers)], row.hearers = numbers, len(hearers)
             row.number = outlet.published
             row.sent = lane.sent(outlet.number)
             row.unsent = row.left = 0
@@ -264,20 +283,22 @@ class PlainMessages:
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
         """Find who speaks; return whether that is one process for each topic."""
         first: list[int] = []
-        for one, row in zip(self._received, self.reading, strict=True):
+        for one, topic in zip(self._received, self.inputs, strict=True):
+            row = topic.reading
             row.copied = 0
             connection = self._connection(lane, one.topic, one.sources, row)
             if one.beside and connection != first[-1]:
                 row.head = 0
             elif not one.beside:
                 first.append(connection)
-        for (topic, sources), row in zip(self._passed_over, self._passing, strict=True):
-            if self._connection(lane, topic, sources, row) != first[0]:
+        for (name, sources), row in zip(self._passed_over, self._passing, strict=True):
+            if self._connection(lane, name, sources, row) != first[0]:
                 row.head = 0
         if -1 in first:
             return False
-        topics = zip(self._received, self.reading, strict=True)
-        polled = [row.connection for one, row in topics if one.awaited and not one.beside]
+        topics = zip(self._received, self.inputs, strict=True)
+        awaited = [topic for one, topic in topics if one.awaited and not one.beside]
+        polled = [topic.reading.connection for topic in awaited]
         polled += [number for number in waited if number not in first]
         self.polled = np.array(polled, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
@@ -318,7 +339,7 @@ class PlainMessages:
                 if not (self._code == kernels.TO_LOOK_AT and self._show(lane.turn)):
                     break
                 link.until_view = self._actor.view_every
-                if any(row.left or row.unsent for row in self._sending):
+                if any(one.sending.left or one.sending.unsent for one in self.outputs):
                     self._code = kernels.TO_SEND
                     break
         code = self._code
@@ -353,12 +374,13 @@ class PlainMessages:
         lane, link, self._lane = self._lane, self._shared, None
         if lane is None:
             return
-        for at, one in enumerate(self._published):
-            self._send_on(lane, one, self._sending[at], self._hearers[at])
-        for at, (received, row) in enumerate(zip(self._received, self.reading, strict=True)):
+        for one, sent, hearers in zip(self._published, self.outputs, self._hearers, strict=True):
+            self._send_on(lane, one.outlet, sent, hearers)
+        for at, (received, topic) in enumerate(zip(self._received, self.inputs, strict=True)):
+            row = topic.reading
             if row.read:
                 received.sources.received(self.origin(at), row.read)
-            for copy in self.copies[at][: row.copied]:
+            for copy in topic.copies[: row.copied]:
                 lane.copied.append((received.topic, self._bytes(copy, row.length)))
         for (_, sources), row in zip(self._passed_over, self._passing, strict=True):
             if row.read:
@@ -374,30 +396,31 @@ class PlainMessages:
     def _send_on(
         self,
         lane: Lane,
-        one: Publication,
-        row: kernels.Sending,
+        outlet: Outlet,
+        topic: kernels.PublishedTopic,
         hearers: list[tuple[Outgoing, int]],
     ) -> None:
         """Send a topic's last message to all whom the kernel could not reach.
 
         Args:
             lane: of the process.
-            one: the topic.
-            row: what the kernel tells of it.
-            hearers: who hears it on the lane.
+            outlet: of the topic.
+            topic: as the kernel has left it.
+            hearers: processes on the lane that subscribe to it.
         """
-        number, sent, left = one.outlet.number, row.sent, bool(row.left)
+        row = topic.sending
+        number, sent, left = outlet.number, row.sent, bool(row.left)
         lane.note_sent(number, sent)
-        one.outlet.note_published(row.number - left)
+        outlet.note_published(row.number - left)
         if not (left or row.unsent):
             return
-        message = self._bytes(one.frame, row.length)
+        message = self._bytes(topic.frame, row.length)
         to = [who for i, who in enumerate(hearers) if row.unsent >> i & 1]
         if to:
             both = bool(row.both)
             lane.send_to(to, number, row.number, sent, message, both)
         if left:
-            self._actor.failures.run("publish", one.outlet.publish_outside, message)
+            self._actor.failures.run("publish", outlet.publish_outside, message)
 
     @staticmethod
     def _bytes(frame: Array, length: int) -> bytes:

@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
-from hapticmech_ros.control.loop_layout import Answer, ControllerAccount
+from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, Locality
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
     ControllerCommand,
@@ -19,7 +19,6 @@ from hapticmech_ros.control.rendering_controller import (
     RenderingController,
 )
 from hapticmech_ros.control.tuning import tuned
-from hapticmech_ros.device.motion_kernels import Motion
 from hapticmech_ros.device.safety import MotionCheck
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
@@ -43,7 +42,6 @@ from hapticmech_ros.nodes.plain_messages import (
     PlainMessages,
     Publication,
     Received,
-    frame_of,
 )
 from hapticmech_ros.nodes.sources import Origin, Sources
 from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
@@ -87,81 +85,80 @@ class SampleAnswers(PlainMessages):
         crtk: Sequence[tuple[str, Sources]],
     ) -> None:
         received = []
-        for name, fields, sources in (
-            (DEVICE_STATE.name, DeviceStateMessage.layout, device),
-            (POINT_MODEL.of(actor.point), OperationalModelMessage.layout, analyser),
+        for name, fields, bounds, sources in (
+            (DEVICE_STATE.name, DeviceStateMessage.layout, actor.bounds.device, device),
+            (
+                POINT_MODEL.of(actor.point),
+                OperationalModelMessage.layout,
+                actor.bounds.model,
+                analyser,
+            ),
         ):
             prefix, topic = FlatArray(fields).prefix, actor.lane_topic(name, Float64MultiArray)
             awaited = sources is device
-            received.append(
-                Received(topic, sources, prefix, fields.size, len(prefix), awaited=awaited)
-            )
-        command = PlainCommand(actor.wrenches)
+            received.append(Received(topic, sources, prefix, bounds.most, awaited=awaited))
+        command, gain = PlainCommand(actor.wrenches), FlatArray(LocalFeedbackGain.layout)
         *commands, gains = outputs
-        frames = [frame_of(command.prefix, NO_WRENCH.size) for _ in commands]
-        published = [
-            Publication(outlet, frame, command.size)
-            for outlet, (frame, _) in zip(commands, frames, strict=True)
-        ]
-        gain = FlatArray(LocalFeedbackGain.layout)
-        self._gain = frame_of(gain.prefix, gain.size)
-        size = len(gain.prefix) + 8 * gain.size
-        published.append(Publication(gains, self._gain[0], size, optional=True))
+        published = [Publication(outlet, command.prefix, command.most) for outlet in commands]
+        gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
+        published.append(Publication(gains, gain.prefix, gain_most, optional=True))
         self.link = own.ControllerLink()
         super().__init__(actor, received, published, self.link, crtk)
-        self._controller, self._commands = actor, frames
-        self._most = command.most
-        self._gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        self._known, self._grasp = (
-            np.zeros(OperationalModelSample.layout.size),
-            np.zeros(GRASP_SIZE),
-        )
-        self._before, self._moved = ControllerAccount().values, Motion().values
-        self._wrenches, self._answer = np.zeros((2, 6)), Answer()
-        self._round_trips = np.zeros(2)
-        self._settings = self._locality = np.zeros(0)
+        self._controller = actor
+        self._known, self._grasp = OperationalModelSample(), np.zeros(GRASP_SIZE)
+        self._answer, self._round_trips = Answer(), np.zeros(2)
+        self._settings, self._locality = ControllerSettings(), Locality()
         self.link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
         """Tell the kernel how the controller is; return whether it may do anything for it."""
-        found = self._controller.plainly(self.link, self._known, self._grasp)
+        found = self._controller.plainly(self.link, self._known.values, self._grasp)
         if found is None:
             return False
         self._settings, self._locality = found
         self._round_trips[:] = self._controller.path.round_trips
         self.link.sample_ns = 0
-        if not self.targets[own.AS_GAIN].size:
+        if not self.outputs[own.AS_GAIN].sending.hearers:
             self.link.gain_every = 0
         return True
 
     def kernel(self) -> Callable[[], int]:
         """Return the kernel with all that it is called with."""
         actor, side = self._controller, self._controller.side
-        device, point = self._commands
         self._answer = Answer()
+        states, models = self.inputs
+        to_device, to_point, as_gain = self.outputs
         return partial(
             own.answer_samples,
-            *(self.link.values, self.inputs, self.passed, self.outputs, self.words, self.polled),
-            *(self.frames[0], self.prefixes[0], self.copies[0], self.values[0]),
-            actor.bounds.device.most,
-            *(self.frames[1], self.prefixes[1], self.copies[1], self.values[1]),
-            actor.bounds.model.most,
-            *(*device, self.targets[0], *point, self.targets[1]),
-            *(*self._gain, self.targets[2], self._gain_most),
-            *(self._most, self._known, self._grasp),
-            *(side.account.values, self._before, self._settings, NO_WRENCH),
-            *(side.queue, side.past, self._locality, self._answer.values),
-            *(actor.motion.numbers.values, self._moved, self._wrenches),
-            *(self._round_trips, self.ages),
+            self.link,
+            states,
+            models,
+            self.passed,
+            to_device,
+            to_point,
+            as_gain,
+            self.polled,
+            self._known,
+            self._grasp,
+            side.account,
+            self._settings,
+            NO_WRENCH,
+            side.queue,
+            side.past,
+            self._locality,
+            self._answer,
+            actor.motion.numbers,
+            self._round_trips,
+            self.ages,
         )
 
     def did(self, code: int, reads: int) -> None:
         """Tell the controller what the kernel did."""
-        states, models = self.reading
-        if models.read:
+        states, models = self.inputs
+        if read := models.reading.read:
             origin = self.origin(own.MODELS)
-            self._controller.received_model(self.link, self._known, origin, models.read)
-        if states.read:
+            self._controller.received_model(self.link, self._known.values, origin, read)
+        if states.reading.read:
             self._controller.path.round_trip = float(self._round_trips[0])
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
@@ -526,8 +523,8 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     def plainly(
         self, link: own.ControllerLink, known: Array, grasp: Array
-    ) -> tuple[Array, Array] | None:
-        """Return settings (59,) and locality (3,) if samples may be answered by the kernel now.
+    ) -> tuple[ControllerSettings, Locality] | None:
+        """Return settings and locality if samples may be answered by the kernel now.
 
         That is while it renders, and nothing but the inputs changes from one sample to the next.
 
@@ -561,7 +558,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         known[:] = model.operational_model.values
         grasp[:] = model.grasp
         settings = control.settings_at(self._time_s(self.now_ns()), clutch)
-        return settings, self.side.locality(True, False).values
+        return ControllerSettings(settings), self.side.locality(True, False)
 
     def received_model(
         self, link: own.ControllerLink, known: Array, origin: Origin, now_ns: int
