@@ -24,10 +24,10 @@ from hapticmech_ros.formats.model import (
     Joint,
     LoopJoint,
     Note,
+    clean,
     from_z,
     origin_of,
 )
-from hapticmech_ros.formats.names import clean
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 IN_FIXED = "mimic in a fixed joint"

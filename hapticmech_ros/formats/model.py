@@ -7,6 +7,8 @@ A joint carries a body from another; a body that two joints carry closes a loop.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -268,3 +270,26 @@ def origin_of(place: pin.SE3) -> Document:
     """Return a transform as a scene's origin."""
     rpy = pin.rpy.matrixToRpy(place.rotation)
     return {"xyz": [float(x) for x in place.translation], "rpy": [float(x) for x in rpy]}
+
+
+class Names:
+    """Names that are taken."""
+
+    def __init__(self) -> None:
+        self._taken = {WORLD}
+        self._tried: Counter[str] = Counter()
+
+    def new(self, name: str) -> str:
+        """Return the name, or the nearest that is allowed and not taken."""
+        cleaned = found = clean(name)
+        while found in self._taken:
+            self._tried[cleaned] += 1
+            found = f"{cleaned}_{self._tried[cleaned] + 1}"
+        self._taken.add(found)
+        return found
+
+
+def clean(name: str) -> str:
+    """Return a name of letters, digits and underscores that begins with a letter."""
+    found = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return found if re.match(r"[A-Za-z]", found) else f"n{found}"

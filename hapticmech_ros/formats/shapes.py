@@ -19,8 +19,7 @@ import pinocchio as pin
 
 from hapticmech_ros.errors import FileError, SceneError, SceneProblem
 from hapticmech_ros.files import is_file, open_file
-from hapticmech_ros.formats.model import Document, Imported, Note, Solid, origin_of
-from hapticmech_ros.formats.names import Names, clean
+from hapticmech_ros.formats.model import Document, Imported, Names, Note, Solid, clean, origin_of
 from hapticmech_ros.formats.xml_nodes import Node, Source
 
 # By scheme: variables with folders that hold packages, and where in these.

@@ -30,10 +30,11 @@ from hapticmech_ros.formats.model import (
     Keyframe,
     LoopJoint,
     Model,
+    Names,
     Note,
+    clean,
     origin_of,
 )
-from hapticmech_ros.formats.names import Names, clean
 from hapticmech_ros.formats.shapes import named
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
 

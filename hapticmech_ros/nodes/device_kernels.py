@@ -10,10 +10,8 @@ from hapticmech_ros.compilation import inner, kernel, local, local_whole, put
 from hapticmech_ros.compilation.records import Whole
 from hapticmech_ros.control.account_kernels import remember
 from hapticmech_ros.control.device_side_kernels import (
-    account_for_actuators,
-    allow,
+    allow_command,
     correct,
-    take_energy,
 )
 from hapticmech_ros.control.loop_layout import DeviceAccount, HandMemory, HandsCorrection
 from hapticmech_ros.device.kernels import (
@@ -301,9 +299,8 @@ def drive_at_deadlines(
                 asked,
             )
         compensate(body, now_there.twist, added)
-        account_for_actuators(side, sample, now_there.applied)
-        take_energy(side, energies[0] - energies[1])
-        allow(side, safety, asked, sample, added)
+        given = energies[0] - energies[1]
+        allow_command(side, safety, asked, sample, now_there.applied, added, given)
         command_device(body, now_there, asked)
         move_device(device, now_there, link.held, next_there)
         put(state, later)
