@@ -32,7 +32,7 @@ TUNED: Mapping[str, tuple[str, str]] = {
 
 
 def tuned(gains: Controller, values: Mapping[str, float]) -> Controller:
-    """Return gains of which some are others.
+    """Return gains with some of them replaced.
 
     Args:
         gains: of the scene.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene's hand as numbers that kernels read, and the law of a hand of one's own.
 
-What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`. A schedule says when a hand
-holds the device, and how much of its own mass then moves with it.
+:mod:`~hapticmech_ros.device.hand_kernels` computes the laws. A schedule says when a hand holds the
+device, and how much of its own mass then moves with it.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from hapticmech_ros.numerics.small_matrices import subtract3
 
 
 class Reason(str, Enum):
-    """Why a device does not give what it is told to give."""
+    """Why a device limits its command."""
 
     WORKSPACE = "workspace"
     FORCE_LIMIT = "force_limit"
@@ -148,7 +148,7 @@ def is_finite(safety: Safety, command: Array) -> bool:
 
 @inner
 def stay_within(safety: Safety, command: Array, position: Array) -> None:
-    """Change a command into what leaves.
+    """Limit a command.
 
     Args:
         safety: changed.

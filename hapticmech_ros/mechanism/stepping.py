@@ -58,7 +58,7 @@ class Stepper:
     """Steps a mechanism by periods.
 
     Args:
-        mechanism: to step, as its scene's simulation says.
+        mechanism: to step, by its scene's ``simulation``.
 
     Attributes:
         work: see ``model.Work``.
@@ -85,7 +85,7 @@ class Stepper:
         self._work = work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in Work.parts})
-        # What was set last, by ``prepare``.
+        # The last settings of ``prepare``.
         self._prepared: tuple[int, float, float] | None = None
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
@@ -337,7 +337,7 @@ class Stepper:
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
-        """Set what the kernel's steps heed.
+        """Set the kernel's checks of steps.
 
         Args:
             heeded: see ``run_kernels``.
@@ -354,7 +354,7 @@ class Stepper:
         self._prepared = wanted
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
-        """Return what a kernel did.
+        """Return a kernel's result.
 
         Args:
             code: that it returned; a positive one that is no failure of ``settle`` ended it early,

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Λ_h⁻¹ of an operational point at a state, and what follows from it.
+"""Λ_h⁻¹ of an operational point at a state, and its analysis.
 
 The constrained directions are chosen smoothly, for control:
 
@@ -97,7 +97,7 @@ class CompensatedResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class OperationalAnalysis:
-    """Λ_h⁻¹ and what follows from it; world axes, origin at the operational point, force first.
+    """Λ_h⁻¹ and its analysis; world axes, origin at the operational point, force first.
 
     Attributes:
         inverse_inertia: (6, 6) X; 1/kg, 1/(kg m), 1/(kg m²); zero in rows a planar scene lacks.

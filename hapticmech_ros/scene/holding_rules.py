@@ -63,7 +63,7 @@ def hand_beyond_device(scene: SceneDocument) -> str:
 
 
 def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]:
-    """Yield key, linear and angular part of what the hand does."""
+    """Yield key, linear and angular part of the hand's vectors."""
     hand = scene.hand
     if isinstance(hand, ConstantWrenchHand):
         yield "hand", hand.force, hand.torque
