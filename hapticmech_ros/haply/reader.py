@@ -112,7 +112,7 @@ class CursorReader:
 
     Attributes:
         device_id: of the Inverse3 that was found.
-        known: what the service says of its configuration.
+        known: its configuration, from the service.
     """
 
     def __init__(self, uri: str, device_id: str = "") -> None:
@@ -151,7 +151,7 @@ class CursorReader:
         return cursor
 
     def _first(self) -> str:
-        """Return what the service says on connection."""
+        """Return the service's first report."""
         end = time.monotonic() + PATIENCE
         while not self._link.is_open:
             if time.monotonic() > end:

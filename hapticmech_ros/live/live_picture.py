@@ -47,7 +47,7 @@ BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
 _AROUND, _RINGS = 12, 6
 # Places are added in such steps: one more arrow seldom needs a new set.
 _STEP = 4
-# Size of undrawn instances, m: with 0 viser could not invert the transform.
+# Size of undrawn instances, m: with 0 their transform would be singular.
 _NOTHING = 1e-9
 _UPRIGHT = np.array((1.0, 0.0, 0.0, 0.0))
 # (body, part of the shape, centre, quaternion w x y z, scale, colour)

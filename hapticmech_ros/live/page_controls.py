@@ -219,7 +219,7 @@ class History:
         self._rows.append(np.array(row))
 
     def plots(self) -> Iterator[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]]]:
-        """Yield every plot: title, names of lines, and what gives times (n,), s, and values (n,).
+        """Yield every plot: title, names of lines, and a function of times and values (n,).
 
         Of each user the number of joint constraints felt, s_i in as many directions as there are,
         and the norms of F_h and of the device's force; then the real-time factor.
@@ -596,7 +596,7 @@ class Controls:
         return self._hands
 
     def _opening(self, name: str) -> Open | None:
-        """Return what begins a scene as it is chosen; None, and say why, if it is refused."""
+        """Return the command that opens the chosen scene; None, with ``said``, if refused."""
         try:
             scene = load_scene(name)
         except HapticMechError as error:

@@ -54,7 +54,7 @@ def encode_wrench(values: Array, stamp_ns: int, bounds: SixBounds = ANY_WRENCH) 
 
 
 def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
-    """Return what a serialized WrenchStamped holds.
+    """Return the contents of a serialized WrenchStamped.
 
     Raises:
         InvalidInputError: cut short, not little-endian CDR, a stamp that is none, or a wrench
