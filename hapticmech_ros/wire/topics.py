@@ -278,8 +278,8 @@ DEVICE_COUPLING = Topic(
     "device/coupling_gain",
     ARRAY,
     CONTROLLER,
-    "gains H_j by which the device corrects `servo_cf` for what the other hands' wrenches have "
-    "changed by since those in the F_c of the command; 6 x 6 for each other operational point, "
+    "gains H_j by which the device corrects `servo_cf` for changes of the other hands' wrenches "
+    "since those in the F_c of the command; 6 x 6 for each other operational point, "
     "axes of `world`; zero where no hand holds",
     (DEVICE,),
     rate="shared",
