@@ -15,7 +15,7 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                     + G ½ (1 - z⁻¹) F_h + (1 + 2 R²)⁻¹ (1 - 8/5 R²) G 5/12 (1 - z⁻¹)² F_h
 
 with G = (1 + C6) Λ_d X - 1 + (1 - β) Π and R = 1 + G. X and a are X_τ and a_τ of
-``operational/delay_compensation_kernels``, and c_d is c with C as it acts on the device. A force
+``operational/observe_kernels``, and c_d is c with C as it acts on the device. A force
 channel that is closed by the controller has neither commands in flight nor the correction by G:
 then V̂ = V and p̂ = p; a joint constraint that is closed by the controller has no correction by
 P_c. The model leaves out limits, ramps, encoder steps, and nonlinear effects of large pushes.

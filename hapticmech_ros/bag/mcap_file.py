@@ -140,7 +140,7 @@ def _chunk_records(content: bytes) -> bytes:
         raise DamageError(f"a chunk has at most {UNPACKED_LIMIT} bytes, not {size}")
     records = unpacked(chunk.data, chunk.compression, size)
     if len(records) != size:
-        raise DamageError(f"a chunk has {len(records)} bytes, not {size} as it says")
+        raise DamageError(f"a chunk has {len(records)} bytes, not {size} as stated")
     if chunk.uncompressed_crc and crc32(records) != chunk.uncompressed_crc:
         raise DamageError("a chunk's checksum does not match")
     return records

@@ -108,7 +108,7 @@ def _order(message: bytes) -> str:
     return "<" if message[1:2] == b"\x01" else ">"
 
 
-# Former name -> present name; a name of a point or link stands for itself.
+# Former name -> present name; names of points and links are unchanged.
 FORMER = {
     "device/held_cf": "device/hand_cf/persistent",
     "device/servo_gain": "device/local_feedback_gain",

@@ -71,7 +71,7 @@ class RepairReport:
         files: one entry per storage file of ``source``.
         counts: messages recovered, by topic.
         refused: topics that cannot be written, and why.
-        stated: messages that the damaged bag's metadata speaks of; None if it was never finished.
+        stated: number of messages in the damaged bag's metadata; None if it was never finished.
     """
 
     source: Path

@@ -301,7 +301,7 @@ class SqliteScan:
 
 
 def _drop_cut_page(path: Path) -> None:
-    """Take away a page that was cut: SQLite would read zeros where its messages' bytes are gone."""
+    """Remove a page that was cut: SQLite would read zeros for its missing bytes."""
     with path.open("r+b") as file:
         head = file.read(HEAD)
         size = file.seek(0, io.SEEK_END)

@@ -215,7 +215,7 @@ def copy(
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
     changes: ChangesOption = None,
     expanded: Annotated[
-        bool, typer.Option("--expanded", help="a linkage or model as the links it stands for")
+        bool, typer.Option("--expanded", help="a linkage or model expanded to links")
     ] = False,
 ) -> None:
     """Write a copy of SCENE with other values, for nodes and for editing."""

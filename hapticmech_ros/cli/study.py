@@ -52,7 +52,7 @@ def study(
     out: OutOption = Path("study"),
     json_only: JsonOption = False,
 ) -> None:
-    """Measure a scene with keys varied, in a grid or a Latin hypercube; goes on where it was."""
+    """Measure a scene with keys varied, in a grid or a Latin hypercube; resumes if interrupted."""
     from hapticmech_ros.study import Design, Variation, run_study
 
     design = Design(tuple(map(Variation.read, vary)), samples, seed)

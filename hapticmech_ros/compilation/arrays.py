@@ -14,7 +14,7 @@ Array = np.ndarray
 
 
 def local(size: int) -> Array:
-    """Return room for so many numbers (size,), which is gone when the function that asks returns.
+    """Return room for so many numbers (size,), which is valid until the calling function returns.
 
     It is on the stack: not for more than some thousands, and in a loop with a number that is
     written out only.

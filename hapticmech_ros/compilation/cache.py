@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent.parent
-# Read and run by everybody, written by its user alone, whatever the umask is.
+# Readable by all users, writable by its own only, with any umask.
 FOLDER_MODE = 0o755
 _DIGEST_SIZE = 32
 # All files whose functions or constants become part of a kernel.

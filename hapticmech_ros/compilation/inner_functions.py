@@ -107,7 +107,7 @@ def called_by_name(function: Callable[..., Any], name: str, signature: str) -> A
         signature: types of result and arguments.
     """
     parameters = inspect.signature(function)
-    # Numba asks for an address of all that is called, though none of it runs here.
+    # Numba needs an address of every called function, though none runs here.
     llvm.add_symbol(name + LINKED, 1)
 
     def call(_context: Any, *given: Any, **named: Any) -> Any:

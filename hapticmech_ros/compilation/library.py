@@ -200,7 +200,7 @@ def _built(path: Path) -> Mapping[str, bytes]:
 
 
 def _made() -> bytes:
-    """Return the library, built in a process of its own.
+    """Return the library, built in a separate process.
 
     Raises:
         LibraryError: that failed, or there is no room for it.
@@ -226,7 +226,7 @@ def _built_at(made: Path) -> bytes:
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        # A group of its own, which ends as a whole: the builder has helpers.
+        # A separate process group, which is ended as a whole: the builder has helpers.
         start_new_session=True,
     ) as process:
         late = threading.Event()
@@ -325,7 +325,7 @@ def _parted(signature: str) -> tuple[str, list[str]]:
 
 
 def _checked(name: str, arguments: list[str], called: Any, gathered: bool = False) -> Any:
-    """Return a kernel that looks at its arguments first, given one by one or in one array."""
+    """Return a kernel that checks its arguments first, given one by one or in one array."""
     wanted = [_ARRAY.fullmatch(argument) for argument in arguments]
 
     def check(*given: Any) -> Any:

@@ -82,7 +82,7 @@ def _room(dtype: Any) -> Any:
             kind = context.get_data_type(dtype)
             if not written_out:
                 return builder.alloca(kind, size=arguments[0])
-            # Once, whatever loop it is in.
+            # Once, outside any loop.
             with builder.goto_entry_block():
                 count = ir.Constant(_WORD, signature.args[0].literal_value)
                 return builder.alloca(kind, size=count)
@@ -277,7 +277,7 @@ def teach_record(kind: type[Record]) -> None:
 
     def make_own(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         number, size = context.get_data_type(made.number), kind.layout.size
-        # Once, whatever loop it is in.
+        # Once, outside any loop.
         with builder.goto_entry_block():
             start = builder.alloca(number, size=ir.Constant(_WORD, size))
         cgutils.memset(builder, start, ir.Constant(_WORD, 8 * size), 0)

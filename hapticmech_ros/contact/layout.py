@@ -106,7 +106,7 @@ class Contacts(Structure):
         owners: (4 p,) pair of each point.
         owners_before: (4 p,) in the substep before.
         shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
-            bounding box; see ``shape_kernels``.
+            bounding box; see ``touch_kernels``.
         vertices: (v, 3) of all polytopes, m, in the shape's frame.
         normals: (f, 3) of faces, outward, in the shape's frame.
         laws: (p, 4) k, N/m; d, N s/m; μ; χ, s/m.

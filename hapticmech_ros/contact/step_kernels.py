@@ -381,11 +381,10 @@ def advance_period(
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
         pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
         is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
-        ``settings.known`` asks for these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
-        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the
-        terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
-        is FORCES or INACCURATE. Or how a substep failed. The account has the number of substeps
-        done.
+        ``settings.known`` requests these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
+        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the terms
+        there unless it is NOT_DECIDED. Points and forces are those of this substep where it is
+        FORCES or INACCURATE. Or how a substep failed. The account has the number of substeps done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)

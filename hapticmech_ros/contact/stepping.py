@@ -195,7 +195,7 @@ class ContactStepper:
         motion = BranchMotion(self._mechanism, start, external, stepper.step)
         branch = motion.projection(start.q)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
-        # Whatever the scene's rule, positions move by the mean of both rates here.
+        # Positions move by the mean of both rates here, with any rule of the scene.
         ahead = float(contacts.settings.ahead)
         contacts.settings.ahead, contacts.settings.known = 0.5, ITS_END
         if branch is not None:

@@ -52,7 +52,7 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, dot, negate3, put
 # Corners that a polygon may have, and those that approximate a disk: as a cylinder's face below
 # other shapes, or lying on another's face. Four already resist tilting alike all around.
 MOST_CORNERS, DISK_CORNERS, LYING_DISK_CORNERS = 16, 8, 4
-# A cylinder lies on its end where that is nearer to the direction asked for than its side.
+# A cylinder lies on its end where that is nearer to the requested direction than its side.
 _ON_END = 0.7071067811865476
 
 

@@ -145,7 +145,7 @@ def weigh(gain: Array, hands: float, bend: Array) -> bool:
 def lead(
     memory: HandMemory, period: float, gain: Array, others: HandsCorrection, command: Array
 ) -> None:
-    """Add what the module says to a command (6,), or nothing where it is not regular.
+    """Add the module's lead to a command (6,), or nothing where it is singular.
 
     ``gain`` (6, 6) is G, SI units.
     """

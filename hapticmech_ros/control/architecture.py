@@ -175,7 +175,7 @@ class ControlArchitecture:
     It holds gains only; the :class:`Clutch` holds the state. :meth:`tune` changes gains gradually
     while it renders. Measurements are flat arrays, see :mod:`~hapticmech_ros.control.measurements`.
 
-    A control law of one's own is a function (:func:`control_for`), or, for more, a subclass that
+    A user's own control law is a function (:func:`control_for`), or, for more, a subclass that
     overrides :meth:`answer`; ``super().answer`` is the scene's. Its owner
     (:class:`~hapticmech_ros.session.session.Session` or the rendering controller) then calls it in
     Python for each sample that the controllers get, and does the rest as always: account,
@@ -537,7 +537,7 @@ class LawControl(ControlArchitecture):
 
 
 def control_for(scene: Scene, law: ControlLaw) -> ControlArchitecture:
-    """Return controllers with a law of one's own in place of the scene's three.
+    """Return controllers with a user's own law in place of the scene's three.
 
     ``Session(scene, control=control_for(scene, law))``. Wrenches of the law are kept within the
     device's limits and the task space, and grow over the ramp of each engagement. The device

@@ -20,8 +20,8 @@ this below ``engagement_force``. In the second half springs come in, with a shar
 0 to 1. Until then the clutch slips: only r³ of the difference in velocity becomes an error of
 position.
 
-After the operational point was put elsewhere, the wrench of that moment is carried on and fades,
-with share 1 - r, as everything of the new place comes in, over the whole ramp.
+After the operational point is moved, the wrench of that moment fades with share 1 - r, while the
+new place's wrenches come in over the whole ramp.
 """
 
 from __future__ import annotations

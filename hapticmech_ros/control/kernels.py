@@ -94,7 +94,7 @@ def send(
 
     Args:
         numbers: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        rows: (slots + 1, n) messages in flight, and the last one that arrived.
         delay: d, s.
         jitter: j, share of the delay.
         loss: share of messages that do not arrive.
@@ -125,7 +125,7 @@ def receive(numbers: Array, rows: Array, time_ns: int) -> bool:
 
     Args:
         numbers: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        rows: (slots + 1, n) messages in flight, and the last one that arrived.
         time_ns: present time, ns.
 
     Returns:
@@ -207,7 +207,7 @@ def log6(rotation: Array, translation: Array, out: Array) -> None:
 
 @inner
 def carry_on(position: Array, quaternion: Array, twist: Array, duration: float, out: Pose) -> None:
-    """Fill ``out`` with where a frame is after ``duration`` (s).
+    """Fill ``out`` with a frame's pose after ``duration`` (s).
 
     Args:
         position: (3,) of the frame, m.

@@ -7,11 +7,11 @@ command that refers to it, so clocks need not be synchronised. Gains are designe
 delay. If the measured delay is longer, the design delay is raised at once; it is lowered only after
 the delay has been shorter for some time, so that gains do not follow fluctuations of the traffic.
 
-``operational/delay_compensation_kernels`` compensates for a delay τ of the whole loop. A command
-computed from a state acts d periods later, on average half a period longer for being held. Where
-the device closes the force channel, the mechanism's state is late by as much again: the mechanism
-gets F_h that much later than the device, and in held samples. A controller that closes the channel
-commands both at once. A connection between device and controller lengthens both delays.
+``operational/observe_kernels`` compensates for a delay τ of the whole loop. A command computed from
+a state acts d periods later, on average half a period longer for being held. Where the device
+closes the force channel, the mechanism's state is late by as much again: the mechanism gets F_h
+that much later than the device, and in held samples. A controller that closes the channel commands
+both at once. A connection between device and controller lengthens both delays.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
 
 
 def periods_before(scene: Scene, delay: int = 1) -> int:
-    """Return how many periods before a state the rates are of that its compensation knows.
+    """Return the age, in periods before a state, of the past rates that its compensation uses.
 
     As many as τ has, rounded up. Over a connection it is none: rates that old do not predict a
     hand's wrench.

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Controller
 
-# Stands for the scene's own gain.
+# Selects the scene's own gain.
 SCENES = -1.0
 # Name -> part of the controller, and field in it.
 TUNED: Mapping[str, tuple[str, str]] = {

@@ -48,7 +48,7 @@ class ImpedanceDevice:
         period: s.
         planar: whether it moves in x, y and about z only.
         hand: of the scene; None if there is none.
-        law: of a hand of one's own, in place of that one's; called at the start of periods, in the
+        law: of a user's own hand, in place of that one's; called at the start of periods, in the
             middle of every substep in which it holds, and at the ends of periods.
         schedule: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
 
@@ -136,7 +136,7 @@ class ImpedanceDevice:
             push: (6,) by others than the hand, on the device, N and N m, world axes.
 
         Raises:
-            InvalidInputError: a hand of one's own gave no wrench (6,).
+            InvalidInputError: a user's own hand returned no wrench (6,).
         """
         if held is None:
             ticks = -1
@@ -250,7 +250,7 @@ def device_for(scene: Scene, with_hand: bool = True, law: HandLaw | None = None)
     Args:
         scene: what to build.
         with_hand: whether the scene's hand may hold it; without, its own wrench is zero.
-        law: of a hand of one's own, which holds when the scene's would, with its mass.
+        law: of a user's own hand, which holds when the scene's would, with its mass.
     """
     period, planar = scene.simulation.period, scene.task_space == "planar"
     return ImpedanceDevice(scene.device, period, planar, scene.hand if with_hand else None, law)

@@ -79,7 +79,7 @@ def _length(vector: Array) -> float:
 
 @inner
 def is_too_fast(twist: Array, most: Array) -> bool:
-    """Return whether a device moves faster than it can be moved.
+    """Return whether a device moves faster than possible.
 
     Args:
         twist: (6,) m/s and rad/s.
@@ -90,7 +90,7 @@ def is_too_fast(twist: Array, most: Array) -> bool:
 
 @inner
 def _exceeds(motion: Motion, found: float, most: float) -> bool:
-    """Return whether something is more than it may be; then both are kept."""
+    """Return whether a value exceeds its limit, and store both then."""
     exceeds = not found <= most
     if exceeds:
         motion.found = found

@@ -182,7 +182,7 @@ class RealDevice:
         self.late = 0
 
     def look(self) -> bool:
-        """Look for the device; return whether it is there. Asked for once a period."""
+        """Look for the device; return whether it is there. Called once a period."""
         raise NotImplementedError
 
     def exchange(self, wrench: Array, now: float) -> tuple[bool, Measured | None]:

@@ -35,7 +35,7 @@ _NUMBERS = {
 class DeviceState:
     """True state of the device, its encoders' last measurement, and the wrenches on it.
 
-    It is one array, which kernels work on; its parts are views of it, or made when asked for.
+    It is one array, which kernels work on; its parts are views of it, or made on access.
 
     Args:
         flat: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, which it keeps.

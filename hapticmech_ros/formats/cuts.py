@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which joint of a loop is cut open: one that a closure can stand for."""
+"""Chooses the joint of a loop to cut: one that a closure can replace."""
 
 from __future__ import annotations
 

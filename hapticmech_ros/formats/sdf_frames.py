@@ -148,7 +148,7 @@ class Frames:
 
     Attributes:
         source: its file.
-        poses: in the world, as far as they were asked for.
+        poses: in the world, as far as computed.
         scopes: the models that links, joints, frames and models are in.
         canonical: by name of a model's frame, the link that moves it; empty if there is none.
         nodes: elements of all of these by name; joints, frames: those of a kind.
@@ -167,7 +167,7 @@ class Frames:
         """Record the frame and the pose in it of a link, joint, frame or model.
 
         Raises:
-            SceneError: a name that is there twice.
+            SceneError: a name that occurs twice.
         """
         name = self.source.text(node, "name")
         if name in self.placed or name in (WORLD, HERE):

@@ -29,7 +29,7 @@ from hapticmech_ros.scene import Scene
 WAIT_SHARE = 0.4
 # m and m/s: a cursor that is further from where it was has not moved there.
 _LEAP, _FASTEST = 0.02, 10.0
-# s without a device after which the service is asked again for all that it knows.
+# s without a device after which the service's first report is requested again.
 _ASK_AGAIN_S = 0.5
 
 

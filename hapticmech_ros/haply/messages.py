@@ -168,7 +168,7 @@ class Link:
             raise LinkError("it has ended the connection")
 
     def _greet(self, link: socket.socket) -> None:
-        """Ask for a WebSocket once the connection is there."""
+        """Request a WebSocket once the connection is there."""
         _, writable, _ = select.select([], [link], [], 0.0)
         if not writable:
             if time.monotonic() > self._until:
@@ -242,7 +242,7 @@ def _protocol(uri: str) -> Any:
 
 
 SERVICE = "ws://127.0.0.1:10001"
-# How Haply's Hub calls a session of this driver.
+# Name of this driver's session in Haply's Hub.
 PROFILE = "hapticmech_ros:haply_device"
 # Longest frame, bytes; those of one device are 2 kB long.
 LONGEST_FRAME = 1 << 20
@@ -409,7 +409,7 @@ def force_command(device_id: str, force: Sequence[float]) -> str:
 
 
 def greeting(device_id: str) -> str:
-    """Return the first message: who this is, and no force."""
+    """Return the first message: the session's name, and no force."""
     message = json.loads(force_command(device_id, (0.0, 0.0, 0.0)))
     return json.dumps({"session": {"configure": {"profile": {"name": PROFILE}}}, **message})
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the cursor of an Inverse3 is, without commanding anything but no force.
+"""Reads the cursor of an Inverse3, and commands no force.
 
 How the base of a device stands in the world, from movements along two axes of the world.
 """

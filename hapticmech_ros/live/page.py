@@ -68,7 +68,7 @@ class LivePage:
         self._asked = Open(first)
         with redirect_stdout(io.StringIO()):  # the caller prints the address
             self._server = server = viser.ViserServer(host=host, port=port, verbose=False)
-        # Clients without the button could ask for a tunnel to a server elsewhere as well.
+        # Clients can request a tunnel to another server without the button as well.
         server.request_share_url = _no_share
         server.gui.configure_theme(show_share_button=False, show_logo=False)
         server.gui.main_panel.dock_right()

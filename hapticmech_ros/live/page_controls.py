@@ -392,7 +392,7 @@ class SceneNodes:
 
 # Layers that are not seen at first.
 HIDDEN = frozenset({"axes"})
-# So many closures are seen without being asked for.
+# So many closures are shown initially.
 _FEW = 4
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process in which a live session runs, and the pipe to it.
 
-It has a process of its own because drawing and serving a page would take the time that ticks need.
+It has a separate process because drawing and serving a page would take the time that ticks need.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def checked_address(what: str, host: str) -> IPv4Address | IPv6Address:
 def changes_of(
     scene: Scene, held_by: Sequence[str] = (MOUSE_ALONE,), delay_ms: float = 0.0
 ) -> tuple[str, ...]:
-    """Return the changes of a scene that a choice of hands and of a delay stands for.
+    """Return the changes of a scene for a choice of hands and of a delay.
 
     Args:
         scene: as it is written.

@@ -3,10 +3,9 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.branches`). So
-no stage is off the closures, where rows next to a crossing do not determine the branch, and a
-stage's terms have only an interpolation's error. The step is divided until its energy account
-closes.
+stage put onto the mechanism's branch. So no stage is off the closures, where rows next to a
+crossing do not determine the branch, and a stage's terms have only an interpolation's error. The
+step is divided until its energy account closes.
 
 The module also finds which branch the motion takes at a singular position.
 

@@ -12,7 +12,7 @@ None of them makes energy: T8 of docs/derivations.md. Kernels compute the forces
 (``element_kernels``).
 
 With the inertia m that an element moves, 1 / (r D⁻¹ rᵀ) for a row r of rates, loops cut open, an
-explicit rule is unstable where k T² / m or c T / m exceeds a number of its own: 8 and 2.8 for rk4.
+explicit rule is unstable where k T² / m or c T / m exceeds the rule's limits: 8 and 2.8 for rk4.
 Below that the check of each step's energy divides steps of rk4 until they are accurate; an implicit
 rule is stable at any ratio, and damps motions that are faster than its step.
 """
@@ -200,7 +200,7 @@ def stiff_elements(
 def chosen_integrator(
     scene: Scene, tree: TreeModel, springs: Sequence[PointSpring]
 ) -> IntegratorName:
-    """Return the integrator that ``auto`` stands for: rk4, or the implicit one for stiff elements.
+    """Return the integrator that ``auto`` selects: rk4, or the implicit one for stiff elements.
 
     Args:
         scene: whose step.

@@ -51,7 +51,7 @@ _ROUNDING = 16.0 * np.finfo(float).eps
 class Mechanism:
     """A scene's tree, closures and operational points, evaluated at states.
 
-    Every result is an array of its own.
+    Every result is a new array.
 
     Args:
         scene: to model.
@@ -158,7 +158,7 @@ class Mechanism:
         the largest other closure, or of one end's part.
         """
         scales, rounding = np.ones(len(self.closures)), np.zeros(len(self.closures))
-        # Not the scratch data: this may be asked for in the middle of an evaluation.
+        # Not the scratch data: this may be called in the middle of an evaluation.
         model, data = self.model, self.model.createData()
         upper = np.triu(pin.crba(model, data, self._authored).reshape(self.nv, self.nv))
         try:

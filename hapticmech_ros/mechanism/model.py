@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tree of a scene as a Pinocchio model (loops cut open), and the frames the scene names in it.
 
-Joints are in depth-first order, whatever the order of the scene's links: Pinocchio's algorithms
-take it for granted that a subtree's joints follow each other, and give a wrong D where they do not.
-Links on fixed and locked joints are merged into the joint that carries them.
+Joints are in depth-first order, for any order of the scene's links: Pinocchio's algorithms take it
+for granted that a subtree's joints follow each other, and give a wrong D where they do not. Links
+on fixed and locked joints are merged into the joint that carries them.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class Scheme(NamedTuple):
         history: whether later stages are reached from all those before, not from the last one.
         late: positions move with the rates at the step's end, not with the sum of θ̇.
         corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
-        implicit: stages are those of :mod:`~hapticmech_ros.mechanism.schemes`.
+        implicit: stages are those of a Rosenbrock method, see the module.
         tolerance: of a step's energy account, see :mod:`~hapticmech_ros.mechanism.refinement`,
             if the scene names none; infinite for a rule of order 1, whose own error in a step from
             rest is of the size of the energy exchanged: it is counted, and steps are kept.

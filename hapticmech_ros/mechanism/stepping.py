@@ -195,7 +195,7 @@ class Stepper:
     def _divided(
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
     ) -> Stepped:
-        """Do a step in so many smaller ones, or in one, whatever their energy accounts are."""
+        """Do a step in so many smaller ones, or in one, without checking their accounts."""
         if count == 1:
             with self._unwatched():
                 return single(start, external)
@@ -204,7 +204,7 @@ class Stepper:
     def _smaller(
         self, start: Start, external: ExternalWrenches, times: float, steps: int
     ) -> Stepped:
-        """Do steps that are so many times shorter, whatever their energy accounts are."""
+        """Do steps that are so many times shorter, without a check of their energy accounts."""
         with self._unwatched(), self.divided(times):
             return self._steps(start, external, steps, _NO_SAMPLES, 0)
 
@@ -265,7 +265,7 @@ class Stepper:
         return self._substep(start, external)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do a step whatever it starts at, leaves, or passes."""
+        """Do a step even at, from, or past a singular position."""
         active_set = self._mechanism.active_set(start.active)
         took = self._call(active_set, start, external, 1, _NO_SAMPLES, 0, UNCHECKED)
         if took.code == NOT_DECIDED:

@@ -323,7 +323,7 @@ class CrtkDevice:
         commanded: returns the wrench (6,) that was commanded last, N and N m, world axes.
 
     Attributes:
-        streams: the topics, by their names on the lane, and who speaks on each.
+        streams: the topics, by their names on the lane, and the sources of each.
     """
 
     def __init__(
@@ -375,7 +375,7 @@ class CrtkDevice:
         """
         declared = self._actor.parameters.device_frame
         if frame == declared or name == DEVICE_BODY_FORCE.name:
-            # Wrenches in the device's own axes: whatever the driver calls its own frame.
+            # Wrenches in the device's own axes may have any name of its frame.
             return
         rule = f"must be '{declared}'; if its axes are the world's, let device_frame be '{frame}'"
         if frame.strip("/") == declared:
@@ -391,7 +391,7 @@ class CrtkDevice:
         self._epoch_ns = self._stamp_ns = self._answered_ns = 0
         self._age = SampleAge()
         self._refusals: dict[str, tuple[str, int]] = {}
-        # Made when they are asked for.
+        # Made on access.
         self.__dict__.pop("_observer", None)
         self.__dict__.pop("_moving", None)
 

@@ -110,7 +110,7 @@ class InOrder:
         self._newest_ns, self._arrived_ns = stamps
 
     def forget(self) -> None:
-        """Take whatever comes next as the newest."""
+        """Take the next message as the newest."""
         self._newest_ns = self._arrived_ns = NEVER
 
 
@@ -120,7 +120,7 @@ NEVER = -(1 << 62)
 
 @dataclass(slots=True)
 class Latest(Generic[T]):
-    """The last accepted value of an input, and the time it stands for (ns of the node's clock)."""
+    """The last accepted value of an input, and its time (ns of the node's clock)."""
 
     value: T | None = None
     stamp_ns: int = NEVER
@@ -131,7 +131,7 @@ class Latest(Generic[T]):
         self.stamp_ns = stamp_ns
 
     def renew(self, stamp_ns: int) -> None:
-        """Let the value that is there, if one is, stand for another time."""
+        """Set another time of the present value, if there is one."""
         if self.value is not None:
             self.stamp_ns = stamp_ns
 
@@ -180,7 +180,7 @@ class Standing(Latest[T]):
 
 @dataclass(slots=True)
 class Stamped(Generic[T]):
-    """Values by the time they stand for (ns): lockstep takes exactly the one it needs."""
+    """Values by their time (ns): lockstep takes exactly the one it needs."""
 
     values: dict[int, T] = field(default_factory=dict)
 
@@ -303,7 +303,7 @@ class SampleAge:
         """Refuse a sample that is too old.
 
         Args:
-            stamp_ns: of the sample; one before the last says that the sender's clock was set.
+            stamp_ns: of the sample; one before the last means that the sender's clock was set.
             limit_ns: how old it may be.
 
         Raises:
@@ -318,7 +318,7 @@ class SampleAge:
         """Return by how much longer, ns, a sample that comes now took than the quickest one.
 
         Args:
-            stamp_ns: of the sample; one before the last says that the sender's clock was set.
+            stamp_ns: of the sample; one before the last means that the sender's clock was set.
         """
         if stamp_ns < self._stamp_ns:
             self.forget()

@@ -7,7 +7,7 @@ of topics that are subscribed to there, and sends those.
 
 Connections are sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a
 full one refuses instead of blocking, and the kernel ends a connection with the process at its other
-end, whatever killed it. User ids of peers are from the kernel.
+end, however that ended. User ids of peers are from the kernel.
 """
 
 from __future__ import annotations

@@ -161,7 +161,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         decoded = [layout.unpack(decode(data)) for data in states]
         if any((state.grasps != flat_grasps(scene)).any() for state in decoded):
             raise BagError(
-                f"bag {path}: held elsewhere than the scene says, so it cannot be replayed"
+                f"bag {path}: held elsewhere than in the scene, so it cannot be replayed"
             )
         times = [state.stamp_ns for state in decoded]
         for index, name in enumerate(mechanism.point_names):

@@ -153,7 +153,7 @@ def set_stamp(stamp: Time, time_ns: int) -> None:
 
 
 def check_in_world(frame: str) -> None:
-    """Check a command's frame, which may be left empty: it then stands for ``world``.
+    """Check a command's frame, which may be left empty for ``world``.
 
     Raises:
         InvalidInputError: it is another one.
@@ -228,7 +228,7 @@ def read_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
 
 
 def read_framed_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
-    """Return the pose in whatever frame the message names.
+    """Return the pose in the frame that the message names.
 
     Raises:
         InvalidInputError: a position beyond its limit, not finite, or a quaternion that is not of

@@ -97,7 +97,7 @@ _READS = 5
 
 
 class NodeTime:
-    """ROS time that goes on evenly, and notices when the machine's clock was set.
+    """ROS time that advances evenly, and detects when the machine's clock was set.
 
     Attributes:
         steps: how often the machine's clock was set since the start.
@@ -155,7 +155,7 @@ class PeriodClock:
         period_ns: length of a period, ns.
         next_ns: start of the next period that is not yet due.
         periods: periods begun so far.
-        missed: periods that had gone by when their turn came (deadlines missed).
+        missed: periods that had passed when their turn came (deadlines missed).
     """
 
     period_ns: int

@@ -140,7 +140,7 @@ class OperatingState:
 
     def _refuse_in_lockstep(self, word: str) -> None:
         if self._actor.lockstep:
-            rule = "cannot be told in lockstep, whose runs repeat"
+            rule = "cannot be commanded in lockstep, whose runs repeat"
             raise InvalidInputError("state_command", word, rule)
 
     def _stop(self) -> None:

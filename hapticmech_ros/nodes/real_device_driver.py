@@ -58,7 +58,7 @@ class RealDeviceDriver(DeviceDriver[D]):
             self._real.silence = self.command_timeout
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
-        """Yield one step, however many periods have gone by: a real device cannot catch up."""
+        """Yield one step, after any number of periods: a real device cannot catch up."""
         del periods
         yield deadline_ns - self.period_ns - 1, max(deadline_ns, self.now_ns())
 

@@ -40,7 +40,7 @@ STARTING = 1
 # take 1: there, none is entered.
 LONGEST_IDLE_EXIT_US = 2
 VIRTUAL_IDLE = "haltpoll"
-# Where that is asked for: in force as long as the file is open.
+# Where that is requested: in force as long as the file is open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
 IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
 
@@ -170,7 +170,7 @@ class Realtime:
         return "; ".join(filter(None, (sentence, ask_for_share())))
 
     def _keep_awake(self) -> str:
-        """Ask for short idle states; return why that was refused, or nothing."""
+        """Request short idle states; return why that was refused, or nothing."""
         try:
             self._latency = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
             os.write(self._latency, struct.pack("i", longest_idle_exit_us()))
@@ -234,7 +234,7 @@ def ask_for_share() -> str:
     """Request nice :data:`NICE` for all threads; return why it was refused, or nothing.
 
     Such a thread runs as soon as it wakes up, where the system knows slices, and leaves others a
-    share all the same. The slice is asked for also where the nice value is refused: it needs no
+    share all the same. The slice is requested also where the nice value is refused: it needs no
     permission. Processes started from here, and threads begun later, have the nice value and the
     slice that all have.
     """
@@ -270,7 +270,7 @@ def pin(cpus: Iterable[int]) -> str:
 def lock_memory() -> str:
     """Request that pages stay in memory once used; return why it was refused, or nothing.
 
-    Not where there is a limit: memory asked for later would be refused when it is reached.
+    Not where there is a limit: memory requested later would be refused when it is reached.
     """
     _, most = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if most != resource.RLIM_INFINITY and not _has_capability(_CAP_IPC_LOCK):
@@ -336,7 +336,7 @@ def scheduling() -> str:
     """Return how the system schedules the process's main thread, which is the loop's.
 
     Returns:
-        Policy, and priority or nice value; the slice where it is the one that is asked for here.
+        Policy, and priority or nice value; the slice where it is the one requested here.
     """
     main = os.getpid()
     policy = os.sched_getscheduler(main) & ~os.SCHED_RESET_ON_FORK

@@ -9,7 +9,7 @@ from typing import Literal
 from hapticmech_ros.nodes.parameters import NodeParameters, flag, number, text, timeout
 from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH
 
-# Stands for a rate that follows by a rule.
+# Value of a rate that follows by a rule.
 BY_RULE = -1.0
 
 

@@ -7,8 +7,8 @@ The constrained directions are chosen smoothly, for control:
     P_c = Σ w(s_i) n_i n_iᵀ / m_ℓ,       Π = Σ w(s_i) n_i n_iᵀ I_ℓ⁻¹
 
 w falls smoothly from 1 at s_on to 0 at s_off, with continuous first and second derivative, so both
-are continuous through changes of rank, whatever the sign and order of singular vectors. m_ℓ is
-the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
+are continuous through changes of rank, independent of the sign and order of singular vectors. m_ℓ
+is the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
 and the link's own mix of N/m and N m/rad in other directions.
 
 The mass felt at an operational point in every direction.

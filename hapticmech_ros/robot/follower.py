@@ -462,7 +462,7 @@ class Follower:
         Args:
             q: (nv,) positions, rad or m.
             v: (nv,) rates, rad/s or m/s.
-            time: that it stands for, s.
+            time: of the sample, s.
 
         Raises:
             InvalidInputError: wrong size, NaN or infinity.
@@ -476,7 +476,7 @@ class Follower:
         Args:
             pose: in its world.
             twist: (6,) m/s and rad/s, world axes at its point.
-            time: that it stands for, s.
+            time: of the sample, s.
         """
         self._pose, self._twist, self._target_at = pose, twist, time
 
@@ -485,7 +485,7 @@ class Follower:
 
         Args:
             wrench: (6,) as measured, on the robot, N and N m.
-            time: that it stands for, s.
+            time: of the sample, s.
             frame: whose axes it is given in: the point's if empty, or those of a link or of the
                 robot's world. Samples in these are dropped until joint states were received.
 
@@ -558,11 +558,11 @@ class Follower:
         return self._follow(state, target)
 
     def _swings(self, state: RobotState, target: Target, now: float) -> bool:
-        """Return whether the robot has swung too often; slow down when it does."""
+        """Return whether the robot has oscillated too often; slow it down when it does."""
         settings = self._settings
         if self.counts.swings > SLOWEST:
             return True
-        # Without an observer no payload makes it swing.
+        # Without an observer no payload makes it oscillate.
         if 0.0 in (settings.swing_speed, self._tuning.observer_rate):
             return False
         if not self._watch.swings(state.point.twist - target.twist, now):
@@ -605,7 +605,7 @@ class Follower:
         return SwingWatch(self._settings.swing_speed, self._law.lever, WINDOW / rate)
 
     def _engage(self, state: RobotState) -> Clutch:
-        """Come together with the target where both are."""
+        """Engage with the target at both present poses."""
         self.counts.engagements += 1
         self._held = None
         self._clutch = clutch = engage(0.0, self._pose, state.point.pose)

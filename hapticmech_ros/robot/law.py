@@ -160,7 +160,7 @@ class Gains:
         angular_rate: ω of its orientation, 1/s.
         damping_ratio: ζ of both, and of the posture.
         posture_rate: ω with which joints return to their posture in the null space, 1/s.
-        posture_acceleration: most that the posture asks for, of each joint, rad/s² or m/s².
+        posture_acceleration: largest one towards the posture, of each joint, rad/s² or m/s².
         joint_rate: with which joints are led at most along a direction in which they have an error,
             or which is rigid, rad/s or m/s.
         rest_rate: rate at which motion of the null space decays, 1/s.
@@ -404,7 +404,7 @@ class ShapedInertia(NamedTuple):
             most: rad/s or m/s.
         """
         moved = np.linalg.norm(self.joints, axis=0)
-        # A direction that is not known moves nothing, whatever its rate is.
+        # An unknown direction moves nothing at any rate.
         return np.asarray(most / np.where(moved > 0.0, moved, 1.0))
 
     def null(self, motion: Array, passed: Array) -> Array:
@@ -610,7 +610,7 @@ class OperationalLaw:
 
     @property
     def lever(self) -> float:
-        """Lever, m, with which the metric weighs angles against ways; 0 without angles."""
+        """Lever, m, with which the metric weighs angles against displacements; 0 without angles."""
         metric = self._analyser.metric
         angular = metric.rows >= 3
         if not angular.any():

@@ -104,7 +104,7 @@ Feedback = Annotated[Real, Field(gt=-1.0, le=10.0)]
 
 
 class JointConstraintGains(Part):
-    """Finite stiffness that stands for rigid joints.
+    """Finite stiffness that renders rigid joints.
 
     Along a constrained direction n, normalised in the metric, the gain is per unit of the metric's
     mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.

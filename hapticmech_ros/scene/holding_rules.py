@@ -151,7 +151,7 @@ def _tremor(hand: AnyHand) -> Iterator[SceneProblem]:
         return
     for key, value in (("xyz", tremor.xyz), ("rotation", tremor.rotation)):
         if any(value):
-            rule = "only a hand with waypoints has a target to move: say force or torque"
+            rule = "only a hand with waypoints has a target to move: use force or torque"
             yield SceneProblem(f"hand.tremor.{key}", value, rule)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages by points: ``linkage`` of a scene, and the links, joints and loops that it stands for.
+"""Linkages by points: ``linkage`` of a scene, expanded to links, joints and loops.
 
 Bars that share a point are pinned there. The tree has the bars in their order: the first shared
 point with earlier bars carries a bar; each further one closes a loop.
@@ -146,7 +146,7 @@ def with_linkage(document: object, source: str) -> object:
         return document
     for key in ("links", "model"):
         if key in document:
-            raise scene_error(source, key, document[key], "links come from the linkage: say one")
+            raise scene_error(source, key, document[key], "links come from the linkage: give one")
     try:
         linkage = Linkage.model_validate(document["linkage"])
     except ValidationError as error:
@@ -223,7 +223,7 @@ class _Drawing:
         if not isinstance(name, str) or name not in self._points:
             raise self._error(f"{key}.point", name, self._unknown(name))
         if "origin" in item:
-            raise self._error(f"{key}.origin", item["origin"], "say a point, or link and origin")
+            raise self._error(f"{key}.origin", item["origin"], "give a point, or link and origin")
         owner = item.get("link", None)
         if owner is None:
             bodies = [one for one in self._owners(name) if one.name != WORLD]

@@ -326,7 +326,7 @@ def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
         if coupling.polycoef is not None:
             for old, place in (("offset", 0), ("ratio", 1)):
                 if old in coupling.model_fields_set:
-                    rule = f"leave it out beside polycoef, and say it as polycoef[{place}]"
+                    rule = f"leave it out beside polycoef, and write it as polycoef[{place}]"
                     yield SceneProblem(f"{key}.{old}", getattr(coupling, old), rule)
         if coupling.name in closures:
             yield SceneProblem(f"{key}.name", coupling.name, "must differ from closures' names")

@@ -439,7 +439,7 @@ class Session:
 
     @property
     def answers_in_python(self) -> bool:
-        """Whether a control law of one's own answers, whose dependence on F_c is not known."""
+        """Whether a user's own control law answers, whose dependence on F_c is not known."""
         return self._control.answers_in_python
 
     @property
@@ -454,7 +454,7 @@ class Session:
         return Answer(self._parts.answers[-1] if self._side.is_ideal else self._parts.given)
 
     def _allocated(self) -> SessionData:
-        """Return the data of all parts in one array, of which these parts are views from now on."""
+        """Return the data of all parts in one array; the parts are views of it from now on."""
         side, device, envelope = self._side, self._device_side, self._device_side.envelope
         analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity

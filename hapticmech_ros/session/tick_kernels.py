@@ -211,7 +211,7 @@ def sense(data: SessionData) -> None:
 
 @inner
 def recall(past: Array, tick: int, period: float, before: Array) -> None:
-    """Fill (1 + nv,) how long ago, s, and the rates that were: those of the longest ago, or 0."""
+    """Fill (1 + nv,) with the age, s, of the oldest stored rates, and these; or 0."""
     before[:] = 0.0
     count = past.shape[0]
     if count > 1:

@@ -83,7 +83,7 @@ class EnergyAccount:
 
     @property
     def lost(self) -> float:
-        """Energy lost, whatever to, J."""
+        """Energy lost in total, J."""
         return self.damping_loss + self.latch_loss + abs(self.contact_loss)
 
     def drift(self, kinetic: float) -> float:

@@ -113,7 +113,7 @@ class Design:
     """The scenes of a study, by their number from 0 on.
 
     Attributes:
-        variations: of keys, each of which varies once.
+        variations: of keys, each in one variation.
         samples: scenes of a Latin hypercube; 0 for a grid over all choices, the last one fastest.
         seed: of the Latin hypercube.
     """

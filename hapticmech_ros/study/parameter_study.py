@@ -317,8 +317,8 @@ def run_study(
     Args:
         scene: a path, a shipped scene's name, or a scene. It has to run unchanged: it determines
             the columns. Of a file, keys are those that are written in it, such as points of a
-            ``linkage``, or of the links that its ``model`` stands for; gains follow rules anew
-            where it gives none. Of a scene they are kept.
+            ``linkage``, or of the links of its ``model``; gains follow rules anew where it gives
+            none. Of a scene they are kept.
         design: how its keys vary.
         measures: names of measures; see :mod:`~hapticmech_ros.study.task`.
         point: operational point; the scene's first one if empty.

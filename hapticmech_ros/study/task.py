@@ -45,7 +45,7 @@ class Measure(Protocol):
             point: operational point; the scene's first one if empty.
 
         Raises:
-            HapticMechError: it cannot be measured; the study goes on.
+            HapticMechError: it cannot be measured; the study continues.
         """
         ...
 

@@ -88,7 +88,7 @@ def exposure() -> str:
 
 
 def _is_loopback(profile: str) -> bool:
-    """Return whether a profile is the one for this machine alone, of whatever installation."""
+    """Return whether a profile is the one for this machine alone, of any installation."""
     own = shared(_LOOPBACK)
     try:
         return own is not None and Path(profile).read_bytes() == own.read_bytes()

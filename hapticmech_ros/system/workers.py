@@ -354,7 +354,7 @@ def _versions_there(client: Any, address: str, patience: float) -> Mapping[str, 
 
 
 def _can_work(found: Mapping[str, object], address: str) -> bool:
-    """Return whether a worker answers, none of which has other packages than this process.
+    """Return whether a worker answers; none may have other packages than this process.
 
     Raises:
         ClusterError: one has.

@@ -228,7 +228,7 @@ class Placement:
 
 
 class Placer:
-    """Places one mechanism; holds scratch data of its own.
+    """Places one mechanism; holds its own scratch data.
 
     Attributes:
         limbs: link name and (3,) end in the link's frame of every limb; it begins at the origin.
@@ -296,7 +296,7 @@ class Placer:
 
 
 def _limbs(mechanism: Mechanism) -> list[tuple[str, Array]]:
-    """Return link names and ends in the link: whatever is attached, or else the centre of mass."""
+    """Return link names and ends in the link: of attached frames, or else the centre of mass."""
     scene = mechanism.scene
     found: list[tuple[str, Array]] = []
     for name, origin, _ in attachments(scene):

@@ -3,8 +3,8 @@
 """URDF text of a scene's tree, for RViz, robot_state_publisher and other readers of URDF.
 
 URDF has trees only: closures are named in a comment and left open. It has no spherical joint
-either: three hinges about x, y and z stand for it, with links without mass between them. ``free``
-is URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it. URDF
+either: three hinges about x, y and z replace it, with links without mass between them. ``free`` is
+URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it. URDF
 cannot describe rotors (``armature``): they are left out. Numbers are written so that reading them
 gives the same bits.
 
@@ -87,7 +87,7 @@ class JointStates:
 
 
 def hinge_name(joint: str, axis: str) -> str:
-    """Return the name of one of the three hinges that stand for a spherical joint."""
+    """Return the name of one of the three hinges that replace a spherical joint."""
     return f"{joint}_{axis}"
 
 

@@ -144,7 +144,7 @@ class SixBounds:
     last: float = sys.float_info.max
 
     def check(self, six: Sequence[float]) -> None:
-        """Refuse six numbers of which one is too large, or not finite.
+        """Refuse six numbers if one is too large, or not finite.
 
         Raises:
             InvalidInputError: a number beyond its bound, or not finite.

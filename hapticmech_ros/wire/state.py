@@ -48,7 +48,7 @@ class WireState(NamedTuple):
     """A decoded ``state`` message.
 
     Attributes:
-        stamp_ns: time it stands for, ns.
+        stamp_ns: its time, ns.
         active: per closure, whether it is closed.
         q: (nq,) configuration.
         v: (nv,) rates.
@@ -71,7 +71,7 @@ class StateColumns(NamedTuple):
     """Many decoded ``state`` messages.
 
     Attributes:
-        stamps_ns: (n,) times they stand for, ns.
+        stamps_ns: (n,) their times, ns.
         active: (n, closures) whether each closure is closed.
         q: (n, nq) configurations.
         v: (n, nv) rates.

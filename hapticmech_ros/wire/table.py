@@ -48,7 +48,7 @@ NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, FOLLOWER, ROBOT
 _BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
 # Of a robot, by the parameters of its nodes: joints and contact from it, commands to it.
 _FROM_ROBOT, _TO_ROBOT = ("robot/joint_states", "robot/wrench"), ("robot/commands",)
-# Beside the graph, each in a process of its own.
+# Beside the graph, each in a separate process.
 ONLOOKERS = (FOLLOWER, ROBOT, VIEWER, PAGE)
 # Four nodes in one process; and the operator, no node, who pushes, commands states and records.
 COMPOSED, OPERATOR = "composed", "operator"
@@ -151,7 +151,7 @@ def _of_a_node(node: str) -> Rules:
         ("topics", "subscribe"): subscribed(node),
     }
     if node in (VIEWER, PAGE):
-        # Of several users each has these in a namespace of its own.
+        # Of several users each has these in a separate namespace.
         for names in rules.values():
             names += [f"*/{name}" for name in names if name.startswith(_OF_A_USER)]
     return {rule: names for rule, names in rules.items() if names}

@@ -15,7 +15,7 @@ from typing import Literal
 
 from hapticmech_ros.errors import InvalidInputError
 
-# Stands for CRTK's own message types where they are not installed.
+# Replaces CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
 Rate = Literal[
     "control", "body", "view", "shared", "contact", "servo", "marker", "change", "1 Hz", "caller's"
@@ -642,7 +642,7 @@ TOPICS: tuple[Topic, ...] = (
 
 
 def topic_of(absolute: str) -> Topic | None:
-    """Return the topic that an absolute name stands for, in any namespace, or None."""
+    """Return the topic of an absolute name, in any namespace, or None."""
     found = [topic for topic in TOPICS if topic.names(absolute)]
     return max(found, key=lambda topic: topic.name.count("/"), default=None)
 

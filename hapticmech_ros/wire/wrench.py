@@ -27,7 +27,7 @@ class WireWrench(NamedTuple):
     """A decoded message.
 
     Attributes:
-        stamp_ns: time it stands for, ns; 0 if it was left empty.
+        stamp_ns: its time, ns; 0 if it was left empty.
         frame: name of the frame; may be empty.
         values: (6,) force and torque, N and N m.
     """

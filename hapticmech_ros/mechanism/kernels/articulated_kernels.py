@@ -128,7 +128,7 @@ def sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) ->
 def pair_to_metric(
     model: Model, data: Data, a: int, b: int, pair: Array, scale: float, column: Array
 ) -> None:
-    """Fill L⁻¹ of the joint forces of a pair (see ``pair_kernels``), times ``scale``.
+    """Fill L⁻¹ of the joint forces of a pair (see ``closure_kernels``), times ``scale``.
 
     ``column`` is filled at the places that ``model.order`` gives the rates of joints a, b and
     those before them, and nowhere else.

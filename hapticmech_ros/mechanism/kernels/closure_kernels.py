@@ -4,7 +4,7 @@
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
 rod's length is that of the first axis of its frame a. A coupling has a polynomial in the
-place of that frame, and no wrenches: see ``pair_kernels``.
+place of that frame, and no wrenches: see below.
 
 Pairs of wrenches on two joints represent the effect of a closure row, a spring or a push on rates.
 
@@ -188,7 +188,7 @@ def wrenches_of(
 ) -> None:
     """Fill W of two frames into ``wrenches`` (m, 12), from row ``first`` on, as pairs.
 
-    A row's pair (see ``pair_kernels``) has the row's rate as its power.
+    A row's pair (see the module) has the row's rate as its power.
     """
     a, b = poses[frame_a], poses[frame_b]
     if kind == ROD:

@@ -225,8 +225,8 @@ def _kept(orthogonal: Array, tolerance: float, rounding: float, data: Data) -> i
     return rank
 
 
-# Codes of a kernel that failed, beside ``dense_kernels.NO_SVD`` and ``band_kernels.NOT_DECIDED``;
-# below SINGULAR: D is not positive definite at degree of freedom SINGULAR - code.
+# Codes of a kernel that failed, beside ``NO_SVD`` and ``band_kernels.NOT_DECIDED``; below SINGULAR:
+# D is not positive definite at degree of freedom SINGULAR - code.
 NOT_FINITE, SINGULAR = -2, -3
 
 

@@ -127,7 +127,7 @@ class TermsTail(Record):
         rank: number of independent closure rows.
         least_sigma: smallest σ that is more than rounding over the largest; 1 without closures.
         resolved_rank: number of rows that differ by more than rounding.
-        potential_energy: J, infinite until a step's account has asked for it.
+        potential_energy: J, infinite until a step's account has computed it.
     """
 
     largest_residual = Number()
@@ -256,7 +256,7 @@ class Work(Structure, after=Data):
 
 
 def tail_of(packed: Array) -> TermsTail:
-    """Return the end of a packed array of whatever mechanism, a view.
+    """Return the end of a packed array of any mechanism, a view.
 
     Args:
         packed: (size,) packed terms.
@@ -350,7 +350,7 @@ def _stacked(shapes: Iterable[tuple[int, int]], start: int = 0) -> tuple[list[in
 
 
 class Model(SharedConstants, after=Work):
-    """A mechanism's constants, packed: each part a view, found when it is asked for.
+    """A mechanism's constants, packed: each part a view, located on access.
 
     A workspace follows the constants. Functions do not keep values in it between calls, and do not
     write to parts that their caller still needs.

@@ -53,7 +53,7 @@ class _Topic(NamedTuple):
 
 
 class BagSpool:
-    """Writes messages to a bag from a thread of its own.
+    """Writes messages to a bag from a separate thread.
 
     Attributes:
         dropped: messages that found the queue full, by topic.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page of a running graph: a node that looks on, and pushes as anybody may.
 
-It has a process of its own and uses topics and services only. The page's threads and the node's
-meet in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.
+It has a separate process and uses topics and services only. The page's threads and the node's meet
+in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
     def _serve(self) -> None:
         try:
             self._page.serve(self._stop.is_set)
-        except Exception as error:  # noqa: BLE001 - whatever it was: nothing is pushed any more
+        except Exception as error:  # noqa: BLE001 - after any error nothing is pushed any more
             if not self._stop.is_set():
                 self._ended = f"the page has ended: {type(error).__name__}: {error}"
                 self.node.get_logger().error(self._ended)
@@ -254,7 +254,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         )
 
     def _factor(self, stamp_ns: int, now_ns: int) -> float:
-        """Return how much the mechanism's time has gone on over this node's, in the last second."""
+        """Return the mechanism's elapsed time over this node's, in the last second."""
         times = self._times
         times.append((now_ns, stamp_ns))
         while len(times) > 2 and now_ns - times[1][0] >= NANOSECONDS:

@@ -201,7 +201,7 @@ class SceneOutputs:
         names = frame_names(mechanism.scene, list(users.values()))
         self._names = {name: prefixed(frame, prefix) for name, frame in names.items()}
         self._joints = JointStates(mechanism)
-        # None: whatever is shown was put there by others, or by an earlier life.
+        # None: shown markers are from other nodes, or from an earlier activation.
         self._shown: list[Key] | None = None
         self._publish_markers = actor.output(MARKERS, MarkerArray)
         self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
