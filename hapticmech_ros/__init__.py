@@ -3,8 +3,8 @@
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
 The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a
-clock. They are loaded when first used, which makes commands start fast. Inputs and outputs of each
-part, the core for newcomers::
+clock. They are loaded when first used, which makes commands start fast. The inputs and
+outputs of each part are::
 
     scene        file -> checked description of the model     (formats, loading)
     mechanism    q, v, closures -> terms of Eq. 1, and their derivatives

@@ -170,7 +170,7 @@ def from_the_push_on(
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")
     begun = slice(pushed[0], None)
-    # Before, as the recorder finds the graph, ways of different length bring them.
+    # While the recorder discovers the graph, messages arrive over paths of different delay.
     if not (np.diff(stamps[begun]) > 0.0).all():
         raise FeelGraphError("samples of the device are recorded twice, or out of order")
     times = stamps[begun] - stamps[pushed[0]]

@@ -49,7 +49,7 @@ def received_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[s
     """Return C3_j of the hands whose wrenches a device gets without delay, by their points.
 
     Those are of other points, with nothing between device and controller on either side: where
-    messages are late for everybody, correcting for two periods is worth nothing. The device closes
+    all messages are late, correcting for two periods gains nothing. The device closes
     the force channel by itself.
 
     Args:

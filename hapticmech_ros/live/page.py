@@ -195,8 +195,8 @@ class LivePage:
             self._controls.plot()
 
     def _look_at_scene(self, picture: LivePicture, state: LiveState) -> None:
-        """Let everybody look at a new scene from where it is seen well."""
-        # Before anybody looks, if possible: a browser that is starting takes up only a part of it.
+        """Move all browsers' cameras to the new scene's default view."""
+        # If possible before a browser connects: one that is starting applies only a part of it.
         self._has_view = True
         frame = picture.draw(state, self._controls.hidden)
         eye, centre, up = first_view(frame.shapes, picture.planar)

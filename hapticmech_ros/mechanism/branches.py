@@ -27,7 +27,7 @@ It also groups the coordinates that closures move into independent loops.
 
 A closure is about the joints on the path from one of its frames to the other, a coupling about its
 two joints. Closures that share none of these have nothing to do with each other, and nothing else
-changes φ: a branch of the motion is one of these coordinates, whatever the others do.
+changes φ: a branch of the motion is one of these coordinates, independently of the others.
 """
 
 from __future__ import annotations

@@ -353,9 +353,7 @@ class LiveParameters(SceneSubscriberParameters):
     """Parameters of the live page."""
 
     transport: Transport = text("middleware", "as for the other nodes", "never")
-    host: str = text(
-        "127.0.0.1", "address that is served; 0.0.0.0: to everybody in the network", "never"
-    )
+    host: str = text("127.0.0.1", "address that is served; 0.0.0.0: to the whole network", "never")
     port: int = count(8080, "of the page; the next free one if it is taken", 1, 65535, "never")
 
 

@@ -423,7 +423,7 @@ class Follower:
         return self._tuning.slowed(self.counts.swings)
 
     def tune(self, tuning: Tuning, now: float) -> None:
-        """Let gains pass to others, over ``gain_ramp``; those of a robot that swung stay slowed.
+        """Change gains gradually, over ``gain_ramp``; a slowed robot stays slowed.
 
         Args:
             tuning: requested.

@@ -184,7 +184,7 @@ class SceneDocument(Part):
             entry.model_copy(update={"controller": _filled(self, entry)}) for entry in self.hands
         )
         controller = _with_rule(self.controller, self.device, self.connection, period)
-        # Frozen for everybody else.
+        # The model is frozen.
         object.__setattr__(self, "controller", controller)
         object.__setattr__(self, "hands", hands)
         return self

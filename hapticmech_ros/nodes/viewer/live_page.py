@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page of a running graph: a node that looks on, and pushes as anybody may.
+"""The live page of a running graph: a node that displays it and can push the mechanism.
 
 It has a separate process and uses topics and services only. The page's threads and the node's meet
 in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.

@@ -111,7 +111,7 @@ def marker_of(shape: Shape) -> Marker:
         points=[Point(x=x, y=y, z=z) for x, y, z in shape.points.tolist()],
         text=shape.text,
     )
-    # Message fields take nothing but floats, and an int becomes a wrong number without a word.
+    # Message fields take nothing but floats, and an int silently becomes a wrong number.
     marker.scale.x, marker.scale.y, marker.scale.z = map(float, shape.size)
     return marker
 
@@ -148,7 +148,7 @@ def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
 
 
 def prefixed(name: str, prefix: str) -> str:
-    """Return the frame's name with ``prefix``; ``world`` is everybody's."""
+    """Return the frame's name with ``prefix``; ``world`` has no prefix."""
     return name if name == WORLD else prefix + name
 
 
