@@ -205,7 +205,7 @@ def _jumps(
         yield (
             f"warning: {joint} jumps by {steps[row, column]:.3g} {unit} in {within:.3g} ms and"
             f" back, and there are {number} such jumps: the stamps alternate between two senders,"
-            " of which one is wrong"
+            " one of which is wrong"
         )
 
 

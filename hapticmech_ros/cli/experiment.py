@@ -110,7 +110,7 @@ def experiment(
     loaded = load_scene(scene, changes=changes or ())
     if len(loaded.held_points) > 1:
         if push:
-            rule = "of several hands each does what the scene says: --set hands[0].hand=..."
+            rule = "of several hands each is set in the scene:--set hands[0].hand=..."
             raise InvalidInputError("--push", push, rule)
         _simulate(run_shared_session, write_shared_results, loaded, duration, out)
         return

@@ -273,7 +273,7 @@ def _solve(
     impulse: Array,
     velocity: Array,
 ) -> None:
-    """Solve for all impulses; where points that impact are reached, about the ways they go.
+    """Solve for all impulses; linearise impacts about the points' displacements.
 
     Args:
         contacts: with ``owners`` and ``laws``; ``report`` is filled.

@@ -118,7 +118,7 @@ class MotionCheck:
         units = "" if turns else "; are these millimetres?"
         if kind == SPEED:
             limit = f"device.motion.{key}speed is {most:g}"
-            return f"the device's twist says {found:.3g} {unit}/s, {limit}{units}"
+            return f"the device's twist is {found:.3g} {unit}/s, {limit}{units}"
         if kind == ACCELERATION:
             limit = f"device.motion.{key}acceleration is {most:.3g}"
             apart = f"within {1e3 * elapsed:.3g} ms: {found:.3g} {unit}/s², {limit}"
@@ -128,9 +128,9 @@ class MotionCheck:
             return f"the device is {found:.3g} m from where it was first, {reach}{units}"
         what, scale = ("turned", "mrad") if turns else ("moved", "mm")
         return (
-            f"the device has {what} by {1e3 * found:.3g} {scale} more or less than its twist says "
-            f"(to {1e3 * most:.2g} {scale} may be lag or noise): a pose that jumps or stands "
-            "still, or a twist that is not the pose's rate"
+            f"the device has {what} by {1e3 * found:.3g} {scale} more or less than its twist "
+            f"implies (to {1e3 * most:.2g} {scale} may be lag or noise): a pose that jumps or "
+            "stands still, or a twist that is not the pose's rate"
         )
 
 

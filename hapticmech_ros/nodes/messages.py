@@ -125,7 +125,7 @@ M = TypeVar("M")
 
 
 def deserialized(message: bytes, message_type: type[M]) -> M:
-    """Return the message in bytes that anybody may have sent.
+    """Return the message in untrusted bytes.
 
     Raises:
         InvalidInputError: cut short, or not such a message.

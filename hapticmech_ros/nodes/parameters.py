@@ -326,7 +326,7 @@ class ControllerParameters(NodeParameters):
 
 
 class SceneSubscriberParameters(NodeParameters):
-    """Parameters of who looks on, and has no deadlines to keep."""
+    """Parameters of a node that subscribes to a scene's topics, without deadlines."""
 
     realtime: RealtimeMode = text("off", "as for the other nodes", "never")
     held_points: str = text(

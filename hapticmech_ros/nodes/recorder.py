@@ -35,7 +35,7 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic, users_of
 
-# Nodes publish diagnostics once a second: recording goes on this long so that the last are in. The
+# Nodes publish diagnostics once a second: recording goes on this long, to include the last. The
 # hands start once nothing is missing for so long: by then the graph's load is steady.
 TAIL_S, SETTLE_S = 1.2, 2.2
 PROGRESS_PERIOD_S = 0.1
@@ -203,7 +203,7 @@ def _in_vain(missing: Sequence[str], timeout_s: float) -> str:
     """Return a sentence on the missing topics or hand."""
     if missing:
         return f"for {timeout_s:g} s nothing came from {', '.join(missing)}"
-    return f"the hand did not start within {timeout_s:g} s after it was told to"
+    return f"the hand did not start within {timeout_s:g} s after the request"
 
 
 def _expected() -> list[Topic]:

@@ -59,7 +59,7 @@ def refuse_middleware(environment: Mapping[str, str]) -> None:
         environment: of the process that is to load rclpy.
 
     Raises:
-        HapticMechError: ``RMW_IMPLEMENTATION`` names one of which no prefix has an index entry.
+        HapticMechError: no prefix has an index entry of ``RMW_IMPLEMENTATION``.
     """
     asked = environment.get("RMW_IMPLEMENTATION", "")
     prefixes = (*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)

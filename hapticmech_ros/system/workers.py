@@ -86,7 +86,7 @@ def _end_with_parent() -> None:
 
 
 class WorkerPool:
-    """Shares cases among workers; a context, at the end of which no process of its own is left.
+    """Shares cases among workers; a context that ends its own processes on exit.
 
     A worker that is killed, or out of memory, loses only its own case: the others in progress are
     tried once more, each by a separate process. An executor passed as ``workers`` is left open, and
