@@ -3,10 +3,10 @@
 """Feel virtual mechanisms: their inertia, their joints and their contacts.
 
 The names in ``__all__`` are the public API of the numerical core; none of them needs ROS or a
-clock. They are loaded when first used, so that commands answer at once. What a newcomer has to
-know, and what comes into and out of each part::
+clock. They are loaded when first used, which makes commands start fast. The inputs and
+outputs of each part are::
 
-    scene        file -> what is modelled, checked            (formats, loading)
+    scene        file -> checked description of the model     (formats, loading)
     mechanism    q, v, closures -> terms of Eq. 1, and their derivatives
     simulation   state, wrenches -> state a period later      (contact)
     operational  terms -> Λ_h⁻¹, its null space, a_0 at the point held

@@ -9,7 +9,7 @@ from hapticmech_ros.system.installation import refuse_unmet
 
 
 def main() -> None:
-    """Run the command, if what it needs is installed."""
+    """Run the command, if its requirements are installed."""
     try:
         refuse_unmet()
     except InstallationError as error:

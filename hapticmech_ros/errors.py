@@ -25,7 +25,7 @@ def shown(value: object) -> str:
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
-    """Return what follows a rule that a name breaks: the known name that it may be meant for.
+    """Return the suggestion after an error about an unknown name: the most similar known one.
 
     Args:
         name: that was given.
@@ -46,8 +46,8 @@ class InstallationError(HapticMechError):
     """Python packages that are missing or too old.
 
     Attributes:
-        found: what there is of each, in words.
-        needed: what there should be, as pip takes it.
+        found: installed version of each, in words.
+        needed: requirements in pip's form.
     """
 
     def __init__(self, found: Sequence[str], needed: Sequence[str], python: str) -> None:
@@ -60,14 +60,14 @@ class InstallationError(HapticMechError):
         )
 
 
-# Of others' errors that do not say what mends them.
+# Remedies for other libraries' errors that name none.
 _REMEDIES = {
     "Failed to get logging directory": "; set ROS_LOG_DIR to a folder that this user can write",
 }
 
 
 def as_ours(error: Exception) -> HapticMechError:
-    """Return an error as one of ours, in a sentence: somebody else's with its type's name."""
+    """Return an error as one of ours, in a sentence: another library's with its type's name."""
     if isinstance(error, HapticMechError):
         return error
     sentence = " ".join(str(error).split())
@@ -168,15 +168,15 @@ class OutputError(HapticMechError):
 
 
 class BagError(HapticMechError):
-    """A bag that cannot be read, or does not hold what was asked of it."""
+    """A bag that cannot be read, or lacks the requested data."""
 
 
 class FileError(HapticMechError):
     """A file that cannot be read or written, or whose contents break a rule.
 
     Attributes:
-        file: its path, or what else it is known by.
-        value: what was found.
+        file: its path, or another name.
+        value: found there.
         rule: that it breaks, in words.
         where: in the file, such as ``line 3``.
     """

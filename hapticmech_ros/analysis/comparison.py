@@ -5,7 +5,7 @@
 Rendering methods that are compared: the architecture with and without constraints, and proxies.
 
 Architecture and proxy are both used with two pairs of gains: the scene's own joint-constraint
-gains, and the stiffest ones with a gain margin of 2, chosen in the same way, so that the comparison
+gains, and the stiffest ones with a gain margin of 2, chosen in the same way, and so the comparison
 does not depend on the choice of gains.
 
 A proxy is a virtual coupling, the same stiff spring and damper in all directions:

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a hand will feel, predicted: the loop of one period as equations, without running it.
+"""Predicts the dynamics that a hand feels: the loop of one period as equations, without running it.
 
 With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods from measuring to acting:
 
@@ -15,11 +15,10 @@ With z the shift by a period T, S = z⁻¹ + ... + z⁻ᵈ and d the periods fro
                     + G ½ (1 - z⁻¹) F_h + (1 + 2 R²)⁻¹ (1 - 8/5 R²) G 5/12 (1 - z⁻¹)² F_h
 
 with G = (1 + C6) Λ_d X - 1 + (1 - β) Π and R = 1 + G. X and a are X_τ and a_τ of
-``operational/delay_compensation_kernels``, and c_d is c with C as it acts on the device. A force
-channel that is closed by the controller has neither what is in flight nor the correction by G: then
-V̂ = V and p̂ = p; a joint constraint that is closed by the controller has no correction by P_c.
-Limits, ramps and encoder steps are left out, as is what a push bends: small motions of a device at
-full force.
+``operational/observe_kernels``, and c_d is c with C as it acts on the device. A force
+channel that is closed by the controller has neither commands in flight nor the correction by G:
+then V̂ = V and p̂ = p; a joint constraint that is closed by the controller has no correction by
+P_c. The model leaves out limits, ramps, encoder steps, and nonlinear effects of large pushes.
 
 A hand's wrench varies within a period. On the device acts its mean F̄_h, while commands answer the
 sample F_h at the period's start; both are inputs here. So is a wrench F_c of an environment, which
@@ -112,7 +111,7 @@ class LinearSystem:
 
 @dataclass(frozen=True, slots=True)
 class LinearPoint(LinearSystem):
-    """What one period makes of a mechanism's small deviations: n/2 positions, then velocities.
+    """Linear map of a mechanism's small deviations over a period: n/2 positions, then velocities.
 
     Attributes:
         pose: (6, n) of the point, deviation in m and rad, world axes, per deviation.
@@ -141,7 +140,7 @@ def linear_point(
 ) -> LinearPoint:
     """Return the linear model of a mechanism at a state.
 
-    A state at rest that stays so is what it is meant for; of another one it is the tangent there.
+    It is meant for equilibria; at another state it is the tangent there.
 
     Args:
         simulator: of the mechanism.
@@ -244,7 +243,7 @@ class _Differences:
         return np.concatenate((away, turned, seen.twist, compensated.free_acceleration))
 
     def _before(self, rates: Array) -> Array:
-        """Return (1 + nv,) what the compensation is told of rates that were."""
+        """Return (1 + nv,) the past rates for the compensation."""
         return np.concatenate(((self._periods_before * self._simulator.period,), rates))
 
     def _free_after(self, speed: Array) -> Array:
@@ -281,7 +280,7 @@ class FeltModel(LinearSystem):
 
     Attributes:
         push: (n, 6) B, of the mean of F_h over the period, as the hand acts on the device.
-        mechanism: what should be felt.
+        mechanism: the desired one.
         sampled: (n, 6) of the sample of F_h at the period's start, which the commands answer.
         contact: (n, 6) of F_c, which acts on the mechanism in the period.
         place: (6, n) C of the operational point's pose at the period's start, deviation in m and
@@ -307,7 +306,7 @@ class FeltModel(LinearSystem):
         return np.asarray(mean * along / found.twist_by_hand)
 
     def responses(self, direction: Array, frequencies: Array) -> Responses:
-        """Return what moves along a direction by wrenches along it.
+        """Return the dynamics along a direction by wrenches along it.
 
         The mean of a hand's wrench over a period is F̄ = F (e^sT - 1) / (s T).
 
@@ -364,8 +363,8 @@ def loop_model(
 
     Args:
         control: its gains, and whether the device closes the force channel.
-        device: what it drives.
-        mechanism: as the operational point shows it, for a loop as late as this.
+        device: that it drives.
+        mechanism: at the operational point, for a loop with this delay.
         delay: whole periods d from measuring to acting, 0 or more.
     """
     loop = _Loop(control, device, mechanism, delay)
@@ -496,7 +495,7 @@ class _Loop:
         return commanded, device - in_range
 
     def _passed_on(self, queue: Array, newest: Array) -> tuple[Array, Array]:
-        """Return what is on the way after a period, newest first, and what acts in it."""
+        """Return the commands in flight after a period, newest first, and those acting in it."""
         whole = np.vstack((newest, queue))
         return whole[: len(queue)], whole[-6:]
 

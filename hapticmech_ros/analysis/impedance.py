@@ -183,7 +183,7 @@ def multisine(times: Array, frequencies: Sequence[float] | Array, sizes: Array) 
 def faded_in(times: Array, duration: float) -> Array:
     """Return a factor (n,) that goes from 0 to 1 within a duration, by a raised cosine.
 
-    A push that begins with a step is none that a hand could exert, nor one to carry on.
+    No hand can exert a push that begins with a step, nor can the device extrapolate it.
 
     Args:
         times: (n,) s from the start.

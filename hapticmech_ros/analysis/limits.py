@@ -4,9 +4,9 @@
 
 Z-width: the stiffest stable joint constraint over its damping.
 
-Position channels are off, so that the wall alone is tested: along the constrained directions n_i
-the device is coupled to a mechanism that does not move. The signal is the velocity of the device
-relative to the operational point, n_iᵀ ė / √m_ℓ, in m/s.
+Position channels are off, to test the wall alone: along the constrained directions n_i the device
+is coupled to a mechanism that does not move. The signal is the velocity of the device relative to
+the operational point, n_iᵀ ė / √m_ℓ, in m/s.
 
 M-width: the lightest and the heaviest mechanism that a device renders stably.
 
@@ -93,8 +93,8 @@ from hapticmech_ros.scene.hand import TargetHand
 from hapticmech_ros.session import Sample, Session
 from hapticmech_ros.system.workers import Workers
 
-# N, of the push of one period, or of G times the push if that is larger, so that no limit is
-# reached; a decaying command stays near it.
+# N, of the push of one period, or of G times the push if that is larger: no limit is reached, and a
+# decaying command stays near it.
 TOUCH_N = 0.5
 LOST_N = 8.0 * TOUCH_N
 # Length of the response, s: with a mass fixed to the device, which reacts within samples; with the
@@ -153,7 +153,7 @@ def m_width(scene: Scene, point: str = "", delay: int = 1, share: float | None =
     if share is None and not isinstance(scene.hand, TargetHand):
         raise InvalidInputError("hand", scene.hand.kind, "must hold the device at a place")
     case = _Case(scene, point, delay, share)
-    # The search is over 1 / inertia, of which large values are unstable.
+    # The search is over 1 / inertia: large values are unstable.
     guess = 1.0 if share in (None, 0.0) else 1.0 / lightest_mass(1.0, share or 0.0)
     bounds = 1.0 / HEAVIEST, 1.0 / LIGHTEST
     watched = WATCHED_S if share is not None else SWINGING_S

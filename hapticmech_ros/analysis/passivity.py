@@ -6,8 +6,7 @@ A trial is a run of a scene with a device, a hand and a connection for each user
 those of the library, moving during the whole trial, each in its own way. Of several users the
 energies of all are added as well; see docs/passivity.md.
 
-What passes through a run's ports is recorded: between each hand and its device, and of all
-together.
+It records the energy through a run's ports: between each hand and its device, and of all together.
 """
 
 from __future__ import annotations
@@ -94,10 +93,10 @@ def port_of(point: str, run: Run, device: Device, changed: int) -> Port:
 
 
 def energy_of(run: Run, device: Device) -> Array:
-    """Return E_h (k,) = W + ½ vᵀ Λ_d v, J: what the hand supplied, less friction losses.
+    """Return E_h (k,) = W + ½ vᵀ Λ_d v, J: the energy that the hand supplied, less friction losses.
 
-    From the true motion and the wrench that acted, not from what the loop itself counts; without
-    the driver's compensation, which acts on the device only.
+    It uses the true motion and the wrench that acted, not the loop's own account; without the
+    driver's compensation, which acts on the device only.
 
     Args:
         run: of a user.
@@ -130,11 +129,11 @@ def least_energy(from_hands: Array, to_mechanism: Array) -> float:
 
 
 def may_lack(run: Run, scene: Scene) -> Array:
-    """Return (k,), J, what may be missing between E_h and E_m of one user; see docs/passivity.md.
+    """Return (k,), J, the largest deficit of E_h below E_m of one user; see docs/passivity.md.
 
-    Passivity control keeps E_h - E_m above -(s + ε) by what each side knows of the other. Until a
-    message has arrived it does not know what passed meanwhile: the most that E_m grew, or that W
-    fell, within the connection's latest delay.
+    Passivity control keeps E_h - E_m above -(s + ε) by each side's last message from the other. It
+    misses the exchange since then: the most that E_m grew, or that W fell, within the connection's
+    longest delay.
 
     Args:
         run: of the user.
@@ -162,8 +161,8 @@ def run_of(session: Session | SharedSession, ticks: int) -> tuple[dict[str, Run]
         ticks: how many at most.
 
     Returns:
-        What each user went through, by the point that is held, at least one row; and the reason of
-        an early end, else nothing.
+        Each user's rows, by the point that is held, at least one; and the reason of an early end,
+        else empty.
     """
     users = users_of(session)
     kept: dict[str, list[Array]] = {point: [] for point in users}
@@ -185,7 +184,7 @@ def run_of(session: Session | SharedSession, ticks: int) -> tuple[dict[str, Run]
 def _some(session: Session | SharedSession, ticks: int) -> tuple[dict[str, Run], str]:
     """Return runs of some ticks, and the error that ended them.
 
-    Of several users what came before an error in the same call is not known.
+    With several users, rows before an error in the same call are not known.
     """
     if isinstance(session, SharedSession):
         try:
@@ -249,7 +248,7 @@ class Trial:
         scene: name or path.
         device: preset, or "scene" for the scene's own.
         hand: of :data:`HANDS`.
-        delay: s, each way.
+        delay: s, in each direction.
         local: whether the device closes force channel and joint constraint.
         control: whether passivity control is on.
         seconds: duration, s.
@@ -486,7 +485,7 @@ def trials(
         scenes: names or paths.
         devices: presets, or "scene".
         hands: of :data:`HANDS`.
-        delays: s, each way.
+        delays: s, in each direction.
         seconds: s of each trial.
     """
     return [

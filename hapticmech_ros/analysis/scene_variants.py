@@ -102,7 +102,7 @@ def at_rate(scene: Scene, rate_hz: float) -> Scene:
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
-    """Return a scene with all inertias multiplied by ``factor``, so that X is divided by it.
+    """Return a scene with all inertias multiplied by ``factor``, which divides X by it.
 
     The metric is scaled too: the same directions are rigid, with the same stiffness.
 

@@ -33,7 +33,7 @@ Show = Callable[[str], None]
 
 # Text for a value that does not exist.
 NOTHING = "-"
-# Least width of a column of text, and what is between two columns, characters.
+# Least width of a column of text, and gap between two columns, characters.
 NAME_WIDTH, APART = 18, 2
 
 
@@ -121,7 +121,7 @@ class Sheet:
         return max(widest, heading)
 
     def _widths(self, columns: Sequence[int], width: int) -> list[int]:
-        """Return how wide each column of a table is: what is left over unfolds the first ones."""
+        """Return the width of each column of a table; free space widens the first ones."""
         found = [self._least(index) for index in columns]
         left = width - sum(found) - APART * (len(columns) - 1)
         for at, index in enumerate(columns):
@@ -237,14 +237,14 @@ def shared(
     show: Show,
     line: Callable[[Given, Found], str] = lambda case, found: str(case),
 ) -> tuple[list[Found], tuple[str, ...]]:
-    """Return what a function returns for each case, in their order, and which cases were lost.
+    """Return a function's results for the cases, in their order, and the lost cases.
 
     Args:
         work: a function of a module, and of nothing but its argument.
         cases: that processes can be given.
         workers: that share the cases; they do not affect the results.
         show: called after each case.
-        line: returns what is shown of a case that was not lost.
+        line: returns the text for a case that was not lost.
 
     Raises:
         InvalidInputError: no process.

@@ -4,8 +4,8 @@
 
 The device is pushed for one period ("touched"). The response of the same session without the push
 is subtracted, which removes motion that is not caused by it. The remaining signal is divided into
-two halves, each weighted with a Hann window, so that neither the phase of an oscillation nor the
-place of the division is mistaken for growth:
+two halves, each weighted with a Hann window: neither an oscillation's phase nor the place of the
+division is then mistaken for growth:
 
     stable if  rms of the second half < 0.98 rms of the first half,  or below the floor
 
@@ -16,10 +16,10 @@ without a push grow to the same size.
 Over ten cycles a linear loop with 0.1 % of critical damping passes the test; a diverging loop and a
 limit cycle do not.
 
-A hand that pushes as a measurement wants it does so smoothly. A hand's wrench varies within a
-period. One that is held over each period and steps at the samples would act half a period later, in
-the mean, than what a device measures of it; one that goes from sample to sample in straight lines
-has edges there, which on a mass that is a thousand times the device's are felt at 10 Hz.
+The hand of a measurement pushes smoothly, as a hand's wrench varies within a period. A wrench that
+is held over each period and steps at the samples would act, on average, half a period later than
+the device measures it; one that is linear between samples has corners there, which are felt at 10
+Hz on a mass a thousand times the device's.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Observe = Callable[[Sample], Array]
 FLOOR = 1e-9
 # Largest ratio of the second half's rms to the first's.
 LEFT = 0.98
-# Share of the signal that is skipped at its start, so that the push itself has passed.
+# Share of the signal that is skipped at its start, with the push itself.
 PASSED = 0.2
 
 
@@ -228,7 +228,7 @@ def fine_times(period: float, periods: int, rows: int = ROWS) -> Array:
 
 
 def samples_of(fine: Array, rows: int = ROWS) -> Array:
-    """Return what a push is at the start of each of its periods, (n, ...).
+    """Return a push at the start of each of its periods, (n, ...).
 
     Args:
         fine: (rows n + 1, ...) by rows of a script.
@@ -256,7 +256,7 @@ def write_script(path: Path, times: Array, pushes: Array) -> None:
         pushes: (n, 6) N and N m, world axes at the point held.
     """
     rows = np.column_stack((times, pushes))
-    # In fewer digits a script of five seconds at 4 kHz is within what is read of one.
+    # With fewer digits a script of five seconds at 4 kHz is within the size limit.
     digits = ["%.9g"] + ["%.8g"] * 6
     np.savetxt(path, rows, digits, ",", header=",".join(COLUMNS), comments="")
 

@@ -5,8 +5,8 @@
 Over a graph of nodes a scripted hand pushes, and the device is recorded. The twist of the device is
 fitted at the excitation's frequencies, also if a busy machine missed samples, and so is that of the
 mechanism alone under the same F_h, the means of its samples, which gives the desired impedance: the
-push moves the mechanism by centimetres, so that a model linearised at its start would be off by
-some percent.
+push moves the mechanism by centimetres, and a model linearised at its start would be off by some
+percent.
 
 The excitation has equal amplitudes at all frequencies: when a sample is missed, the device keeps an
 old command meanwhile, and changes of F_h act as noise on a light device.
@@ -164,13 +164,13 @@ def from_the_push_on(
         period: s, in which there should be a sample.
 
     Raises:
-        FeelGraphError: nobody pushes, samples are there twice or out of order, or too few.
+        FeelGraphError: no push, samples that are repeated, out of order, or too few.
     """
     pushed = np.flatnonzero(np.abs(forces).max(axis=1) > 0.0)
     if pushed.size < 100:
         raise FeelGraphError("no hand wrench was recorded, or rendering was interrupted")
     begun = slice(pushed[0], None)
-    # Before, as the recorder finds the graph, ways of different length bring them.
+    # While the recorder discovers the graph, messages arrive over paths of different delay.
     if not (np.diff(stamps[begun]) > 0.0).all():
         raise FeelGraphError("samples of the device are recorded twice, or out of order")
     times = stamps[begun] - stamps[pushed[0]]
@@ -193,7 +193,7 @@ TABLE_CAPTION = (
     "steady: error to 10 Hz that the model leaves once the start has died away; "
     "model: how far it is from what was measured, to 30 Hz"
 )
-# What the axis of the phase shows at least, degrees.
+# Smallest span of the phase's axis, degrees.
 LEAST_PHASE = 1.0
 CIRCLES = {"marker": "o", "markersize": 4.0, "fillstyle": "none", "linestyle": "none"}
 

@@ -8,8 +8,8 @@ points, and b all points that the others hold, desired is
 
     v_a = (Y_aa - Y_ab Z (1 + Y_bb Z)⁻¹ Y_ba) F_a
 
-Y is that of the simulator's own step, linearised (``analysis/felt_model.py``), of which the
-continuous system is taken: the push and the arms act all the time.
+Y is that of the simulator's own step, linearised (``analysis/felt_model.py``), converted to
+continuous time: the push and the arms act all the time.
 """
 
 from __future__ import annotations
@@ -61,17 +61,16 @@ from hapticmech_ros.session.shared_session import SharedSession
 from hapticmech_ros.simulation import Simulator
 
 FREQUENCIES_HZ = (1, 2, 3, 5, 7, 10, 14, 20, 30)
-# In which the push fades in, until what that has set in motion has died away, and how long is
-# looked at, s.
+# Times in which the push fades in, the transient decays, and the response is analysed, s.
 FADING_S, SETTLING_S, WINDOW_S = 0.5, 8.0, 1.0
-# Rows of the script in a second, at least two a period: at 4 kHz eight a period would be more than
-# is read of a script.
+# Rows of the script in a second, at least two a period: at 4 kHz eight a period would exceed a
+# script's size limit.
 ROWS_PER_S = 8000.0
 
 
 @dataclass(frozen=True, slots=True)
 class FeltBesideOthers:
-    """What a user feels along one direction.
+    """A user's felt impedance along one direction.
 
     Attributes:
         point: operational point that the user holds.
@@ -79,7 +78,7 @@ class FeltBesideOthers:
         frequencies: (k,) Hz.
         ratio: (k,) complex, felt over desired impedance: 1 is ideal, larger is heavier.
         desired: (k,) complex, desired impedance along the direction, N s/m or N m s/rad.
-        alone: (k,) the same of the mechanism that nobody else holds.
+        alone: (k,) the same of the mechanism without other hands.
     """
 
     point: str
@@ -95,12 +94,12 @@ class FeltBesideOthers:
 
     @property
     def share(self) -> Array:
-        """(k,) by how much the others change what is felt, relative to the mechanism alone."""
+        """(k,) the others' change of the felt impedance, relative to the mechanism alone."""
         return np.asarray(np.abs(self.desired / self.alone - 1.0))
 
 
 def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
-    """Return what a user feels along every direction that the mechanism leaves free at its start.
+    """Return a user's felt impedance along every direction that is free at the start.
 
     Args:
         scene: with several ``hands``; the one at the point pushes, those of the others hold still.
@@ -141,7 +140,7 @@ def felt_beside_others(scene: Scene, point: str) -> list[FeltBesideOthers]:
 
 
 def _holding_still(scene: Scene, point: str) -> Scene:
-    """Return the scene with nobody's hand at a point, and all others where they take hold.
+    """Return the scene without the hand at a point, and all others where they take hold.
 
     Raises:
         InvalidInputError: a point that is not held, or a hand whose impedance is not known.
@@ -168,7 +167,7 @@ def hand_impedance(hand: Hand, s: complex) -> Array:
     It is s M + D + K / s; behind a grip with Z_g = D_g + K_g / s it is (1 / Z + 1 / Z_g)⁻¹.
 
     Args:
-        hand: an arm, a spring and damper, or nobody's.
+        hand: an arm, a spring and damper, or none.
         s: complex frequency, 1/s; not 0.
     """
     if not isinstance(hand, ArmHand | SpringDamperHand):
@@ -247,7 +246,7 @@ TABLE_CAPTION = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What a user feels along one direction.
+    """A user's felt impedance along one direction.
 
     Attributes:
         scene: its name.
@@ -332,7 +331,7 @@ class Users(Results):
 
 
 def users(scenes: Sequence[Scene], show: Show = silent) -> Users:
-    """Measure what every user of some scenes feels.
+    """Measure every user's felt impedance in some scenes.
 
     Args:
         scenes: with several ``hands`` each.

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a bag, by its index alone, and whether it is whole.
+"""Contents of a bag, by its index alone, and a check for damage.
 
 Whole: every message decodes, stamps increase, nothing is missing in between.
 """
@@ -43,9 +43,9 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True)
 class FileInfo:
-    """One storage file: size on disk, and what the metadata tell of its messages.
+    """One storage file: size on disk, and the metadata's figures of its messages.
 
-    None where they tell nothing, or a duration that is none: negative, or longer than the bag's.
+    None where they are missing, or the duration is invalid: negative, or longer than the bag's.
     """
 
     name: str
@@ -56,7 +56,7 @@ class FileInfo:
 
 @dataclass(frozen=True, slots=True)
 class BagInfo:
-    """What is in a bag.
+    """Contents of a bag.
 
     Attributes:
         path: of the bag.
@@ -99,7 +99,7 @@ class BagInfo:
 
 
 def inspect_bag(path: str | os.PathLike[str]) -> BagInfo:
-    """Return what is in the bag at ``path``: a folder, or a single file.
+    """Return the contents of the bag at ``path``: a folder, or a single file.
 
     Raises:
         BagError: no such bag, damaged, or without metadata.
@@ -184,7 +184,7 @@ PERIODIC_SHARE, PERIODIC_WITHIN = 0.9, 0.25
 
 @dataclass(frozen=True, slots=True)
 class TopicCheck:
-    """What is to be said of one topic.
+    """Report on one topic.
 
     Attributes:
         name: of the topic.
@@ -197,7 +197,8 @@ class TopicCheck:
         largest_gap_s: longest time between neighbours.
         gaps: places in which a periodic topic's stamps are missing.
         lost: how many are missing there: not sent, or not received. None for a topic that is not
-            periodic, or not stamped: times of reception say little, as messages may come in bursts.
+            periodic, or not stamped: times of reception do not show it, as messages may come in
+            bursts.
         undecodable: messages that cannot be decoded.
         notes: anything else, such as a missing QoS.
     """
@@ -218,11 +219,11 @@ class TopicCheck:
 
 @dataclass(frozen=True, slots=True)
 class BagCheck:
-    """What is to be said of a bag.
+    """Report on a bag.
 
     Attributes:
         path: of the bag.
-        damage: what makes it a damaged bag; empty for a sound one.
+        damage: found in the bag; empty for a sound one.
         topics: by name.
         absent: topics of this package's graph that were not recorded, if others were.
     """
@@ -263,10 +264,10 @@ class _Series:
 
 
 def check(path: str | os.PathLike[str]) -> BagCheck:
-    """Read a whole bag, and return what is to be said of it.
+    """Read a whole bag, and return a report.
 
     Raises:
-        BagError: no bag at ``path``. What is wrong with a bag stands in the report.
+        BagError: no bag at ``path``. Faults of a bag are in the report.
     """
     if not exists(path):
         raise BagError(f"no bag at {path}")
@@ -283,7 +284,7 @@ def _check(bag: BagReader) -> BagCheck:
     try:
         _read(bag, series)
     except MissingMessagesError:
-        pass  # Told below, of every topic.
+        pass  # Reported below, for every topic.
     except BagError as error:
         damage.append(str(error))
     for name, topic in bag.topics.items():
@@ -365,9 +366,9 @@ OPTIONAL = frozenset(("contact", "body", "servo", "shared"))
 
 
 def absent(names: list[str]) -> tuple[str, ...]:
-    """Return what a graph of this package publishes and is not among ``names``.
+    """Return the topics that a graph of this package publishes and ``names`` lacks.
 
-    Empty if nothing of such a graph is there; only scenes with contacts publish what touches.
+    Empty if none of them is there; only scenes with contacts publish contact points.
     ``{point}`` stands for an operational point.
     """
     declared = [t.name for t in TOPICS if t.publisher != "any" and t.rate not in OPTIONAL]

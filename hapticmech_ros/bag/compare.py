@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares two bags: what came out with what was recorded.
+"""Compares two bags: a replay with its recording.
 
 Messages of a topic are paired by their stamps, or the nearest ones, and compared field by field, as
 named rows of numbers whatever their type.
@@ -89,7 +89,7 @@ def _walk(value: Any, name: str) -> Iterator[tuple[str, Row]]:
     elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         yield name, np.array(value, dtype=float).ravel()
     elif isinstance(value, (list, tuple, np.ndarray)):
-        # Says so itself if two messages have lists of different lengths.
+        # Lists of different lengths then differ in ``.size``.
         yield f"{name}.size", np.array([float(len(value))])
         for index, item in enumerate(value):
             yield from _walk(item, f"{name}[{index}]")
@@ -201,7 +201,7 @@ class Deviations:
                 return
         a = rows_of(self._decode_first(first))
         b = a if first == second else rows_of(self._decode_second(second))
-        # What aligns one value behind another says nothing; rclpy leaves in it what was there.
+        # Padding between values is not compared; rclpy leaves old bytes in it.
         self.equal += first != second and _same_bits(a, b)
         for name in [*a, *(name for name in b if name not in a)]:
             self._add(name, time_ns, a.get(name), b.get(name))
@@ -255,7 +255,7 @@ class TopicComparison:
         matched: pairs of messages.
         missing: messages of the first bag that have none in the second.
         extra: messages of the second bag that have none in the first.
-        equal: pairs whose values are the same to the last bit; stamps are what matches them.
+        equal: pairs whose values are the same to the last bit; stamps match pairs.
         fields: deviations of every field, in the order of the message.
     """
 
@@ -284,12 +284,12 @@ class BagComparison:
     """Two bags, topic by topic.
 
     Attributes:
-        expected: the first bag: what was recorded.
-        actual: the second: what came out.
+        expected: the first bag: the recording.
+        actual: the second: the replay.
         align: ``stamp``, ``nearest`` or ``start``.
         topics: those in both bags.
         missing_topics: with messages in the first bag, and not in the second at all.
-        extra_topics: the other way round.
+        extra_topics: with messages in the second only.
     """
 
     expected: Path
@@ -357,7 +357,7 @@ class _Recording:
         for name in topics:
             read = bag.stamps_of(name)
             stamps = [read(data) for data in self.messages[name]] if read else []
-            # A zero is a stamp that nobody filled in.
+            # A zero is a stamp that was never set.
             known = [stamp for stamp in stamps if stamp]
             if known and len(known) == len(stamps):
                 self.stamps[name] = known
@@ -374,18 +374,18 @@ def compare(
     topics: Sequence[str] = (),
     align: Align = "stamp",
 ) -> BagComparison:
-    """Compare two bags message by message; return what differs.
+    """Compare two bags message by message; return the differences.
 
     Messages are matched by the senders' stamps (``header.stamp``, or the ``stamp`` of this
     package's flat arrays); those of topics without stamps by their order.
 
     Args:
-        expected: what was recorded.
-        actual: what came out.
+        expected: the recording.
+        actual: the replay.
         topics: names; all if empty.
-        align: ``stamp`` asks for the same stamps; ``nearest`` takes the nearest, half a period away
-            at most; ``start`` does so too, counting from the earliest stamp of each bag: for two
-            runs of the same thing.
+        align: ``stamp`` requires the same stamps; ``nearest`` takes the nearest, half a period away
+            at most; ``start`` does too, relative to the earliest stamp of each bag: for two similar
+            runs.
 
     Raises:
         BagError: no bag, damaged, a topic that is in neither, or one of different types.

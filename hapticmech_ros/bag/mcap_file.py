@@ -4,9 +4,9 @@
 
 A file is a row of records: kind (1 byte), length (8 bytes), content. Messages are inside chunks, or
 loose. With an index the wanted topics are read at the cost of these alone: the library's reader
-takes every record of a chunk apart before it looks whether anybody wants it, which takes most of
-the time where one topic of thirty is read. Here records are stepped over. What is checked stays:
-size and checksum (if it has one) of each chunk, and that records end where it does.
+parses every record of a chunk, wanted or not, which takes most of the time where one topic of
+thirty is read. Here unwanted records are skipped. These checks stay: size and checksum (if any) of
+each chunk, and that its last record ends with it.
 
 A killed writer has written no index: such a file is read front to back, as it is for repair.
 """
@@ -79,7 +79,7 @@ Record = TypeVar("Record", bound=McapRecord)
 
 
 class _Content(ReadDataStream):
-    """The content of a record; the library would take what is left for a value that is cut short.
+    """The content of a record; for a value that is cut short the library would return the rest.
 
     Args:
         whole: whether that is damage.
@@ -115,7 +115,7 @@ def _framed(data: bytes) -> Iterator[tuple[int, int, int]]:
     """Yield kinds of records, and where their contents begin and end.
 
     Raises:
-        DamageError: the last one is longer than what is there.
+        DamageError: the last one is longer than the file's rest.
     """
     at, size = 0, len(data)
     while at < size:
@@ -131,16 +131,16 @@ def _chunk_records(content: bytes) -> bytes:
     """Return the records of a chunk, unpacked.
 
     Raises:
-        DamageError: damaged, too large, or not of the size or checksum that it says.
+        DamageError: damaged, too large, or of another size or checksum than stated.
     """
-    # Its size and checksum tell whether all is there.
+    # Its size and checksum show whether it is complete.
     chunk = _parsed(Chunk, content, whole=False)
     size = chunk.uncompressed_size
     if size > UNPACKED_LIMIT:
         raise DamageError(f"a chunk has at most {UNPACKED_LIMIT} bytes, not {size}")
     records = unpacked(chunk.data, chunk.compression, size)
     if len(records) != size:
-        raise DamageError(f"a chunk has {len(records)} bytes, not {size} as it says")
+        raise DamageError(f"a chunk has {len(records)} bytes, not {size} as stated")
     if chunk.uncompressed_crc and crc32(records) != chunk.uncompressed_crc:
         raise DamageError("a chunk's checksum does not match")
     return records
@@ -182,12 +182,12 @@ class _Topics:
 
 
 class McapScan:
-    """One pass over a file, damaged or not; what it met stands in its attributes afterwards.
+    """One pass over a file, damaged or not; its attributes are the findings.
 
     Attributes:
         path: the file.
-        trouble: why the pass ended early, or what was passed over; empty for a whole file.
-        lost_bytes: size of what could not be read; what it held is not known.
+        trouble: why the pass ended early, or which parts were skipped; empty for a whole file.
+        lost_bytes: size of unreadable parts, with unknown contents.
         topics: by number.
         chunks: how many there were.
     """
@@ -501,7 +501,7 @@ class McapFile:
         self._put(self._types[topic.type], self._chunk)
 
     def add_topic(self, topic: StoredTopic, offered: str) -> None:
-        """Write a topic, with what its publishers offer and the hash of its type."""
+        """Write a topic, with its publishers' QoS and the hash of its type."""
         notes = {_OFFERS: offered, _HASH: topic.type_hash}
         schema = self._types[topic.type].id
         self._topics.append(Channel(topic.number, topic.name, "cdr", notes, schema))

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ``metadata.yaml`` of a rosbag2 folder, version 9, as ROS 2 Jazzy writes it.
 
-While a bag is being recorded its metadata says so under ``custom_data``, which rosbag2 ignores.
+Metadata of an unfinished recording is marked under ``custom_data``, which rosbag2 ignores.
 
-Of topics it tells what their publishers offered. A player gives these profiles to its own
-publishers, so latched topics stay latched on replay.
+It has the QoS profiles of each topic's publishers. A player gives them to its own publishers, so
+latched topics stay latched on replay.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ _FileName = Annotated[_Text, AfterValidator(in_folder)]
 
 
 class _Part(BaseModel):
-    """Part of the metadata; newer versions may say more."""
+    """Part of the metadata; newer versions may have more keys."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -199,7 +199,7 @@ class _TopicCount(_Part):
 
 
 class _Information(_Part):
-    """What this package takes from metadata, of any version."""
+    """Keys that this package reads from metadata, of any version."""
 
     version: Annotated[int, Field(strict=True, ge=1, le=VERSION)]
     storage_identifier: _Text
@@ -217,7 +217,7 @@ class _Information(_Part):
 
 @dataclass(slots=True)
 class FileSpan:
-    """What one storage file holds: times of its first and last message, ns, and their number."""
+    """One storage file's messages: times of the first and last one, ns, and their number."""
 
     name: str
     start_ns: int = LATEST_NS
@@ -318,7 +318,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def topics_of(information: Mapping[str, Any]) -> list[StoredTopic]:
-    """Return the topics that the fields of metadata tell of, with the counts of their messages.
+    """Return the topics in the fields of metadata, with the counts of their messages.
 
     Raises:
         DamageError: profiles that cannot be read.
@@ -334,15 +334,15 @@ def topics_of(information: Mapping[str, Any]) -> list[StoredTopic]:
 
 
 def is_unfinished(information: Mapping[str, Any]) -> bool:
-    """Return whether metadata says that its writer has not come to the end."""
+    """Return whether metadata marks an unfinished recording."""
     custom = information.get("custom_data")
     return isinstance(custom, dict) and custom.get(UNFINISHED[0]) == UNFINISHED[1]
 
 
 def is_recording(folder: Path) -> bool:
-    """Return whether a folder's metadata says that it is being recorded, or was cut short.
+    """Return whether a folder's metadata marks a recording as running, or cut short.
 
-    A finished bag says so nowhere, which is seen without taking its YAML apart.
+    The text of a finished bag has no such mark, and its YAML need not be parsed.
     """
     try:
         text = read_text(folder / FILE_NAME, SIZE_LIMIT)
@@ -352,10 +352,10 @@ def is_recording(folder: Path) -> bool:
 
 
 def losses_as_data(lost: Mapping[str, int | None]) -> dict[str, str] | None:
-    """Return ``custom_data`` that says how many messages of each topic a recording has lost.
+    """Return ``custom_data`` with the number of messages of each topic that a recording has lost.
 
-    Only topics of which any were lost, or may have been, and ``lost`` for all; texts, as rosbag2
-    wants them. None where nobody has counted.
+    Only topics with lost messages, or possibly lost ones, and ``lost`` for all; texts, as rosbag2
+    requires. None if losses were not counted.
     """
     if not lost:
         return None
@@ -366,10 +366,10 @@ def losses_as_data(lost: Mapping[str, int | None]) -> dict[str, str] | None:
 
 
 def losses_of(information: Mapping[str, Any]) -> dict[str, int | None] | None:
-    """Return what :func:`losses_as_data` has written: of each topic that lost any, None: unknown.
+    """Return the losses that :func:`losses_as_data` has written, by topic; None: unknown.
 
     Returns:
-        By topic; None if nobody has counted.
+        By topic; None if losses were not counted.
     """
     data = information.get("custom_data")
     if not isinstance(data, Mapping) or LOST not in data:

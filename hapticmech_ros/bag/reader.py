@@ -1,12 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads rosbag2 files: what is in them, and their messages in order of time.
+"""Reads rosbag2 files: their topics, and their messages in order of time.
 
 Topics that had another name in earlier versions are found by it.
 
 A message's stamp is the sender's, read without decoding the message. Stamped are messages whose
-first field is a header or a time, and the flat arrays of this package, whose label says ``stamp:2``
-first: seconds and nanoseconds.
+first field is a header or a time, and the flat arrays of this package, whose label begins with
+``stamp:2``: seconds and nanoseconds.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _HEADER = 4
 
 
 def stamp_reader(msgtype: str, first_type: str) -> Callable[[bytes], int | None] | None:
-    """Return what reads stamps (ns) from messages of a type, or None if it has none.
+    """Return a reader of stamps (ns) from messages of a type, or None if it has none.
 
     The reader returns None for a message that is too short, or an array without a stamp.
 
@@ -108,7 +108,7 @@ def _order(message: bytes) -> str:
     return "<" if message[1:2] == b"\x01" else ">"
 
 
-# Former name -> present name; a name of a point or link stands for itself.
+# Former name -> present name; names of points and links are unchanged.
 FORMER = {
     "device/held_cf": "device/hand_cf/persistent",
     "device/servo_gain": "device/local_feedback_gain",
@@ -144,9 +144,9 @@ def refuse_former_topics(bag: BagReader) -> None:
 
 # How far messages of one file may be older than the last ones of the file before it.
 OVERLAP_NS = 2_000_000_000
-# Of the definitions of all topics, which the library understands at some 30 us a line.
+# Of the definitions of all topics, which the library parses at some 30 us a line.
 DEFINITIONS_SIZE, DEFINITIONS_LINES = 4_000_000, 200_000
-# What stands before each part of a definition in IDL, where there are several.
+# Separator before each part of a definition in IDL, where there are several.
 _IDL = "=" * 80 + "\nIDL: "
 StorageReader = McapReader | SqliteReader
 _READERS: dict[str, type[StorageReader]] = {"mcap": McapReader, "sqlite3": SqliteReader}
@@ -160,8 +160,8 @@ class BagTopic:
     Attributes:
         type: message type.
         count: number of messages.
-        offered: what its publishers offered; empty if nobody wrote it down.
-        type_hash: ``RIHS01_...``; empty if nobody wrote it down.
+        offered: QoS of its publishers; empty if not recorded.
+        type_hash: ``RIHS01_...``; empty if not recorded.
     """
 
     type: str
@@ -179,7 +179,7 @@ class BagMessage(NamedTuple):
 
 
 class MissingMessagesError(BagError):
-    """A bag of which fewer messages can be read than it says it has."""
+    """A bag has fewer readable messages than stated."""
 
 
 class BagReader:
@@ -257,7 +257,7 @@ class BagReader:
             raise _damaged(self.path, error, name) from error
 
     def stamps_of(self, name: str) -> Callable[[bytes], int | None] | None:
-        """Return what reads a topic's stamps (ns) from its bytes; None for a type without stamps.
+        """Return a reader of a topic's stamps (ns) from bytes; None for a type without stamps.
 
         Raises:
             BagError: topic not in the bag.
@@ -343,7 +343,7 @@ class BagReader:
             self._refuse_less(read)
 
     def _refuse_less(self, read: Mapping[str, int]) -> None:
-        """Refuse a bag of which fewer messages were read than it says it has.
+        """Refuse a bag with fewer readable messages than stated.
 
         Raises:
             MissingMessagesError: with the topic, and how many of how many.
@@ -358,7 +358,7 @@ class BagReader:
     def _guarded(self, chosen: Iterable[StoredTopic], start: int, stop: int) -> Iterator[Raw]:
         """Yield messages file by file.
 
-        Topics are those of the files by name and type: what metadata say of their QoS may have been
+        Topics are matched to those of the files by name and type: the metadata's QoS may have been
         edited.
         """
         known = {(topic.name, topic.type): topic for topic in chosen}

@@ -28,8 +28,8 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.state import StateLayout, coordinate_names
 from hapticmech_ros.wire.topics import JOINT_STATES, STATE
 
-# A joint that goes so far and back within two states, rad or m, and so many times as far as it
-# usually goes in two, and so often, is told by two senders.
+# A joint that moves so far and back within two states, rad or m, and so many times as far as
+# usually in two, and so often, is published by two senders.
 JUMP, TIMES_USUAL, OFTEN = 0.01, 10.0, 3
 _Times = npt.NDArray[np.int64]
 
@@ -42,7 +42,7 @@ class RecordedJoints:
         stamps_ns: (n,) stamps, ns.
         positions: (n, nv) rad or m.
         rates: (n, nv) rad/s or m/s.
-        notes: what was taken from elsewhere than a state's own message, and what looks wrong.
+        notes: on values from other messages than a state's own, and on suspicious ones.
     """
 
     stamps_ns: _Times
@@ -52,11 +52,11 @@ class RecordedJoints:
 
 
 def recorded_joints(messages: Iterable[Any], mechanism: Mechanism) -> RecordedJoints:
-    """Return the states that joint states tell.
+    """Return the states in joint states.
 
     Each message makes a state, with the newest positions of the joints that it does not name; those
     before all joints are known are left out. Where no message has the position of a coupled joint,
-    it follows from its leader. Rates that nobody tells are 0.
+    it follows from its leader. Rates in no message are 0.
 
     Args:
         messages: ``sensor_msgs/msg/JointState``, in order of reception.
@@ -145,7 +145,7 @@ def _followers(
     measured: npt.NDArray[np.bool_],
     named: npt.NDArray[np.bool_],
 ) -> list[tuple[int, int, Polynomial]]:
-    """Return follower, leader and what couples them of joints in no message, leaders first."""
+    """Return follower, leader and coupling of joints in no message, leaders first."""
     known = {name for name, there in zip(names, measured, strict=True) if there}
     found = []
     left = list(mechanism.scene.couplings)
@@ -205,7 +205,7 @@ def _jumps(
         yield (
             f"warning: {joint} jumps by {steps[row, column]:.3g} {unit} in {within:.3g} ms and"
             f" back, and there are {number} such jumps: the stamps alternate between two senders,"
-            " of which one is wrong"
+            " one of which is wrong"
         )
 
 
@@ -218,10 +218,10 @@ class RecordedStates:
         q: (n, nq) configurations.
         v: (n, nv) rates.
         active: (n, closures) whether each closure is closed.
-        grasps: (n, points, 7) where each operational point is.
+        grasps: (n, points, 7) place of each operational point.
         topic: of the messages.
-        notes: what is to be said of joint states: rates and joints that were in no message, parts
-            of several publishers, jumps.
+        notes: on joint states: rates and joints that were in no message, parts of several
+            publishers, jumps.
     """
 
     stamps_ns: npt.NDArray[np.int64]

@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a new, complete bag from what can be read of a damaged or unfinished one.
+"""Makes a new, complete bag from the readable parts of a damaged or unfinished one.
 
-A child process with limits reads it: nobody knows what became of its bytes.
+A child process with limits reads it, as its bytes may be anything.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ from hapticmech_ros.errors import BagError, FileError
 from hapticmech_ros.files import check_file, exists, is_file
 from hapticmech_ros.files.cage import CageError, Limits, caged
 
-# With what a compressed message begins; a serialized one with 0.
+# First bytes of a compressed message; a serialized one begins with 0.
 _ZSTD = b"\x28\xb5\x2f\xfd"
-# What the child may take: bytes of memory; s for any bag, and bytes that it reads in a second.
+# Limits of the child: bytes of memory; s for any bag, and bytes that it reads in a second.
 MEMORY = 4 * UNPACKED_LIMIT
 SECONDS, BYTES_PER_SECOND = 4, 250_000
 
 
 @dataclass(frozen=True, slots=True)
 class FileRepair:
-    """What became of one storage file.
+    """Result of one storage file.
 
     Attributes:
         name: of the damaged bag's file.
         messages: recovered.
-        trouble: what was wrong; empty for a whole file.
+        trouble: its damage; empty for a whole file.
         lost_bytes: that could not be read; how many messages they held is not known.
     """
 
@@ -63,7 +63,7 @@ class FileRepair:
 
 @dataclass(frozen=True, slots=True)
 class RepairReport:
-    """What was recovered, and what was not.
+    """Recovered and lost parts of a bag.
 
     Attributes:
         source: the damaged bag, untouched.
@@ -71,7 +71,7 @@ class RepairReport:
         files: one entry per storage file of ``source``.
         counts: messages recovered, by topic.
         refused: topics that cannot be written, and why.
-        stated: messages that the damaged bag's metadata speaks of; None if it was never finished.
+        stated: number of messages in the damaged bag's metadata; None if it was never finished.
     """
 
     source: Path
@@ -124,12 +124,12 @@ def repair(
 
 
 def repair_in_child(item: Mapping[str, str]) -> dict[str, Any]:
-    """Do what :func:`repair` says; return the parts of its report, or the error."""
+    """Do :func:`repair` in the child; return the parts of its report, or the error."""
     given, target, scratch = Path(item["source"]), Path(item["target"]), Path(item["scratch"])
     information = read_metadata(given) if given.is_dir() else {}
     stated = None if is_unfinished(information) else information.get("message_count")
     mode = str(information.get("compression_mode") or "").lower()
-    # Where nobody says so, a message's first bytes do.
+    # Without metadata, a message's first bytes show whether it is compressed.
     packed = mode == "message" if information else None
     refused: dict[str, str] = {}
     try:
@@ -183,7 +183,7 @@ def _copy(
     packed: bool | None,
     scratch: Path,
 ) -> FileRepair:
-    """Write what can be read of a file; its messages may be compressed one by one."""
+    """Write the readable messages of a file; these may be compressed one by one."""
     with TemporaryDirectory(dir=scratch) as folder:
         plain, trouble = file, ""
         messages, lost = 0, 0

@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes bags' SQLite files, on the understanding that their tables are plain ones.
+"""Reads and writes bags' SQLite files; it accepts plain tables only.
 
 Views, triggers, virtual tables and computed columns run code of the file's author, which need not
-end. A damaged tree of pages may lead in circles, so that steps and messages are counted as well.
+end. A damaged tree of pages may have cycles: steps and messages are limited as well.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ STEPS_AT_ONCE = 100_000
 ROW = 4
 
 
-# Of the first page: its head; place of the size of a page, of which 1 is 65536.
+# Of the first page: its head; place of the page size, where 1 stands for 65536.
 HEAD = 100
 _PAGE_SIZE, _PAGE_SIZE_AT, _LARGEST_PAGE = struct.Struct(">H"), 16, 65536
 
@@ -62,7 +62,7 @@ def page_size(head: bytes) -> int:
 
 
 def limit_steps(database: sqlite3.Connection, size: int) -> None:
-    """Let SQLite interrupt what takes too many steps from now on.
+    """Let SQLite interrupt statements of too many steps from now on.
 
     Args:
         database: open file.
@@ -73,10 +73,10 @@ def limit_steps(database: sqlite3.Connection, size: int) -> None:
 
 
 def refuse_strange_tables(execute: Execute) -> None:
-    """Refuse a file of which reading could run something.
+    """Refuse a file whose reading could run code.
 
     Raises:
-        DamageError: it has something else than plain tables and indices, or lacks what a bag has.
+        DamageError: it has something else than plain tables and indices, or lacks a bag's tables.
     """
     tables = set()
     for kind, name, text in execute("SELECT type, name, sql FROM sqlite_master"):
@@ -96,7 +96,7 @@ def stored_topics(execute: Execute) -> Iterator[StoredTopic]:
     """Yield topics in order of their numbers; of every version of the tables.
 
     Raises:
-        DamageError: a value is not what it should be.
+        DamageError: a value of the wrong type.
     """
     have = {row[1] for row in execute("PRAGMA table_info(topics)")}
     optional = [
@@ -115,7 +115,7 @@ def checked_message(row: tuple[Any, ...]) -> tuple[int, int, bytes]:
     """Return a row of messages: number of the topic, time (ns), bytes.
 
     Raises:
-        DamageError: a value is not what it should be.
+        DamageError: a value of the wrong type.
     """
     number, time_ns, data = row
     if type(number) is int and type(time_ns) is int and time_ns >= 0 and isinstance(data, bytes):
@@ -146,10 +146,10 @@ def _texts(table: str, values: list[Any]) -> list[str]:
 
 # Of the first page: number of pages.
 _PAGES, _PAGES_AT = struct.Struct(">I"), 28
-# What SQLite leaves beside a file whose writer did not end well.
+# Files that SQLite leaves beside a file whose writer crashed.
 _LOGS = {
     "-wal": "a log of messages that are not in it yet",
-    "-journal": "what a half-written change has replaced",
+    "-journal": "with the data that a half-written change has replaced",
 }
 
 
@@ -171,7 +171,7 @@ class SqliteReader:
         self.path = path
         self._refuse_log()
         self._size = self._refuse_cut()
-        # As one that nobody changes, in folders too that nobody can write. Threads take turns.
+        # As an immutable file, also in read-only folders. Threads take turns.
         self._database = sqlite3.connect(
             f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True, check_same_thread=False
         )
@@ -234,14 +234,14 @@ class SqliteReader:
         self._database.close()
 
     def _refuse_log(self) -> None:
-        """Refuse a file beside which there is what SQLite would put into it or take out of it."""
+        """Refuse a file with a log beside it that SQLite would apply or roll back."""
         for suffix, what in _LOGS.items():
             log = Path(f"{self.path}{suffix}")
             if is_file(log) and log.stat().st_size > 0:
                 raise DamageError(f"its writer has left {log.name} beside it, {what}")
 
     def _refuse_cut(self) -> int:
-        """Refuse a file that is shorter than its first page says; return its size, bytes."""
+        """Refuse a file that is shorter than its first page states; return its size, bytes."""
         with open_file(self.path) as file:
             head = file.read(HEAD)
             size = file.seek(0, io.SEEK_END)
@@ -301,7 +301,7 @@ class SqliteScan:
 
 
 def _drop_cut_page(path: Path) -> None:
-    """Take away a page that was cut: SQLite would read zeros where its messages' bytes are gone."""
+    """Remove a page that was cut: SQLite would read zeros for its missing bytes."""
     with path.open("r+b") as file:
         head = file.read(HEAD)
         size = file.seek(0, io.SEEK_END)
@@ -344,7 +344,7 @@ CREATE TABLE messages(
 CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 INSERT INTO schema(schema_version, ros_distro) VALUES (4, '{DISTRIBUTION}');
 """
-# What SQLite needs for a message besides its bytes: row, index, unused parts of pages.
+# Bytes that SQLite needs for a message besides its own: row, index, unused parts of pages.
 ROW_BYTES = 48
 
 
@@ -371,7 +371,7 @@ class SqliteFile:
         )
 
     def add_topic(self, topic: StoredTopic, offered: str) -> None:
-        """Write a topic, with what its publishers offer and the hash of its type."""
+        """Write a topic, with its publishers' QoS and the hash of its type."""
         self._database.execute(
             "INSERT INTO topics VALUES(?, ?, ?, 'cdr', ?, ?)",
             (topic.number, topic.name, topic.type, offered, topic.type_hash),

@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the storage files of a bag have in common, mcap or SQLite: topics, messages, compression.
+"""The common part of a bag's storage files, mcap or SQLite: topics, messages, compression.
 
-What is compressed is unpacked to no more than it may become. 200 kB can unpack to many gigabytes.
-What a file says of its own size, its names and its types is not believed.
+Unpacking is limited, as 200 kB can unpack to many gigabytes. Sizes, names and types that a file
+states are not trusted.
 """
 
 from __future__ import annotations
@@ -29,13 +29,14 @@ else:
 UNPACKED_LIMIT = 256 << 20
 # Bytes of a file that is compressed as a whole, for each of its own, above those of a chunk.
 FILE_RATIO = 200
-# Times are 64 bits with a sign, ns. rosbag2's starting time of what has no message is the latest.
+# Times are 64 bits with a sign, ns. rosbag2's starting time of a bag without messages is the
+# latest.
 LATEST_NS = 2**63 - 1
 _BLOCK = 1 << 20
 _KINDS = {"zstd": zstd.ZstdDecompressor, "lz4": LZ4FrameDecompressor}
 
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite3"}
-# Behind that of a file that was compressed as a whole.
+# Added to that of a file that was compressed as a whole.
 COMPRESSED = ".zstd"
 FORMATS = {
     "ros2msg": MessageDefinitionFormat.MSG,
@@ -48,7 +49,7 @@ Messages = Sequence[tuple[int, bytes | memoryview]]
 
 
 class DamageError(HapticMechError):
-    """A storage file, or a part of it, is not what it should be; readers of bags say which."""
+    """A storage file, or a part of it, is damaged; readers of bags name it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +62,8 @@ class StoredTopic:
         type: of its messages.
         definition: of the type; its format is ``NONE`` where there is none.
         type_hash: ``RIHS01_...``; may be empty.
-        offered: what its publishers offered.
-        count: of its messages, where somebody has counted them.
+        offered: QoS of its publishers.
+        count: of its messages, where known.
     """
 
     number: int
@@ -75,7 +76,7 @@ class StoredTopic:
 
     @property
     def encoding(self) -> str:
-        """What storages call the language of the definition."""
+        """The storages' name for the language of the definition."""
         return "ros2msg" if self.definition.format is MessageDefinitionFormat.MSG else "ros2idl"
 
 
@@ -88,7 +89,7 @@ class Found(NamedTuple):
 
 
 def unpacked(data: bytes, compression: str, most: int = UNPACKED_LIMIT) -> bytes:
-    """Return what bytes are once unpacked.
+    """Return unpacked bytes.
 
     Args:
         data: one or more frames.

@@ -32,7 +32,7 @@ from hapticmech_ros.bag.sqlite_file import SqliteFile
 from hapticmech_ros.bag.storage import Messages, StoredTopic
 from hapticmech_ros.errors import BagError
 
-# What is older than this, by the messages' times, a killed writer leaves on disk.
+# Messages older than this, by their times, are on disk if the writer is killed.
 FLUSH_NS = 500_000_000
 StorageFile = McapFile | SqliteFile
 STORAGE_FILES: dict[str, type[StorageFile]] = {"mcap": McapFile, "sqlite3": SqliteFile}
@@ -43,8 +43,8 @@ class BagWriter:
     """A rosbag2 folder being written; may be used from any thread.
 
     The bag is complete only after :meth:`close`. As a context manager it closes at the end, also
-    when an error passes through, so that what was recorded until then can be read. Of a writer that
-    is killed, ``hapticmech bag repair`` recovers all but the last half second.
+    after an error: messages recorded until then can be read. If a writer is killed, ``hapticmech
+    bag repair`` recovers all but the last half second.
 
     Args:
         path: folder to make; its parents are made too.
@@ -107,7 +107,7 @@ class BagWriter:
             msgtype: such as ``geometry_msgs/msg/PoseStamped``; one of the types of ROS 2 Jazzy,
                 unless ``definition`` is given.
             qos_name: ``qos`` of the topic in wire/topics.py.
-            offered: what each of its publishers offers, instead of ``qos_name``'s profile.
+            offered: QoS profile of each of its publishers, instead of ``qos_name``'s.
             definition: of the message type, with its hash (``RIHS01_...``).
 
         Raises:
@@ -206,7 +206,7 @@ class BagWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Keep other threads out, refuse a closed bag, and say what storage cannot do."""
+        """Keep other threads out, refuse a closed bag, and report storage's errors."""
         with self._lock:
             if self._closed:
                 raise BagError(f"bag {self.path} is closed")
@@ -278,5 +278,5 @@ class BagWriter:
 
 @lru_cache(maxsize=256)
 def _offered_yaml(profiles: tuple[Qos, ...]) -> str:
-    """Return what publishers offer as a storage keeps it; a graph has few different ones."""
+    """Return publishers' QoS as a storage keeps it; a graph has few different ones."""
     return as_yaml(offers_as_data(profiles))

@@ -84,7 +84,7 @@ def run_app(commands: typer.Typer) -> None:
     except HapticMechError as error:
         _end(str(error))
     except BrokenPipeError:
-        # Whoever read the output has gone, such as `head`; Python must not try to write the rest.
+        # The reader of the output, such as `head`, has ended; Python must not write the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:  # no permission, a full disk

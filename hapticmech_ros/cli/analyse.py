@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""``hapticmech analyse`` and ``sweep``: what is felt over a recording, or over a motion."""
+"""``hapticmech analyse`` and ``sweep``: felt dynamics over a recording, or over a motion."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def sweep(
 
 
 def _prescribed(text: str) -> PrescribedJoint:
-    """Return what ``NAME=FROM:TO:NUMBER`` says.
+    """Return the contents of ``NAME=FROM:TO:NUMBER``.
 
     Raises:
         InvalidInputError: it does not.

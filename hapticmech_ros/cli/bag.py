@@ -147,7 +147,7 @@ def info(
     bag: BagArgument,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Say what is in a bag."""
+    """Print the contents of a bag."""
     from hapticmech_ros.bag.check import inspect_bag
     from hapticmech_ros.cli.bag_tables import show_info
 

@@ -70,15 +70,15 @@ def progress(where: Console = console) -> Progress:
 
 
 def words(text: str) -> tuple[str, ...]:
-    """Return what stands between the commas of an option."""
+    """Return the parts of an option, separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path) -> list[str]:
     """Return scenes as they are if nothing changes, else paths of changed copies.
 
-    Copies are in the folder ``scenes`` of the results, for every process that takes part, and for
-    whoever asks later what was done. Those of an earlier run are replaced.
+    Copies are in the folder ``scenes`` of the results, for all processes, and as a record. Those of
+    an earlier run are replaced.
 
     Args:
         scenes: names or paths.
@@ -98,7 +98,7 @@ def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path
         copy = folder / f"{Path(scene).stem}.yaml"
         while str(copy) in made:
             copy = copy.with_name(f"{copy.stem}_{number}.yaml")
-        # What is changed may be such a copy itself: it stays until the new one is whole.
+        # The source may be such a copy itself: it stays until the new one is whole.
         new = folder / f".{copy.name}"
         new.unlink(missing_ok=True)
         copy_scene(scene, new, changes)

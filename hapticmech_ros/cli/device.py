@@ -200,7 +200,7 @@ def check_driver(
 
 
 def _press(text: str) -> Press:
-    """Return what ``BUTTON START END`` stands for.
+    """Return the contents of ``BUTTON START END``.
 
     Raises:
         InvalidInputError: other words.

@@ -110,7 +110,7 @@ def experiment(
     loaded = load_scene(scene, changes=changes or ())
     if len(loaded.held_points) > 1:
         if push:
-            rule = "of several hands each does what the scene says: --set hands[0].hand=..."
+            rule = "of several hands each is set in the scene:--set hands[0].hand=..."
             raise InvalidInputError("--push", push, rule)
         _simulate(run_shared_session, write_shared_results, loaded, duration, out)
         return
@@ -139,7 +139,7 @@ def _simulate(
     """Run the experiment of one user or several, write its results, and print them.
 
     Args:
-        run: of a scene, a duration and what is told of the progress.
+        run: of a scene, a duration and a callback for progress.
         write: of the record, the scene and a folder.
         scene: of the run.
         duration: s after the hand starts; the scene's if None.
@@ -176,7 +176,7 @@ def _force(text: str) -> tuple[float, ...]:
 
 
 def _leave(failure: UnfinishedRunError, scene: Scene, out: Path) -> None:
-    """Write what an error left of a run, and say where."""
+    """Write the results of a run until an error, and print where."""
     from hapticmech_ros.experiment.run import write_unfinished
 
     write_unfinished(failure, scene, out)

@@ -50,7 +50,7 @@ Reports = Mapping[str, Report]
 
 
 def line_of(reports: Reports) -> str:
-    """Return how a graph is in one line: what is rendered and felt, rate, deadlines missed."""
+    """Return a graph's state in one line: rendering, felt constraints, rate, deadlines missed."""
     parts = []
     for name, report in sorted(reports.items()):
         kind, figures = name.rpartition("/")[2], report.figures
@@ -69,7 +69,7 @@ def line_of(reports: Reports) -> str:
 
 
 def show_ends(reports: Reports, endings: Reports) -> None:
-    """Print how each node was, and what it counted."""
+    """Print each node's last state, and its counts."""
     if not endings:
         return
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, pad_edge=False)
@@ -77,7 +77,7 @@ def show_ends(reports: Reports, endings: Reports) -> None:
         left = heading in ("node", "at the end")
         table.add_column(heading, justify="left" if left else "right", overflow="fold")
     for name, ending in sorted(endings.items()):
-        # Nodes end one after the other, and what the last ones miss then is no news.
+        # Nodes end one after the other: inputs that the last ones then miss are no fault.
         sentence = reports.get(name, ending).sentence
         figures = ending.figures
         ages = [figures.get(f"message_age_{share}_us", "") for share in ("p50", "p99")]
@@ -106,7 +106,7 @@ def nothing_rendered(reports: Reports, endings: Reports) -> str:
 
 
 def _share(figures: Mapping[str, str], what: str = "missed_deadlines") -> str:
-    """Return the share of deadlines missed, or of what else is counted, of nodes that have any."""
+    """Return the share of periods with missed deadlines, or another count; "-" without."""
     periods, missed = figures.get("periods"), figures.get(what)
     if periods is None or missed is None:
         return "-"
@@ -114,7 +114,7 @@ def _share(figures: Mapping[str, str], what: str = "missed_deadlines") -> str:
 
 
 def _notes(report: Report) -> Iterator[str]:
-    """Yield what should not have happened."""
+    """Yield notes of faults."""
     figures = report.figures
     for key, what in (
         ("failures", "failures, the last: {last_failure}"),
@@ -138,7 +138,7 @@ def _notes(report: Report) -> Iterator[str]:
 
 
 CHECK_PERIOD_S = 0.2
-# A recorder that does not hear every topic so long after the nodes are up is not waited for.
+# Longest wait for a recorder to subscribe to every topic after the nodes are up, s.
 HEARS_WITHIN_S = 20.0
 
 NamespaceOption = Annotated[str, typer.Option(help="put nodes and topics under this name")]
@@ -172,7 +172,7 @@ def run(
     device: Annotated[
         list[str] | None,
         typer.Option(
-            help="what drives the device (docs/drivers.md): simulated, haply or relay. Of several "
+            help="driver of the device (docs/drivers.md): simulated, haply or relay. Of several "
             "hands also POINT=haply, any number",
             show_default="simulated",
         ),
@@ -288,7 +288,7 @@ def run(
                 AuxiliaryProcess(name, page, "without a page", partial(typer.echo, err=True))
                 for name, page in graph.pages.items()
             ]
-            # A line at the end of the terminal, where somebody looks.
+            # A line at the end of the terminal, for a person.
             line = stack.enter_context(console.status("starting")) if console.is_terminal else None
             left, up, ends, load = CHECK_PERIOD_S, None, None, None
             rate = 1.0 / loaded.simulation.period
@@ -345,7 +345,7 @@ def policy(
     namespace: Annotated[str, typer.Option(help="of the graph")] = "/",
     enclaves: Annotated[str, typer.Option(help="path of the enclaves")] = "/hapticmech",
 ) -> None:
-    """Print a policy for SROS2: what each node may publish, hear and answer. See SECURITY.md."""
+    """Print a policy for SROS2: topics and services of each node. See SECURITY.md."""
     from hapticmech_ros.wire.table import policy as written
 
     print(written(namespace, enclaves), end="")
@@ -368,7 +368,7 @@ def stop_by_signals() -> threading.Event:
 
 
 def drivers_of(devices: Sequence[str], held: Sequence[str]) -> dict[str, str]:
-    """Return what drives the device at each point that is held.
+    """Return the driver of the device at each point that is held.
 
     Args:
         devices: drivers, for all points, or ``point=driver``; of several for one the last counts.
@@ -401,7 +401,7 @@ def nodes_of(
 
     Args:
         only: nodes; of several hands also points, or ``point/node``. All of them if there are none.
-        drivers: what drives the device at a point that is held, if it is not simulated.
+        drivers: of devices by the point that is held, where not simulated.
         held: points of the hands, if there are several. Their nodes are called ``point/node``.
 
     Raises:
@@ -430,7 +430,7 @@ def refuse_one_device_twice(nodes: Sequence[str], settings: Collection[str] = ()
 
     Args:
         nodes: that run here.
-        settings: parameters that are set; ``/point/driver.parameter`` tells one from another.
+        settings: parameters that are set; ``/point/driver.parameter`` distinguishes them.
 
     Raises:
         InvalidInputError: there are such.
@@ -452,7 +452,7 @@ def _names(name: str, node: str) -> bool:
 
 
 def arguments_of(params_file: Path | None) -> tuple[str, ...]:
-    """Return what nodes are given for a parameter file, which ROS would wait for if it is a pipe.
+    """Return nodes' arguments for a parameter file; ROS would wait for a pipe.
 
     Raises:
         FileError: no regular file, or too large.
@@ -488,10 +488,10 @@ def _recorder(record: Path, storage: str, transport: str, graph: Graph) -> Auxil
 
 
 def _receives(recorder: AuxiliaryProcess | None, graph: Graph, up: float) -> bool:
-    """Return whether a recorder hears a graph that is up since a time, or is not waited for."""
+    """Return whether a recorder receives a graph that is up since a time, or the wait is over."""
     if recorder is None or recorder.has_ended or graph.is_up(recorder.process):
         return True
     if time.monotonic() - up < HEARS_WITHIN_S:
         return False
-    typer.echo(f"after {HEARS_WITHIN_S:g} s the recorder does not hear every topic", err=True)
+    typer.echo(f"after {HEARS_WITHIN_S:g} s the recorder does not receive every topic", err=True)
     return True

@@ -18,7 +18,7 @@ def live(
         int, typer.Option(min=1, max=65535, help="of the page; the next free one if it is taken")
     ] = 8080,
     host: Annotated[
-        str, typer.Option(help="address that is served; 0.0.0.0: to everybody in the network")
+        str, typer.Option(help="address that is served; 0.0.0.0: to the whole network")
     ] = "127.0.0.1",
     changes: ChangesOption = None,
 ) -> None:
@@ -48,7 +48,7 @@ def live(
         page = LivePage(shown, scene, given, list(shipped_scenes()), host, port)
         console.print(f"{page.address}; Ctrl-C ends it", highlight=False, soft_wrap=True)
         if not address.is_loopback:
-            console.print("everybody who reaches this address can see and drag the mechanism")
+            console.print("anyone who can reach this address can see and drag the mechanism")
         try:
             page.serve(stop.is_set)
         finally:

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""``hapticmech bag replay``: recorded inputs into a live graph, and what comes out of it."""
+"""``hapticmech bag replay``: recorded inputs into a live graph, and its outputs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def replay(
         bool, typer.Option("--exact", help="exit code 1 if any control topic differs in a bit")
     ] = False,
 ) -> None:
-    """Feed a session's inputs into a graph in lockstep, record what comes out, and compare."""
+    """Feed a session's inputs into a graph in lockstep, record its outputs, and compare."""
     from hapticmech_ros.bag.compare import compare
     from hapticmech_ros.cli.bag_tables import show_comparison
     from hapticmech_ros.graph.lockstep import LockstepRun

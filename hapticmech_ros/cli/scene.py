@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""``hapticmech scene``: what a scene is, before it runs."""
+"""``hapticmech scene``: checks and descriptions of a scene, before it runs."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def check(
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
     ] = False,
     seconds: Annotated[
-        float, typer.Option(min=0.0, help="leave out what is not known of its steps after so long")
+        float, typer.Option(min=0.0, help="leave out results on its steps after so long, s")
     ] = 10.0,
     changes: ChangesOption = None,
 ) -> None:
-    """Print what SCENE is, which parts of its model file are not used, and possible problems."""
+    """Print a summary of SCENE, unused parts of its model file, and possible problems."""
     import time
 
     from hapticmech_ros.cli.scene_tables import show_check
@@ -93,7 +93,7 @@ def steps(
     ] = 1e-6,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="copy of SCENE with what takes the least time, to make"),
+        typer.Option("--out", "-o", help="copy of SCENE with the fastest settings, to write"),
     ] = None,
     json_only: Annotated[
         bool, typer.Option("--json", help="print the result as JSON, and nothing else")
@@ -215,7 +215,7 @@ def copy(
     out: Annotated[Path, typer.Argument(help="YAML file to make")],
     changes: ChangesOption = None,
     expanded: Annotated[
-        bool, typer.Option("--expanded", help="a linkage or model as the links it stands for")
+        bool, typer.Option("--expanded", help="a linkage or model expanded to links")
     ] = False,
 ) -> None:
     """Write a copy of SCENE with other values, for nodes and for editing."""

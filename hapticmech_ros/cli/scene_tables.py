@@ -44,7 +44,7 @@ def show_scenes(scenes: Sequence[tuple[str, str]]) -> None:
 
 
 def show_steps(found: StepChoices) -> None:
-    """Print what was tried, and what to set."""
+    """Print the settings that were tried, and those to use."""
     heading = f"error of {found.wanted_m:g} m (references differ by {found.reference_m:.0e} m)"
     best, rows = found.best, list[tuple[str, ...]]()
     for one in found.tried:

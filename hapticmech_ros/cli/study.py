@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Options that studies share, and what the command line does with their results.
+"""Options that studies share, and the command line's output of their results.
 
 ``hapticmech study``: a scene measured over ranges of its keys.
 """
@@ -52,7 +52,7 @@ def study(
     out: OutOption = Path("study"),
     json_only: JsonOption = False,
 ) -> None:
-    """Measure a scene with keys varied, in a grid or a Latin hypercube; goes on where it was."""
+    """Measure a scene with keys varied, in a grid or a Latin hypercube; resumes if interrupted."""
     from hapticmech_ros.study import Design, Variation, run_study
 
     design = Design(tuple(map(Variation.read, vary)), samples, seed)
@@ -103,7 +103,7 @@ def carry_out(
     """Run a study, write its results, and print them.
 
     Args:
-        run: given what is told of the progress.
+        run: called with a callback for progress.
         out: folder for the results.
         json_only: print JSON and nothing else; progress goes to standard error.
         figure: path of the first figure; in the folder if None.

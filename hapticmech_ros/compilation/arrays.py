@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Room for kernels to work in, and other shapes of the same numbers.
 
-Here as plain NumPy, for functions of kernels that are called as they are; in a kernel they are what
-:mod:`~hapticmech_ros.compilation.numba_types` makes of them: no kernel allocates memory.
+These are plain NumPy, for uncompiled calls of kernels' functions; for compiled kernels
+:mod:`~hapticmech_ros.compilation.numba_types` replaces them: no kernel allocates memory.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Array = np.ndarray
 
 
 def local(size: int) -> Array:
-    """Return room for so many numbers (size,), which is gone when the function that asks returns.
+    """Return room for so many numbers (size,), which is valid until the calling function returns.
 
     It is on the stack: not for more than some thousands, and in a loop with a number that is
     written out only.

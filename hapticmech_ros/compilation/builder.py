@@ -2,16 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles kernels into objects of machine code, several at once.
 
-Numba makes LLVM's intermediate language of each kernel, as of a callback for C (``numba.cfunc``),
-and of each function that kernels call (:mod:`~hapticmech_ros.compilation.inner_functions`). LLVM
-joins, optimises and makes machine code of them. Nothing else takes part: no C compiler, no linker,
-and nothing of what Numba's own library has for running programs, since kernels allocate nothing and
-raise nothing. Where one does, the build says so.
+Numba translates each kernel, as a callback for C (``numba.cfunc``), and each function that kernels
+call (:mod:`~hapticmech_ros.compilation.inner_functions`) to LLVM's intermediate language. LLVM
+joins, optimises and compiles them. No C compiler and no linker is needed, nor Numba's runtime
+library, since kernels allocate nothing and raise nothing. Where one does, the build fails.
 
-``python -m hapticmech_ros.compilation.builder TARGET FILE PARENT``: TARGET is the processor to
-compile for, as LLVM calls it, ``host`` for this one; FILE is written as :func:`packed` says; PARENT
-is the process that waits for it, without which it ends. A line is printed for each kernel that is
-done.
+``python -m hapticmech_ros.compilation.builder TARGET FILE PARENT``: TARGET is LLVM's name of the
+processor to compile for, ``host`` for this one; FILE is written by :func:`packed`; PARENT is the
+waiting process: the builder ends with it. It prints a line for each kernel that is done.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ _C_LIBRARY = frozenset(
         *("ppoll", "recv", "send", "memcmp", "clock_gettime"),
     )
 )
-# Kernels with much in common, by what their names begin with; all others are one more family.
+# Kernels with much in common, by the prefixes of their names; all others are one more family.
 _FAMILIES: tuple[tuple[str, ...], ...] = (("mechanism_", "operational_", "contact_step"),)
 # Those that take longest begin first.
 _LONG = ("tick_kernels", "run_kernels", "observe_kernels", "kernels_factor", "contact_step")
@@ -85,22 +83,22 @@ def import_all() -> dict[str, Kernel]:
 def build(target: str, path: Path) -> None:
     """Compile all kernels, with all processors, and write them into a file.
 
-    Numba, which is Python, takes most of the time. Kernels that have much in common are translated
-    by the same process, each function once; what LLVM does then is done by whoever is free.
+    Numba, which is Python, takes most of the time. The same process translates kernels that have
+    much in common, each function once; any free process then runs LLVM.
 
     Raises:
         BuildError: as :func:`compiled`.
     """
-    # Of nothing that Numba makes is the code run: LLVM optimises kernels once, as a whole.
+    # Numba's own code is not run: LLVM optimises kernels once, as a whole.
     os.environ["NUMBA_OPT"] = "0"
-    # From their own start: what Numba was taught in one process does not outlive a fork.
+    # Started anew: Numba's extensions of one process do not survive a fork.
     context = multiprocessing.get_context("spawn")
     with contextlib.ExitStack() as stack:
         lanes = [
             stack.enter_context(ProcessPoolExecutor(1, context, _begin))
             for _ in range(min(_processors(), _MOST_LANES))
         ]
-        # All begin now, though the first one tells.
+        # All begin now; only the first one's list is used.
         listed = [lane.submit(_names) for lane in lanes]
         names = listed[0].result()
         waiting = _shared_out(names, len(lanes))
@@ -146,7 +144,7 @@ def compiled(kernel: Kernel, target: str) -> bytes:
         target: processor.
 
     Raises:
-        BuildError: it needs what the library has not: it allocates, or may raise.
+        BuildError: it needs a symbol that the library lacks: it allocates, or may raise.
     """
     return machine_code(intermediate(kernel), kernel.name, target)
 
@@ -223,11 +221,11 @@ def intermediate(kernel: Kernel) -> bytes:
 
 def _optimise(llvm: Any, module: Any, machine: Any) -> None:
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    # As Numba has it.
+    # As in Numba.
     options.loop_vectorization, options.slp_vectorization = True, False
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
-    # Leave out what Numba has put in for errors, where LLVM sees that there are none.
+    # Remove Numba's error handling where LLVM proves that no error occurs.
     passes = llvm.create_new_module_pass_manager()
     passes.add_ipsccp_pass()
     passes.add_simplify_cfg_pass()
@@ -260,8 +258,8 @@ def _shared_out(names: list[str], count: int) -> list[list[str]]:
 
 
 def _begin() -> None:
-    # Whoever reads what the builder says waits until nobody can say more, and helpers would outlive
-    # a builder that is killed.
+    # The reader of the builder's output waits until all writers have closed it, and helpers would
+    # outlive a killed builder.
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
@@ -282,7 +280,7 @@ def _processors() -> int:
 
 
 if __name__ == "__main__":
-    # Nobody waits for it once who asked is gone: whoever needs the library next builds it.
+    # Without its parent no process waits for it: the next one that needs the library builds it.
     _end_with_parent()
     if os.getppid() != int(sys.argv[3]):
         sys.exit("who asked for the library is gone")

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept: one folder per content of the kernels' files.
 
-Numba itself would not see that a function called by a kernel from another file has changed. What is
-loaded runs with all that its user may do: folder and file belong to this user or to root, and
-nobody else may write to them. A file is moved to its place when it is whole and on disk.
+Numba itself would not notice a change of a function in another file that a kernel calls. Loaded
+code runs with the user's permissions: folder and file belong to this user or to root, and no other
+user may write to them. A file is moved to its place when it is whole and on disk.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent.parent
-# Read and run by everybody, written by its user alone, whatever the umask is.
+# Readable by all users, writable by its own only, with any umask.
 FOLDER_MODE = 0o755
 _DIGEST_SIZE = 32
 # All files whose functions or constants become part of a kernel.
@@ -97,7 +97,7 @@ _FINGERPRINT = _fingerprint()
 
 
 def warn(sentence: str) -> None:
-    """Tell a person, also where no logging is set up yet: kernels are loaded on import."""
+    """Print to standard error, as kernels are loaded on import, before logging is set up."""
     sys.stderr.write(f"hapticmech_ros: {sentence}\n")
     sys.stderr.flush()
 
@@ -106,7 +106,7 @@ def home() -> Path:
     """Return the user's home.
 
     Raises:
-        OSError: there is none: neither HOME says so, nor has the system a name for this user.
+        OSError: there is none: neither from HOME, nor from the system's list of users.
     """
     try:
         return Path("~").expanduser()
@@ -116,7 +116,7 @@ def home() -> Path:
 
 
 def is_own(folder: Path) -> bool:
-    """Make a folder, and return whether only its user can write it; what is wrong is told.
+    """Make a folder, and return whether only its user can write it; a warning names the fault.
 
     Raises:
         OSError: it cannot be made.
@@ -134,7 +134,7 @@ def is_own(folder: Path) -> bool:
 
 
 def read_own(path: Path) -> bytes:
-    """Return what was written by :func:`put_in_place`, where only this user or root can write.
+    """Return the content written by :func:`put_in_place`, where only this user or root can write.
 
     Raises:
         FileNotFoundError: there is none.
@@ -157,7 +157,7 @@ def put_in_place(content: bytes, path: Path, beside: Path) -> None:
     """Write a file beside its place, and move it there when it is whole and on disk.
 
     Raises:
-        OSError: a full disk, for instance; at its place is what was there before.
+        OSError: a full disk, for instance; the file at its place is unchanged.
     """
     try:
         with beside.open("wb") as file:
@@ -171,12 +171,12 @@ def put_in_place(content: bytes, path: Path, beside: Path) -> None:
 
 
 def _digest(path: Path, content: bytes) -> bytes:
-    """Return what a file begins with: a digest of its content, and of which kernels' it is."""
+    """Return the beginning of a file: a digest of its content and its place."""
     return hashlib.sha256(f"{path.parent.name}/{path.name}\n".encode() + content).digest()
 
 
 def _fault(found: os.stat_result) -> str:
-    """Return what is wrong with owner or mode of a file or folder; nothing if all is well."""
+    """Return the fault in owner or mode of a file or folder; empty without one."""
     if found.st_uid not in (os.geteuid(), 0):
         return f"belongs to user {found.st_uid}, not to {os.geteuid()} or root"
     if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):

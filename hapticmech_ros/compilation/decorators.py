@@ -9,11 +9,11 @@ All kernels are compiled together into a library (:mod:`~hapticmech_ros.compilat
 loads in some milliseconds and without Numba. Rounding is the same in every run: nothing is
 reordered, fused or run in parallel.
 
-A kernel does not look at the type of an array, nor at its strides: whoever calls it gives it
-float64 or int64 arrays of its own, in C order unless the signature says otherwise. A signature may
-name records and structures as well (``void(HandMemory, float64, float64[::1])``): what is given is
-one of these, or of a class below it, and the machine code finds its arrays. Where the environment
-says ``HAPTICMECH_ROS_KERNELS=checked`` every call is checked.
+A kernel does not check the type of an array, nor its strides: its caller passes float64 or int64
+arrays, in C order unless the signature states otherwise. A signature may name records and
+structures as well (``void(HandMemory, float64, float64[::1])``): the argument is an instance, also
+of a subclass, and the machine code finds its arrays. With ``HAPTICMECH_ROS_KERNELS=checked`` in the
+environment every call is checked.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Kernel(NamedTuple):
     Attributes:
         name: in the library.
         signature: types of result and arguments, as Numba writes them.
-        function: what is compiled.
+        function: to compile.
         linked: whether other kernels call it.
         gathered: whether its arguments come in one array of objects.
     """
@@ -96,7 +96,7 @@ def c_function(name: str, signature: str) -> Callable[..., Any]:
 
 
 def function_at(signature: str) -> Callable[..., Any]:
-    """Return what calls a function of C by its address, for kernels.
+    """Return a function for kernels that calls a C function by its address.
 
     Args:
         signature: types of result and arguments, that of the address first, as Numba writes them.

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functions that kernels call, each translated once for the types it is called with.
 
-Numba alone would put a copy of every function, and of all that this calls, into each that calls
-it, optimise that copy and make machine code of it, which nobody runs: time grows with the square
-of a kernel's depth. Here a call is a call of a name, a function's module is what it does itself,
-and a kernel's modules are joined before LLVM optimises them, once and together.
+Numba alone would put a copy of every function, with all its callees, into each of its callers, and
+would optimise and compile that unused copy: time grows with the square of a kernel's depth. Here a
+call refers to a name, a function's module has only its own code, and a kernel's modules are joined
+before LLVM optimises them, once and together.
 
-Only the processes that build the library import this. It uses what Numba documents: functions in
-the intermediate language of LLVM (``inspect_llvm``), and calls that extensions write themselves
-(``numba.extending.intrinsic``).
+Only the processes that build the library import this. It uses Numba's documented interfaces:
+functions in the intermediate language of LLVM (``inspect_llvm``), and calls that extensions write
+themselves (``numba.extending.intrinsic``).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
-# Division by zero gives what NumPy gives; no operation is reordered or fused.
+# Division by zero gives NumPy's result; no operation is reordered or fused.
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": False}
 # How the name ends by which kernels call a linked kernel: its arrays are not NumPy's objects there.
 LINKED = ".linked"
@@ -34,9 +34,9 @@ ir: Any = importlib.import_module("llvmlite.ir")
 # Types by the names that signatures have: Numba's own, and records and structures once they are
 # known.
 TYPES: dict[str, Any] = {**vars(numba.types), "Array": numba.types.Array}
-# Who counts who looks at an array: nobody has to, since nobody owns one.
+# Reference counting of arrays, which is unnecessary: kernels own none.
 _COUNTING = re.compile(r"^ *(?:tail )?call void @NRT_(?:in|de)cref\(.*\n", re.MULTILINE)
-# What may be called from C is kept apart from what it calls, for debuggers.
+# Numba keeps functions callable from C apart from their callees, for debuggers.
 _APART = re.compile(r"^(attributes #\d+ = \{.*)\bnoinline\b", re.MULTILINE)
 _CALLABLE = re.compile(r"^define [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
 _DECLARED = re.compile(r"^declare [^@]*@(cfunc\.[^( ]+)\(", re.MULTILINE)
@@ -51,7 +51,7 @@ class _Part(NamedTuple):
 
 # Translated so far in this process, by the names they are called by.
 _parts: dict[str, _Part] = {}
-# Names of what a function was translated to, one for each combination of types.
+# Names of a function's translations, one for each combination of types.
 _names: dict[Callable[..., Any], set[str]] = {}
 
 
@@ -79,7 +79,7 @@ def translated(function: Callable[..., Any], in_place: bool = False) -> Any:
 
 
 def _call_of(name: str) -> Callable[..., Any]:
-    """Return what writes a call of a function by its name."""
+    """Return a generator of a call of a function by its name."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         returned = context.get_value_type(signature.return_type)
@@ -107,7 +107,7 @@ def called_by_name(function: Callable[..., Any], name: str, signature: str) -> A
         signature: types of result and arguments.
     """
     parameters = inspect.signature(function)
-    # Numba asks for an address of all that is called, though none of it runs here.
+    # Numba needs an address of every called function, though none runs here.
     llvm.add_symbol(name + LINKED, 1)
 
     def call(_context: Any, *given: Any, **named: Any) -> Any:
@@ -138,7 +138,7 @@ def called_in_c(name: str, signature: str) -> Any:
 
 
 def called_at(signature: str) -> Any:
-    """Return what calls a function by its address, for kernels.
+    """Return a function for kernels that calls another by its address.
 
     Args:
         signature: types of result and arguments, that of the address first.
@@ -216,7 +216,7 @@ def _keep(code: str, in_place: bool) -> str:
 
 
 def _shorten(module: Any) -> None:
-    """Leave out what is seen at once to be superfluous, once for all kernels that call it."""
+    """Remove obviously superfluous code, once for all kernels that call it."""
     llvm.initialize_native_target()
     options = llvm.create_pipeline_tuning_options(speed_level=1)
     options.loop_vectorization = options.loop_unrolling = options.slp_vectorization = False

@@ -152,7 +152,7 @@ def _objects() -> Mapping[str, bytes]:
 
 
 def _read(path: Path, warns: bool = False) -> Mapping[str, bytes]:
-    """Return the library's objects if it is there, nobody else's, and whole; else nothing."""
+    """Return the library's objects if it is there, the user's, and whole; else nothing."""
     try:
         return _unpacked(read_own(path))
     except FileNotFoundError:
@@ -200,7 +200,7 @@ def _built(path: Path) -> Mapping[str, bytes]:
 
 
 def _made() -> bytes:
-    """Return the library, built in a process of its own.
+    """Return the library, built in a separate process.
 
     Raises:
         LibraryError: that failed, or there is no room for it.
@@ -226,7 +226,7 @@ def _built_at(made: Path) -> bytes:
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-        # A group of its own, which ends as a whole: the builder has helpers.
+        # A separate process group, which is ended as a whole: the builder has helpers.
         start_new_session=True,
     ) as process:
         late = threading.Event()
@@ -260,7 +260,7 @@ def _kill_group(leader: int) -> None:
 
 
 def _followed(lines: Iterable[str]) -> str:
-    """Show how far a build is, as it says in lines "3 of 18"; return the last other line."""
+    """Show a build's progress, from its lines "3 of 18"; return the last other line."""
     last, shown_at = "", time.monotonic()
     warn("compiling kernels, once: most of a minute")
     for line in lines:
@@ -277,9 +277,9 @@ def _loaded(objects: Mapping[str, bytes]) -> Library:
     """Put a library's objects into memory.
 
     Raises:
-        LibraryError: they are none, or need what is not there.
+        LibraryError: they are invalid, or need a missing symbol.
     """
-    # Not at every start of a command that needs no kernel.
+    # Imported here: many commands need no kernel.
     import llvmlite.binding as llvm
 
     _check_interface()
@@ -297,7 +297,7 @@ def _loaded(objects: Mapping[str, bytes]) -> Library:
 
 
 def _check_interface() -> None:
-    """Look whether arrays are in memory as NumPy's C interface has them, and slots as Python.
+    """Check the memory layout of arrays against NumPy's C interface, and of slots.
 
     Raises:
         LibraryError: they are not.
@@ -308,7 +308,7 @@ def _check_interface() -> None:
             raise LibraryError("this Python keeps objects as no kernel knows them")
     probe = np.zeros((3, 5))
     words = (ctypes.c_size_t * 3).from_address(id(probe) + DATA_AT)
-    # Only of what begins as it should is the rest looked at.
+    # The shape is read only where the data pointer is right.
     if words[0] == probe.ctypes.data:
         shape = words[(SHAPE_AT - DATA_AT) // ctypes.sizeof(ctypes.c_size_t)]
         if shape and ctypes.c_int64.from_address(shape).value == len(probe):
@@ -325,7 +325,7 @@ def _parted(signature: str) -> tuple[str, list[str]]:
 
 
 def _checked(name: str, arguments: list[str], called: Any, gathered: bool = False) -> Any:
-    """Return a kernel that looks at its arguments first, given one by one or in one array."""
+    """Return a kernel that checks its arguments first, given one by one or in one array."""
     wanted = [_ARRAY.fullmatch(argument) for argument in arguments]
 
     def check(*given: Any) -> Any:
@@ -353,7 +353,7 @@ def _checked(name: str, arguments: list[str], called: Any, gathered: bool = Fals
 
 @functools.cache
 def _processor() -> tuple[str, str]:
-    """Return what to compile for, in LLVM's words, and a name for it."""
+    """Return LLVM's description of the processor, and a name for it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What Numba has to be taught to compile kernels: structures, room on the stack, arrays of callers.
+"""Extensions of Numba to compile kernels: structures, room on the stack, arrays of callers.
 
-Only the processes that build the library import this. It uses what Numba documents for extensions
-(``numba.extending``) and the builder of LLVM instructions that these hand over.
+Only the processes that build the library import this. It uses Numba's documented interface for
+extensions (``numba.extending``) and its builder of LLVM instructions.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _WORD = ir.IntType(64)
 def _keep_writes(
     made: Any, _args: Any, _types: Any, _function: Any, _aliases: Any, of_arguments: set[str]
 ) -> None:
-    """Say that whatever a function makes may be a view of what it was given.
+    """Declare that every result of a function may be a view of its arguments.
 
-    Of fields of records, and of what is unpacked from a tuple, Numba does not know it, and leaves
-    out what is written to a view that is not read afterwards.
+    Numba does not know this of fields of records and of unpacked tuples, and would remove writes to
+    a view that is not read afterwards.
     """
     of_arguments.add(made.target.name)
 
@@ -91,7 +91,7 @@ def _room(dtype: Any) -> Any:
             kind = context.get_data_type(dtype)
             if not written_out:
                 return builder.alloca(kind, size=arguments[0])
-            # Once, whatever loop it is in.
+            # Once, outside any loop.
             with builder.goto_entry_block():
                 count = ir.Constant(_WORD, signature.args[0].literal_value)
                 return builder.alloca(kind, size=count)
@@ -294,7 +294,7 @@ def teach_record(kind: type[Record]) -> None:
 
     def make_own(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         number, size = context.get_data_type(made.number), kind.layout.size
-        # Once, whatever loop it is in.
+        # Once, outside any loop.
         with builder.goto_entry_block():
             start = builder.alloca(number, size=ir.Constant(_WORD, size))
         cgutils.memset(builder, start, ir.Constant(_WORD, 8 * size), 0)
@@ -306,7 +306,7 @@ def teach_record(kind: type[Record]) -> None:
 
 
 def _array(context: Any, builder: Any, dtype: Any, start: Any, shape: tuple[int, ...]) -> Any:
-    """Return an array in C order that begins at a pointer and belongs to nobody."""
+    """Return an array in C order that begins at a pointer, without an owner."""
     array = context.make_array(types.Array(dtype, len(shape), "C"))(context, builder)
     size = context.get_abi_sizeof(context.get_data_type(dtype))
     strides = [size] if len(shape) == 1 else [size * shape[1], size]
@@ -350,11 +350,11 @@ def object_at(index: int) -> Any:
 
 
 def _reader(kind: Any, *places: int) -> Any:
-    """Return an intrinsic that reads a word of an object, or of what its words lead to.
+    """Return an intrinsic that reads a word of an object, or through its pointers.
 
     Args:
-        kind: what is read, a whole number or a pointer.
-        places: of the word in the object, bytes, then of one in what this leads to, and so on.
+        kind: of the word, a whole number or a pointer.
+        places: offset of the word in the object, bytes, then of one at that pointer, and so on.
     """
 
     def read(_context: Any, _address: Any) -> Any:

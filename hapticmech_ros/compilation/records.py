@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Flat arrays of numbers as named fields, one after the other: what messages and kernels hand on.
+"""Flat arrays of numbers as named fields, one after the other, for messages and kernels.
 
-A layout is written down once. Where a field is, how long the array is, what labels a message has
-and how large each number may be all follow from that. A record reads and writes the fields of an
-array by their names, in Python and in kernels.
+A layout is defined once. Offsets of fields, the array's length, a message's labels and the bounds
+of numbers follow from it. A record reads and writes the fields of an array by their names, in
+Python and in kernels.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Field(NamedTuple):
 
     Attributes:
         size: how many.
-        quantities: what they are, over and over; see :mod:`~hapticmech_ros.wire.bounds`.
+        quantities: of the numbers, repeated; see :mod:`~hapticmech_ros.wire.bounds`.
     """
 
     size: int
@@ -70,7 +70,7 @@ class Layout(Mapping[str, int]):
         return slice(self._starts[first], self._starts[end] + self.fields[end].size)
 
     def quantities(self) -> Iterator[str]:
-        """Return what each number of the array is."""
+        """Yield each number's quantity."""
         for field in self.fields.values():
             for index in range(field.size):
                 yield field.quantities[index % len(field.quantities)]
@@ -86,7 +86,7 @@ class Record:
             rest = Vector(3, "position")
 
     ``Spring(values).stiffness`` is then ``values[0]``, and ``Spring(values).rest`` a view of the
-    next three. In kernels the same lines cost what an index costs.
+    next three. In kernels the same lines cost no more than an index.
 
     Args:
         values: (n,) the numbers, in C order, and maybe others behind them; zero if left out.
@@ -134,7 +134,7 @@ class RecordField:
     Attributes:
         at: index of its first number.
         size: how many it has.
-        quantities: what they are, over and over.
+        quantities: of the numbers, repeated.
     """
 
     def __init__(self, size: int, quantities: tuple[str, ...]) -> None:
@@ -154,10 +154,10 @@ class Scalar(RecordField, Generic[Read]):
     """One number.
 
     Args:
-        quantity: what it is.
+        quantity: of the number.
 
     Attributes:
-        read: what it is read as, in Python; kernels read the number.
+        read: its type in Python; kernels read the number.
     """
 
     read: type[Read]
@@ -204,7 +204,7 @@ class Vector(RecordField):
 
     Args:
         size: how many.
-        quantities: what they are, over and over.
+        quantities: of the numbers, repeated.
         columns: of a matrix, which is stored row by row; 0 for a vector.
     """
 

@@ -1,12 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Structures that kernels hand around: two arrays, and parts of them that are found when asked for.
+"""Structures that kernels pass on: two arrays, and parts of them that are located on access.
 
-A kernel's functions would pass each array of a named tuple by itself, seven numbers an array, from
-one to the next: for tuples of twenty arrays that takes longer than what many of the functions do.
-Inside a kernel a structure is where its two arrays begin, an int64 one and a float64 one, and owns
-neither, so that nobody counts who looks at a part of them: whoever calls the kernel holds them
-until it returns.
+A kernel's functions would pass each array of a named tuple separately, as seven numbers: for tuples
+of twenty arrays that takes longer than many of the functions themselves. Inside a kernel a
+structure is two pointers, to an int64 and a float64 array. It owns neither, and so needs no
+reference counts: the kernel's caller holds them until it returns.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ SIZES = 8
 
 
 class Structure:
-    """Two arrays: whole numbers that say where what is, and what is there.
+    """Two arrays: whole numbers with the parts' places, and the parts.
 
     A subclass declares sizes and parts, which are numbered in this order, behind those of its base,
     or of ``after``: a structure that has its places in the same table.

@@ -2,5 +2,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contacts of virtual objects: where shapes touch, and the forces there.
 
-Imported only by what runs a scene with contacts.
+Imported only to run a scene with contacts.
 """

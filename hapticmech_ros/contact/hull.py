@@ -37,7 +37,7 @@ _REMEMBERED = 64
 
 
 class _Key(NamedTuple):
-    """What a hull is of: a file as it is now, and a scale."""
+    """Source of a hull: a file's present version, and a scale."""
 
     file: str
     changed_ns: int

@@ -2,31 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impacts: the law at points of contact whose normal motion is more than that of a body at rest.
 
-What rests is held by forces that are implicit in the rates at a step's end; these damp by k h, so
-that nothing rings whatever k is, and no body would rebound. A point that approaches, rebounds, or
-swings about where its forces balance, and that faster than its load accelerates it in two steps, or
-whose swing the step resolves, obeys the law by the mean over the step instead. With
-y⁺ = y - h (v_n + v_n⁺) / 2, which is how positions move, and y₊ = max(0, y) along the straight line
-between both depths,
+Forces that are implicit in the rates at a step's end hold points at rest; these damp by k h, which
+prevents ringing at any k, and also every rebound. A point that approaches, rebounds, or oscillates
+about its equilibrium, faster than its load accelerates it in two steps, or whose oscillation the
+step resolves, obeys the law by the mean over the step instead. With y⁺ = y - h (v_n + v_n⁺) / 2,
+the integrator's rule for positions, and y₊ = max(0, y) along the straight line between both depths,
 
     λ_n = max(0, k ȳ + (d θ + χ k ȳ) (y⁺ - y) / h),      ȳ the mean of y₊, θ the share with y > 0
 
-so that the spring takes exactly what the motion loses, and dampers only take: no energy is made at
-any stiffness, mass or step (T16b of docs/derivations.md). How well a rebound is resolved is another
-question: steps are divided until (h ω)² of the points is below ``RESOLVED``.
+The spring then takes exactly the energy that the motion loses, and dampers only dissipate: no
+energy is made at any stiffness, mass or step (T16b of docs/derivations.md). To resolve rebounds,
+steps are divided until (h ω)² of the points is below ``RESOLVED``.
 
 Forces at all points of contact at once: Newton's rule on the law, with its corners.
 
-The law at a point says that its impulse u stays as it is when it is pushed on by what is wrong with
-the rates, and brought back to what is allowed:
+The law at a point is a fixed point: its impulse u, changed by the error of the rates and projected
+onto the allowed impulses, stays u:
 
     u_n = max(0, u_n - (w_n + C u_n - b) / (g + C)),      u_t = on a disk of μ u_n (u_t - w_t / H)
 
-with g and H what u does to the point's own rates; C and b are the spring's and the damper's. Of
-that Newton's rule finds the root in a few rounds where points keep sticking or sliding. Where many
-points hold one body G is singular: forces may act against each other across the body, and nothing
-says how much. So across the normal they are held, at 1e-8 of H, at what they ought to be near: at
-nothing, or at what was found before. T19 of docs/derivations.md.
+with g and H the effect of u on the point's own rates; C and b are the spring's and the damper's.
+Newton's rule finds the root in a few rounds where points keep sticking or sliding. Where many
+points hold one body G is singular: forces may act against each other across the body, and their
+size is undetermined. So a term of 1e-8 H pulls tangential impulses towards zero, or towards those
+found before. T19 of docs/derivations.md.
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ from hapticmech_ros.contact.layout import COULOMB, DAMPING, DISSIPATION, STIFFNE
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot_with_row, solve_in_place
 
-# Of a point: what its push does to its rate, 1/kg; C; b, m/s; μ; what friction does, at most.
+# Of a point: effect of its push on its rate, 1/kg; C; b, m/s; μ; largest effect of friction.
 OWN, GIVE, PUSH, FRICTION, ACROSS, SCALE_VALUES = 0, 1, 2, 3, 4, 5
-# Share of H at which friction is held.
+# Share of H in the term that determines friction.
 HELD_SHARE = 1e-8
 MOST_ROUNDS = 12
-# Steps of Newton's are halved down to here until what is wrong gets less.
+# Newton's steps are halved down to here until the error decreases.
 LEAST_STEP = 0.1
 
 
@@ -53,7 +52,7 @@ LEAST_STEP = 0.1
 def _pushed_on(
     c: int, scales: Array, held: Array, share: float, impulse: Array, velocity: Array, out: Array
 ) -> float:
-    """Put a point's impulse, pushed on by what is wrong, into ``out``; return μ u_n."""
+    """Put a point's impulse, changed by its error, into ``out``; return μ u_n."""
     k, across = 3 * c, scales[c, ACROSS]
     own, give = scales[c, OWN], scales[c, GIVE]
     wrong = velocity[k] + give * impulse[k] - scales[c, PUSH]
@@ -70,12 +69,12 @@ def _pushed_on(
 def mismatch(
     scales: Array, held: Array, share: float, impulse: Array, velocity: Array, off: Array
 ) -> tuple[float, float]:
-    """Fill ``off`` with what is wrong with each impulse; return the worst, m/s, and Σ of squares.
+    """Fill ``off`` with each impulse's error; return the largest, m/s, and Σ of squares.
 
     Args:
         scales: (n, 5).
-        held: (3 n,) impulses that friction is held at.
-        share: of H, at which it is.
+        held: (3 n,) impulses that friction is pulled to.
+        share: of H, by which it is.
         impulse: (3 n,) N s.
         velocity: (3 n,) rates of the points with them, m/s.
         off: (3 n,) to fill, N s.
@@ -105,10 +104,10 @@ def _slopes(
     slopes: Array,
     acts: Array,
 ) -> None:
-    """Fill ``slopes`` with how what is wrong changes with impulses, row by row.
+    """Fill ``slopes`` with the derivatives of the errors by impulses, row by row.
 
-    ``acts`` (3 n,) becomes 1 where a row is not one of the identity, 0 where it is: there nothing
-    pushes.
+    ``acts`` (3 n,) becomes 1 where a row is not one of the identity, 0 where it is: there no force
+    acts.
     """
     out, size = local(3), impulse.size
     for c in range(scales.shape[0]):
@@ -129,7 +128,7 @@ def _slopes(
             continue
         acts[k + 1] = acts[k + 2] = 1
         slides = length > most
-        # What is left of a change of u_t - w_t / H on the disk: all, or what is along its rim.
+        # The projection of a change of u_t - w_t / H onto the disk: all, or its part along the rim.
         share = most / length if slides else 1.0
         first, second = (out[1] / length, out[2] / length) if slides else (0.0, 0.0)
         xx, yy = share * (1.0 - first * first), share * (1.0 - second * second)
@@ -161,7 +160,7 @@ def _step(slopes: Array, acts: Array, off: Array, change: Array, places: Array) 
     for r in range(size):
         i = places[r]
         wanted[r] = -off[i] - dot_with_row(slopes, i, change)
-        # Places grow, so that nothing is overwritten that is still needed.
+        # Places grow: no entry is overwritten before it is read.
         for s in range(size):
             slopes[r, s] = slopes[i, places[s]]
     if not solve_in_place(slopes, wanted, size):
@@ -189,7 +188,7 @@ def newton(
     tolerance: float,
     slopes: Array,
 ) -> bool:
-    """Bring impulses nearer to what the law says, in place; return whether Newton's rule ended.
+    """Bring impulses nearer to the law, in place; return whether Newton's rule converged.
 
     See the head of this file.
 
@@ -233,8 +232,8 @@ def newton(
     return bool(worst <= tolerance)
 
 
-# A point rests while its rate, and the one of its swing, are below what its load accelerates it to
-# in so many steps, and below a rate (m/s) that nobody would call an impact without a load.
+# A point rests while its rate, and that of its oscillation, are below its load's acceleration over
+# so many steps; without a load, below a rate (m/s) too slow for an impact.
 AT_REST, SLOWEST = 2.0, 1e-3
 # (h ω)² up to which a step resolves an impact: a contact of π / ω takes 31 steps or more.
 RESOLVED = 0.01
@@ -265,8 +264,8 @@ def find_impacts(
             its start, m/s, normal ones first.
         now: (3 n,) at its start, m/s.
         depths: (n,) at its start, m.
-        coupling: (3 n, 3 n) what impulses do to rates, 1/kg.
-        impulse: (3 n,) of the step before, N s: friction is as it was; replaced.
+        coupling: (3 n, 3 n) effect of impulses on rates, 1/kg.
+        impulse: (3 n,) of the step before, N s: friction keeps its value; replaced.
         velocity: (3 n,) to work in.
         step: h, s.
         impacts: (n,) to fill with 1 and 0.
@@ -286,8 +285,8 @@ def find_impacts(
         rate = (velocity[k] - now[k]) / step
         swing = now[k] * now[k] + rate * rate / square
         slow = max(AT_REST * abs(apart[k] - now[k]), SLOWEST)
-        # Held half a step ahead, energy is more where a point goes inwards, and less outwards: what
-        # comes to rest does so on its way out, if it swings, and makes none.
+        # With forces half a step ahead, a point gains energy on its way in, and loses it on its way
+        # out: an oscillating point comes to rest on its way out, and makes no energy.
         if now[k] < 0.0:
             slow *= 0.5
         if swing <= slow * slow and step * step * square > RESOLVED:
@@ -313,12 +312,12 @@ def parts_of(fastest: float) -> int:
 
 @inner
 def mean_push(law: Array, depth: float, way: float, step: float) -> tuple[float, float]:
-    """Return λ_n, N, of a point that goes on from a depth by a way, m, and its slope, N/m.
+    """Return λ_n, N, of a point that moves on from a depth by ``way``, m, and its slope, N/m.
 
     Without its limit: it may be below 0.
     """
     end, stiffness = depth + way, law[STIFFNESS]
-    # ȳ and its slope; what of the way is below the surface, and its slope.
+    # ȳ and its slope; the part of ``way`` below the surface, and its slope.
     if depth <= 0.0 and end <= 0.0:
         return 0.0, 0.0
     if depth >= 0.0 and end >= 0.0:
@@ -345,7 +344,7 @@ def fill_impact_scales(
     coupling: Array,
     scales: Array,
 ) -> None:
-    """Fill a point's row of ``scales`` for an impact, linear about a way (m) from its depth on."""
+    """Fill a point's row of ``scales`` for an impact, linearised about a motion ``way`` (m)."""
     k = 3 * c
     push, slope = mean_push(law, depth, way, step)
     scales[c, OWN], scales[c, FRICTION] = coupling[k, k], law[COULOMB]
@@ -359,7 +358,7 @@ def fill_impact_scales(
 
 @inner
 def fill_across(c: int, coupling: Array, scales: Array) -> None:
-    """Fill what friction at a point does to its own rates, at most, 1/kg."""
+    """Fill the largest effect of a point's friction on its own rates, 1/kg."""
     k = 3 * c
     p, q, r = coupling[k + 1, k + 1], coupling[k + 1, k + 2], coupling[k + 2, k + 2]
     scales[c, ACROSS] = 0.5 * (p + r) + math.sqrt(0.25 * (p - r) * (p - r) + q * q)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contacts of a mechanism as kernels take them: model and data, in two arrays.
 
-Made once with the mechanism. The model is what the scene says: shapes, pairs, laws. The data is
-what a step works on and leaves: where shapes are, which of them are near, points and forces.
+Made once with the mechanism. The model comes from the scene: shapes, pairs, laws. A step reads and
+changes the data: poses of shapes, near pairs, points and forces.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ KIND, JOINT, FIRST_VERTEX, LAST_VERTEX, FIRST_FACE, LAST_FACE = 0, 1, 2, 3, 4, 5
 # Columns of its floats: its pose in the joint, then these; the middle and half-lengths of a box
 # about it, in its own axes.
 RADIUS, HALF_LENGTH, MIDDLE, HALF_SIZE, SHAPE_VALUES = 12, 13, 14, 17, 20
-# Points of a pair, and what is known of each: position, normal from b to a, depth.
+# Points of a pair, and numbers of each: position, normal from b to a, depth.
 MOST_POINTS, POINT_VALUES = 4, 7
-# What the search for the nearest points gives: normal from a to b, distance, both points.
+# Result of the search for the nearest points: normal from a to b, distance, both points.
 FOUND_VALUES = 10
-# Of a bounding box: half-lengths, middle, and how far its shape can come, m.
+# Of a bounding box: half-lengths, middle, and how far its shape can move, m.
 BOX_VALUES = 7
 # A wrench on a link, see ``motion_kernels.add_link_forces``.
 PUSH_VALUES = 10
@@ -30,8 +30,8 @@ PUSH_VALUES = 10
 SHAPE_A, SHAPE_B, JOINT_A, JOINT_B, NEEDS_SEARCH = 0, 1, 2, 3, 4
 # Columns of a pair's law: k, N/m; d, N s/m; μ; χ, s/m.
 STIFFNESS, DAMPING, COULOMB, DISSIPATION = 0, 1, 2, 3
-# What is known of the step without contacts: nothing; rates and place at its end; and the branch of
-# the motion that it is on as well.
+# Known parts of the step without contacts: none; rates and configuration at its end; and its branch
+# of the motion as well.
 NOTHING, ITS_END, ITS_BRANCH = 0.0, 1.0, 2.0
 # Room for so many points at first; a scene where more touch gets more.
 FIRST_WORKSPACE = 16
@@ -45,7 +45,7 @@ class ContactCounts(Record):
         points_before: in the one before.
         points_found: those that the workspace lacked room for.
         parts: how many parts a substep has to be divided into.
-        unsolved: substeps so far in the period whose forces are not what the law says.
+        unsolved: substeps so far in the period whose forces violate the law.
     """
 
     dtype = int
@@ -63,9 +63,9 @@ class ContactSettings(Record):
         ahead: how far ahead in a step depths are taken: 1/2 of it, or 0 where positions move by
             h v⁺.
         period: s.
-        far_share: share of their size by which shapes are apart that a period leaves alone.
+        far_share: pairs further apart than this share of their size are ignored in a period.
         is_part: 1 for a step that is part of a divided one.
-        known: what is known of the step without contacts; see ``NOTHING``.
+        known: known parts of the step without contacts; see ``NOTHING``.
     """
 
     ahead = Number()
@@ -80,10 +80,10 @@ class ContactReport(Record):
 
     Attributes:
         sweeps: that the solver did.
-        residual: how far rates are from the law, m/s.
-        energy: held by contacts at its end, J.
+        residual: error of rates by the law, m/s.
+        energy: stored in contacts at its end, J.
         energy_before: at its start, J.
-        failed: 1 if forces are not what the law says.
+        failed: 1 if forces violate the law.
     """
 
     sweeps = Number()
@@ -106,7 +106,7 @@ class Contacts(Structure):
         owners: (4 p,) pair of each point.
         owners_before: (4 p,) in the substep before.
         shape_values: (s, 20) pose in the joint, radius, half-length, middle and half-lengths of a
-            bounding box; see ``shape_kernels``.
+            bounding box; see ``touch_kernels``.
         vertices: (v, 3) of all polytopes, m, in the shape's frame.
         normals: (f, 3) of faces, outward, in the shape's frame.
         laws: (p, 4) k, N/m; d, N s/m; μ; χ, s/m.
@@ -117,7 +117,7 @@ class Contacts(Structure):
         axes: (nv, 6) joint axes at the substep's start, as twists about the world's origin.
         poses: (s, 12) of shapes there, in the world: axes, then origin, m.
         boxes: (s, 7) half-lengths and middle of a bounding box along the world's axes, and how far
-            the shape can come, m.
+            the shape can move, m.
         margins: (p,) m, gap up to which points of a pair count; -1 if it is far.
         found: (p, 10) unit normal from a to b, distance, and both nearest points, m, world.
         points: (4 p, 7) position, m, midway between both surfaces; unit normal from b to a; depth.
@@ -126,16 +126,16 @@ class Contacts(Structure):
         forces_before: (4 p, 3) likewise.
         origins: (4 p, 3) of the frames of shapes a, m, world.
         free: (nv,) rates at the substep's end without contacts.
-        change: (nv,) how far the substep goes without contacts.
-        q: (nq,) where that leads.
-        stiff: (nv,) by how much accelerations at the substep's start would give other rates.
-        branch: (nv, nv) in the mass metric, what a branch of the motion leaves free of a force.
-        joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in what is left of it, N m
-            or N.
+        change: (nv,) change of q in the substep without contacts.
+        q: (nq,) configuration at its end.
+        stiff: (nv,) difference to the rates by accelerations at the substep's start.
+        branch: (nv, nv) in the mass metric, projector onto a branch of the motion.
+        joint_force: (nv,) mean of Σ J_cᵀ λ over the period so far, zero in the rest of it, N m or
+            N.
         step_force: (nv,) Σ J_cᵀ λ of the substep.
         report: of the substep.
         begun: (nq + nv,) state at the period's start.
-        external: (l + links, 10) what contacts do to links, then what else pushes on them.
+        external: (l + links, 10) contacts' wrenches on links, then others'.
         frames: (4 p, 9) normal and tangents of points.
         workspace: for the solver's matrices.
         kept_counts, kept_owners, kept_points, kept_forces, kept_origins, kept_joint_force,

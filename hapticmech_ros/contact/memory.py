@@ -44,7 +44,7 @@ from hapticmech_ros.scene.contacts import Box, Capsule, Cylinder, Mesh, Shape, S
 def shape_parts(
     shapes: tuple[Shape, ...], polytopes: tuple[Polytope | None, ...], tree: TreeModel
 ) -> dict[str, Array]:
-    """Return (n,) or (n, m) what a :class:`Contacts` has of shapes on links, by its parts' names.
+    """Return (n,) or (n, m) the parts of a :class:`Contacts` for shapes on links, by name.
 
     Args:
         shapes: all of a scene.
@@ -103,7 +103,7 @@ def _kind(shape: Shape) -> tuple[int, float, float]:
 def _polytopes(shapes: tuple[Shape, ...]) -> tuple[Polytope | None, ...]:
     found: dict[int, Polytope] = {}
     if any(isinstance(shape.geometry, Mesh) for shape in shapes):
-        # Here, so that scenes without meshes do not load what reads them.
+        # Imported here: scenes without meshes do not need it.
         from hapticmech_ros.contact.hull import mesh_hulls
 
         found = mesh_hulls(shapes)
@@ -205,8 +205,8 @@ class Touching:
         origins: (n, 3) of the frames of shapes a, m, world, at the step's start.
         joint_force: (nv,) mean of Σ J_cᵀ λ over the period, each at its step's start, N m or N.
         sweeps: that the solver did; none where Newton's rule was enough.
-        residual: m/s, by which the points' rates are off what the law says.
-        divided: into how many parts the last step was divided for an impact; points and forces are
+        residual: m/s, error of the points' rates by the law.
+        divided: number of parts of the last step, divided for an impact; points and forces are
             those of the last part.
     """
 

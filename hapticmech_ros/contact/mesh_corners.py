@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Corners of the convex hull of a mesh in a file: what the child process does that reads it.
+"""Finds corners of the convex hull of a mesh in a file; runs in the child process that reads it.
 
 It loads little, as each start of a node with meshes waits for it.
 """

@@ -114,24 +114,24 @@ def add_later(
     parting[2] += sign * (then[2] + then[3] * y - then[4] * x)
 
 
-# Of the friction that a point's own rates ask for, so much is left out: where it does nothing to
-# them it is nothing.
+# This share of the friction for a point's own rates is left out: where it has no effect on them it
+# is zero.
 LEAST_GIVE = 1e-9
 MOST_SWEEPS = 40
-# Sweeps end once rates are as the law says to this share of the largest one, or m/s.
+# Sweeps end once rates obey the law to this share of the largest one, or m/s.
 SHARE, FLOOR = 1e-8, 1e-13
-# Rates that are off by more than this share of the largest one, and ways of impacts by this share
-# of the longest, are not what the law says: the energy is off by a share of the same size then,
-# which is what rk4 allows a step.
+# Rates that are off by more than this share of the largest one, and impacts' displacements by this
+# share of the longest, violate the law: the energy is then off by a similar share, rk4's tolerance
+# for a step.
 UNSOLVED_SHARE = 1e-6
-# Of points that impact rates are solved for to this share, and ways by so many rounds at most: what
-# is wrong there is energy.
+# For impacting points rates are solved to this share, and displacements in at most so many rounds:
+# their error is an error of energy.
 EXACT, MOST_TURNS = 1e-10, 12
 
 
 @inner
 def _change(coupling: Array, i: int, change: float, velocity: Array) -> None:
-    """Change all rates by what one more impulse does."""
+    """Change all rates by the effect of one more impulse."""
     if change != 0.0:
         add_scaled(velocity, change, coupling[i])
 
@@ -204,7 +204,7 @@ def solve_points(
     Args:
         scales: (points, 5) of each point; see :mod:`~hapticmech_ros.contact.impact_kernels`.
         apart: (3 points,) relative velocities at the step's end without contacts, m/s; of each
-            point the normal one first, in the point's own frame, as all that follows.
+            point the normal one first, in the point's own frame, as all others.
         coupling: (3 points, 3 points) J D⁻¹ Jᵀ, 1/kg.
         impulse: (3 points,) first guess, N s; replaced by the solution.
         velocity: (3 points,) relative velocities with these impulses, m/s; replaced likewise.
@@ -218,7 +218,7 @@ def solve_points(
     held[:] = 0.0
     put(kept, impulse)
     put(kept_velocity, velocity)
-    # Of all that would do, the least friction: what it was before leaves no trace.
+    # Of all solutions, the one with least friction: it does not depend on the step before.
     if not newton(scales, apart, coupling, held, impulse, velocity, 0.3 * tolerance, slopes):
         put(impulse, kept)
         put(velocity, kept_velocity)
@@ -237,7 +237,7 @@ def solve_points(
             put(impulse, kept)
             put(velocity, kept_velocity)
         for turn in range(2 * n):
-            # There and back, so that a stack learns of its weight both ways.
+            # Forwards and backwards: a stack's weight propagates in both directions.
             c = turn if turn < n else 2 * n - 1 - turn
             _solve_point(c, scales, coupling, impulse, velocity)
         sweeps += 2
@@ -273,13 +273,13 @@ def _solve(
     impulse: Array,
     velocity: Array,
 ) -> None:
-    """Solve for all impulses; where points that impact are reached, about the ways they go.
+    """Solve for all impulses; linearise impacts about the points' displacements.
 
     Args:
         contacts: with ``owners`` and ``laws``; ``report`` is filled.
         apart: (3 n,) rates of the points at the step's end without contacts, m/s.
         now: (3 n,) at its start, m/s.
-        depths: (n,) at its start, m, as :func:`_depth` says.
+        depths: (n,) at its start, m, see :func:`_depth`.
         coupling: (3 n, 3 n) what impulses do to rates, 1/kg.
         slopes: (3 n, 3 n) to work in.
         impacts: (n,) 1 for a point that impacts.
@@ -316,7 +316,7 @@ def _solve(
 
 @inner
 def _depth(contacts: Contacts, c: int, rate: float, step: float, impacts: bool) -> float:
-    """Return a point's depth, m, that its law is about: where its way in the step begins.
+    """Return a point's depth, m, for its law: at the start of its motion in the step.
 
     At rest that is h / 2 ahead of the motion, where positions move by the mean of both rates.
     """
@@ -326,9 +326,10 @@ def _depth(contacts: Contacts, c: int, rate: float, step: float, impacts: bool) 
 
 @inner
 def _left_free(model: Model, data: Data, contacts: Contacts, row: Array) -> None:
-    """Replace a row (nv,) in the mass metric by what closures leave free of it.
+    """Replace a row (nv,) in the mass metric by its part that closures leave free.
 
-    Next to a crossing of branches they do not say: then it is what the branch leaves free.
+    Next to a crossing of branches closures do not determine that: then it is the part along the
+    branch.
     """
     if contacts.settings.known != ITS_BRANCH:
         free_part(model, data, row)

@@ -118,7 +118,7 @@ STEPS_AHEAD = 1.5
 TURNS = 0.02
 # Points count that are apart by this share of the shapes' size, moving or not.
 SLACK = 1e-3
-# What a call begins with: a period; a substep; or one whose nearest points have been searched for.
+# A call begins with a period; a substep; or one whose nearest points have been found.
 WHOLE, EACH, SEARCHED = 0, 1, 2
 # Why a call ended early: nearest points have to be searched for; too small a workspace.
 # Within a period: shapes may come near. A substep that has to be divided to resolve an impact. The
@@ -166,7 +166,7 @@ def _untouched(
         code = step_once(model, one, True, stage_space, other, parts, external, stages, implicit)
         if code != SETTLED:
             break
-    # What pushes may have made it fast enough to come near after all.
+    # External wrenches may have made it fast enough to come near after all.
     if code == SETTLED and near_pairs(contacts, parts.v, span, share) == 0:
         contacts.counts.points = 0
         if odd:
@@ -288,7 +288,7 @@ def _substep(
     searched: bool,
     external_count: int,
 ) -> int:
-    """Do a step of the integrator, with what touches in it."""
+    """Do a step of the integrator with contacts."""
     links, q0, v0, step = contacts.carriers.size, parts.q0, parts.v0, parts.settings.step
     external = contacts.external[links : links + external_count]
     is_known = contacts.settings.known != NOTHING
@@ -363,7 +363,7 @@ def advance_period(
     contact_values: Array,
     plan: Array,
 ) -> int:
-    """Do a period with contacts, or what is left of one.
+    """Do a period with contacts, or the rest of one.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
@@ -381,11 +381,10 @@ def advance_period(
         0 at the period's end; before a substep that is not done yet SEARCH, where ``found`` of the
         pairs near has to be filled, MORE_WORKSPACE, where the workspace for ``points_found`` points
         is missing, IMPACT, where the substep should be divided into ``parts`` parts, FORCES, where
-        ``settings.known`` asks for these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
-        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the
-        terms there unless it is NOT_DECIDED. Points and forces are those of this substep where it
-        is FORCES or INACCURATE. Or how a substep failed. The account says how many substeps were
-        done.
+        ``settings.known`` requests these alone, or SINGULAR_STEP, INACCURATE and NOT_DECIDED, as of
+        ``run_kernels.advance``: ``q0`` and ``v0`` are its start then, and ``start`` has the terms
+        there unless it is NOT_DECIDED. Points and forces are those of this substep where it is
+        FORCES or INACCURATE. Or how a substep failed. The account has the number of substeps done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     contacts = Contacts(contact_numbers, contact_values)

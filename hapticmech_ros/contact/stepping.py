@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Periods of a mechanism that touches things, by a kernel that calls for what it cannot do itself.
+"""Periods of a mechanism with contacts, by a kernel that returns for parts that Python does.
 
-That is the search for nearest points of two bounded shapes, singular steps, and those that
-have to be divided to resolve an impact.
+These are the search for nearest points of two bounded shapes, singular steps, and those that have
+to be divided to resolve an impact.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class ContactStepper:
         return self._touched(self._ended(took, start, external, self._substeps))
 
     def _ended(self, took: Took, start: Start, external: ExternalWrenches, total: int) -> Stepped:
-        """Do what is left of so many steps after a call of the kernel from their start on."""
+        """Do the rest of so many steps after a call of the kernel from their start."""
         active_set = self._mechanism.active_set(start.active)
         now, left, ended = start, total, None
         while True:
@@ -109,7 +109,7 @@ class ContactStepper:
                 took = self._call(active_set.dense, now, external, 1, EACH)
             stepped, steps = took.stepped, took.steps
             if stepped is None:
-                # Of the dense factorisation nothing is undecided: the step is singular.
+                # The dense factorisation always decides: the step is singular.
                 stepped, steps = self._alone(took.code, now, external), 1
             ended = stepped if ended is None else stepped.after(ended)
             now, left = end_of(stepped, now), left - steps
@@ -118,7 +118,7 @@ class ContactStepper:
             took = self._call(active_set, now, external, left, EACH)
 
     def energy_at(self, start: Start) -> float:
-        """Return what contacts hold at a state, J.
+        """Return the energy stored in contacts at a state, J.
 
         Args:
             start: where.
@@ -185,17 +185,17 @@ class ContactStepper:
         return self._pushed(code, start, external)
 
     def _on_branch(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do a substep next to a crossing of branches, where closures do not say what is free.
+        """Do a substep next to a crossing of branches, where closures fix no free directions.
 
-        What it is without contacts, and what the branch leaves free of their forces, is given to
-        the kernel, which finds these.
+        The kernel finds contact forces from the substep without contacts and the branch's
+        projector.
         """
         stepper, contacts = self._stepper, self.memory.contacts
         free = stepper.alone(SINGULAR_STEP, start, external)
         motion = BranchMotion(self._mechanism, start, external, stepper.step)
         branch = motion.projection(start.q)
         contacts.free[:], contacts.q[:], contacts.stiff[:] = free.v, free.q, 0.0
-        # Whatever the scene's rule, positions move by the mean of both rates here.
+        # Positions move by the mean of both rates here, with any rule of the scene.
         ahead = float(contacts.settings.ahead)
         contacts.settings.ahead, contacts.settings.known = 0.5, ITS_END
         if branch is not None:
@@ -253,10 +253,10 @@ class ContactStepper:
             self.memory.contacts.settings.is_part = 0.0
 
     def _touched(self, stepped: Stepped) -> Touched:
-        """Return a period's outcome with what is known of its last substep."""
+        """Return a period's outcome with the contacts of its last substep."""
         touching, unsolved = self.memory.touching(), int(self.memory.contacts.counts.unsolved)
         stepped = stepped._replace(inaccurate=stepped.inaccurate + unsolved)
-        # Of the arrays there are now, which a call may replace.
+        # Read from the present arrays, which a call may replace.
         held = float(self.memory.contacts.report.energy) if touching.pairs.size else 0.0
         return Touched(stepped, touching, held)
 
@@ -267,7 +267,7 @@ class ContactStepper:
         pairs, shapes = self.memory.contacts.pairs, self._mechanism.scene.shapes
         if not pairs[:, NEEDS_SEARCH].any():
             return []
-        # Here, so that a scene with nothing but half-spaces needs no search.
+        # Imported here: a scene with only half-spaces needs no search.
         from hapticmech_ros.contact.nearest import Nearest
 
         found = []

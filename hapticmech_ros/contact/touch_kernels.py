@@ -49,10 +49,10 @@ from hapticmech_ros.mechanism.kernels.model import Data
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import add_scaled, dot, negate3, put3, subtract3
 
-# Corners that a polygon may have, and those that stand for a disk: as the face of a cylinder that
-# others lie on, or as what lies on another's face. Four already resist tilting alike all around.
+# Corners that a polygon may have, and those that approximate a disk: as a cylinder's face below
+# other shapes, or lying on another's face. Four already resist tilting alike all around.
 MOST_CORNERS, DISK_CORNERS, LYING_DISK_CORNERS = 16, 8, 4
-# A cylinder lies on its end where that is nearer to the direction asked for than its side.
+# A cylinder lies on its end where that is nearer to the requested direction than its side.
 _ON_END = 0.7071067811865476
 
 
@@ -359,7 +359,7 @@ def _clip(lying: Array, count: int, start: Array, end: Array, normal: Array, out
         if here <= 0.0:
             put3(out[kept], lying[k])
             kept += 1
-        # An edge has no way back from its end.
+        # An edge does not close.
         if count == 1 or (count == 2 and k == 1):
             continue
         following = (k + 1) % count
@@ -382,7 +382,7 @@ def on_face(
     above: Array,
     depths: Array,
 ) -> int:
-    """Put what of the other shape lies over a face of ``base`` into ``above``."""
+    """Put the other shape's corners over a face of ``base`` into ``above``."""
     face = shaped(local(MOST_CORNERS * 3), (MOST_CORNERS, 3))
     lying = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
     clipped = shaped(local(MOST_BELOW * 3), (MOST_BELOW, 3))
@@ -403,7 +403,7 @@ def on_face(
 
 @inner
 def _length_along(start: Array, end: Array, along: Array) -> float:
-    """Return the part along a vector of the way from one point to another, times its length."""
+    """Return the part along a vector of the displacement between two points, times its length."""
     return float(
         (end[0] - start[0]) * along[0]
         + (end[1] - start[1]) * along[1]
@@ -449,8 +449,8 @@ def along_edges(
     return 2
 
 
-# A face counts as what touches if it faces the other shape to within this angle, rad: at smaller
-# ones the search for the nearest points tells edges from faces by chance. It does as well if the
+# A face is taken as touching if it faces the other shape to within this angle, rad: at smaller ones
+# the search for the nearest points distinguishes edges from faces by chance. It does as well if the
 # shapes are as far apart along its normal, to this share of their distance and of their size.
 _FACING = 0.1
 _FACE_SHARE, _FACE_SLACK = 1e-3, 1e-7
@@ -521,9 +521,9 @@ def _chosen(
 ) -> int:
     """Fill rows of ``points``: all if there are no more than four, else those furthest apart.
 
-    They are put on one plane across the normal, in the middle of what they are: then a body that
-    rocks on them does not slip at some against others, which nothing but huge forces between them
-    could prevent. Along the normal nothing changes.
+    They are moved to one plane across the normal, at their mean height: then a body that rocks on
+    them does not slip at some against others, which only huge forces between them could prevent.
+    Along the normal nothing changes.
     """
     chosen = local_whole(MOST_POINTS)
     kept = min(count, MOST_POINTS)

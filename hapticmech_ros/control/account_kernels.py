@@ -14,11 +14,11 @@ damper -λ Λ_d v would that leaves f · v = 0.
 
 Accounts and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
 
-A hand's wrench in the period to come, and what a device adds to a command for it.
+Predicts a hand's wrench over the coming period, and the device's correction of a command for it.
 
-A command is held over a period T and answers the sample F at its start, while what acts on the
-device is the mean F̄ of the hand's wrench over the period. By the last three samples, which are h_1
-and h_2 apart, and their divided differences,
+A command is held over a period T and answers the sample F at its start, but the hand's mean wrench
+F̄ over the period acts on the device. By the last three samples, which are h_1 and h_2 apart, and
+their divided differences,
 
     F̄ - F = F' + F'',      F' = T/2 F[0,1],      F'' = (T²/3 + T h_1/2) F[0,1,2]
 
@@ -27,15 +27,15 @@ which for even spacing is ½ ∇F + 5/12 ∇²F, as of Adams and Bashforth. The 
     G F' + Σ H_j F'_j + W (G F'' + Σ H_j F''_j)
     W = (1 + 2 R²)⁻¹ (1 - 8/5 R²),      R = (K + 1) (1 + G)
 
-with G of :mod:`~hapticmech_ros.control.loop_stability`, and H_j and F_j of K other hands, if there
-are any (:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel
-would be an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, 1 / (1 + G)
-along a direction. Where m is large, W is 1, and what is left is of third order in ω T. Where it is
-small, G amplifies, also what a mass of the hand's own exerts on the device, -r u of a command u,
-and the whole parabola would make that loop unstable at half the sample rate. There W tends to -4/5,
-which attenuates that rate, and leaves an error of second order, 5/12 (1 - W) (ω T)² (m / m_d - 1).
-With masses that are rigidly fixed to K + 1 devices on one body, equal or not, no loop that is
-stable without F' and F'' is unstable with them (``test/control/test_hand_lead.py``).
+with G of :mod:`~hapticmech_ros.control.loop_stability`, and H_j and F_j of any K other hands
+(:mod:`~hapticmech_ros.control.other_hands`). Half a period of delay in the force channel would be
+an error of ω T/2 (m / m_d - 1) of a mass m that is felt on a device's m_d, 1 / (1 + G) along a
+direction. Where m is large, W is 1, and what is left is of third order in ω T. Where it is small, G
+amplifies: also the reaction -r u of the hand's own mass to a command u. The whole parabola would
+make that loop unstable at half the sample rate. There W tends to -4/5, which attenuates that rate,
+and leaves an error of second order, 5/12 (1 - W) (ω T)² (m / m_d - 1). With masses that are rigidly
+fixed to K + 1 devices on one body, equal or not, no loop that is stable without F' and F'' is
+unstable with them (``test/control/test_hand_lead.py``).
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, lar
 
 # Samples that a memory has at most.
 MOST = 3
-# Beyond what a weight below 1 can do to numbers of several units: no gain of a mechanism.
+# W is below 1: a larger growth is rounding of a G that no mechanism has.
 _MOST_GROWTH = 1e6
 
 
@@ -145,7 +145,7 @@ def weigh(gain: Array, hands: float, bend: Array) -> bool:
 def lead(
     memory: HandMemory, period: float, gain: Array, others: HandsCorrection, command: Array
 ) -> None:
-    """Add what the module says to a command (6,), or nothing where it is not regular.
+    """Add the module's lead to a command (6,), or nothing where it is singular.
 
     ``gain`` (6, 6) is G, SI units.
     """
@@ -164,7 +164,7 @@ def lead(
 
 @kernel("void(ControllerAccount, float64[::1], float64)")
 def account_for_motion(account: ControllerAccount, twist: Array, duration: float) -> None:
-    """Add to E_m what the wrench that acts gave until now.
+    """Add to E_m the work of the acting wrench until now.
 
     Args:
         account: of the controller, changed.
@@ -182,7 +182,7 @@ def account_for_motion(account: ControllerAccount, twist: Array, duration: float
 
 @inner
 def account_for_hand(account: ControllerAccount, sample: DeviceSample) -> None:
-    """Add to E_h what the hand did until a sample of the device."""
+    """Add to E_h the hand's work until a sample of the device."""
     before = account.sample
     if account.sample_known != 0.0:
         way, total = local(6), 0.0
@@ -243,11 +243,11 @@ def predict(
     time: float,
     predicted: OperationalModelSample,
 ) -> float:
-    """Fill an operational model once what is in the queue has acted; return how long it takes, s.
+    """Fill an operational model as it is when the queue has acted; return how long that takes, s.
 
-    And half a period more of the wrench that F_h and F_c command on it now: it gets F_h of the
-    samples, held over a period, and the device as it varies, half a period earlier in the mean. The
-    pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
+    The wrench that F_h and F_c command now acts for half a period more: the mechanism gets sampled
+    F_h, held over a period, while the device gets it continuously, on average half a period
+    earlier. The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
 
     Args:
         account: of the controller.
@@ -303,7 +303,7 @@ def model_answer(
     locality: Locality,
     answer: Answer,
 ) -> None:
-    """Say how an answer depends on the device: G, K and B, as far as the device closes them.
+    """Fill how an answer depends on the device: G, K and B, as far as the device closes them.
 
     G = s ((1 + C6) Λ_d X - 1) + r (1 - β) Π, K = r k P_c, B = r_b b P_c; s = 1 at a start, else r;
     shares r and r_b as :meth:`Clutch.ramp` and :meth:`Clutch.brake`.
@@ -380,7 +380,7 @@ def give_answer(
 
 @inner
 def passive_wrench(account: ControllerAccount, answer: Answer, commanded: Array) -> None:
-    """Fill the command to the mechanism (6,): what of the last answer the hand has paid."""
+    """Fill the command to the mechanism (6,): the last answer, as far as the hand paid for it."""
     if answer.given == 0.0:
         commanded[:] = 0.0
         return

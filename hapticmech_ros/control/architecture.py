@@ -16,13 +16,13 @@ the rest. C1 and C4 are shares of C: a local controller goes with its channel. C
 force feedback. Both sides move alike, which is transparency, where C2 = 1 + C5 = C3 = 1 + C6 and
 C1 = C4 = 1; then the mechanism feels 1 / (1 + C6) times as heavy.
 
-With a connection that is late by τ there and back, C's bandwidth ω on the device is held to
-ω τ <= 0.3: its stiffness is scaled by the square of a factor and its damping by the factor, so that
-it stays as damped. The mechanism's side closes its loop without the connection, and keeps C.
+With a connection whose round trip takes τ, C's bandwidth ω on the device is held to ω τ <= 0.3: a
+factor scales its damping, and the factor's square its stiffness, which keeps the damping ratio. The
+mechanism's side closes its loop without the connection, and keeps C.
 
 Gains go from one set to another without a bump.
 
-A control law of one's own as a function: from what is measured to the wrenches of both sides.
+A user's own control law is a function from measurements to the wrenches of both sides.
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ P = TypeVar("P", bound=Part)
 
 
 class GainRamp(NamedTuple):
-    """Gains on their way to others, all in a straight line over the new ones' ``gain_ramp``.
+    """Linear interpolation of all gains from old to new ones over the new ones' ``gain_ramp``.
 
-    A spring that becomes stiffer while it is stretched takes up energy: the ledger tells it, and
-    passivity control does not give it away.
+    A spring that becomes stiffer while it is stretched takes up energy: the ledger records it, and
+    passivity control does not let the device give it.
 
     Attributes:
         start: s.
@@ -154,7 +154,7 @@ class GainRamp(NamedTuple):
 
 
 def blended(old: P, new: P, share: float) -> P:
-    """Return a part whose numbers are so far from old to new; what is no number is new."""
+    """Return a part with numbers interpolated from old to new; other values are the new ones."""
     changed = {}
     for name in type(new).model_fields:
         before, after = getattr(old, name), getattr(new, name)
@@ -170,37 +170,35 @@ LONGEST_RAMP = 6.0
 
 
 class ControlArchitecture:
-    """The controllers of a scene, a control period of which is one kernel.
+    """The controllers of a scene; one kernel computes a control period.
 
-    Holds gains only; state is the :class:`Clutch`. Gains can be changed while it renders: they
-    pass to the new ones, see :meth:`tune`. Measurements are flat arrays, see
-    :mod:`~hapticmech_ros.control.measurements`.
+    It holds gains only; the :class:`Clutch` holds the state. :meth:`tune` changes gains gradually
+    while it renders. Measurements are flat arrays, see :mod:`~hapticmech_ros.control.measurements`.
 
-    A control law of one's own is a function (:func:`control_for`), or, for more, a subclass that
-    overrides :meth:`answer`; ``super().answer`` is the scene's. Who has a
-    control (:class:`~hapticmech_ros.session.session.Session`, the rendering controller) then calls
-    it in Python for each sample that the controllers get, and does the rest as always: account,
+    A user's own control law is a function (:func:`control_for`), or, for more, a subclass that
+    overrides :meth:`answer`; ``super().answer`` is the scene's. Its owner
+    (:class:`~hapticmech_ros.session.session.Session` or the rendering controller) then calls it in
+    Python for each sample that the controllers get, and does the rest as always: account,
     passivity, connection, and the loops that the device closes, which correct the answer by the
-    scene's gains unless these say that nothing is local. Such a law
+    scene's gains unless these disable local loops. Such a law
 
     - takes arrays that it does not change, and returns wrenches (6, 6), rows as in
       :class:`ControlOutput`: the first acts on the hand, the second on the mechanism, the account
       reads the error in the last one;
     - keeps the limits (:func:`~hapticmech_ros.numerics.saturation.limited`) and the ramps of a new
       engagement (:meth:`Clutch.ramp` for springs and dampers, :meth:`Clutch.force_ramp` for what
-      follows from measured forces), and adds what is carried on from another grasp
+      follows from measured forces), and adds the wrench carried on from another grasp
       (:meth:`joined`);
-    - calls :meth:`apply_gains_at` before it looks at ``gains``, which :meth:`tune` changes.
+    - calls :meth:`apply_gains_at` before it reads ``gains``, which :meth:`tune` changes.
 
     docs/feel.md has an example.
 
     Attributes:
-        answers_in_python: whether :meth:`answer` is overridden: a law of one's own, and no
-            kernel's.
+        answers_in_python: whether :meth:`answer` is overridden by a law in Python.
         task: (6,) 1 for rows of a six-vector that the task space has, else 0.
         limits: N and N m, of the device.
         device_inertia: (6, 6) Λ_d, kg and kg m², at the point held.
-        gains: those of now.
+        gains: the present ones.
         channels: the four channels with them.
         delay: one-way delay (s) that the gains are for.
     """
@@ -232,7 +230,7 @@ class ControlArchitecture:
         self.apply_gains(scene.controller)
 
     def apply_gains(self, gains: Controller, delay: float | None = None) -> None:
-        """Take gains at once, and the one-way delay (s) they are for; a bump, if it renders."""
+        """Set gains, for a one-way delay (s), at once; while it renders, that is a bump."""
         self.delay = self.delay if delay is None else delay
         self.gains = gains
         lag = 2.0 * self.delay + 1.5 * self._period
@@ -257,16 +255,16 @@ class ControlArchitecture:
         )
 
     def settings_at(self, time: float, clutch: Clutch) -> Array:
-        """Return what fixes the controllers at ``time`` (s) as an array (59,) for kernels.
+        """Return the controllers' settings at ``time`` (s) as an array (59,) for kernels.
 
-        It is the same one each time, a
+        It is the same array each time, a
         :class:`~hapticmech_ros.control.loop_layout.ControllerSettings`.
         """
         self.apply_gains_at(time)
         if clutch is not self._clutch:
             self._clutch = clutch
             turn = pin.Quaternion(quaternion_of(clutch.turn))
-            # So that no turn is exactly none.
+            # An identity rotation becomes exactly that.
             turn.normalize()
             self._settings.fill(
                 ramp=clutch.duration,
@@ -278,12 +276,12 @@ class ControlArchitecture:
         return self._settings.values
 
     def carried_at(self, time: float, clutch: Clutch) -> Array:
-        """Return what is left (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
+        """Return the rest (6,) at ``time`` (s) of a carried wrench, N and N m, world axes."""
         faded = clutch.faded(time)
         return NO_WRENCH if faded is None else faded
 
     def tune(self, time: float, gains: Controller, delay: float | None = None) -> None:
-        """Pass to other gains from ``time`` (s) on, in a straight line over their ``gain_ramp``.
+        """Interpolate linearly to other gains from ``time`` (s) on, over their ``gain_ramp``.
 
         Args:
             time: s.
@@ -295,13 +293,13 @@ class ControlArchitecture:
 
     @property
     def aim(self) -> tuple[Controller, float]:
-        """The gains that it has, or is passing to, and the one-way delay (s) they are for."""
+        """The present gains, or a ramp's last ones, and the one-way delay (s) they are for."""
         ramp = self._gain_ramp
         return (self.gains, self.delay) if ramp is None else (ramp.new, ramp.new_delay)
 
     @property
     def is_ramping(self) -> bool:
-        """Whether gains are on their way to others."""
+        """Whether a ramp is changing the gains."""
         return self._gain_ramp is not None
 
     def apply_gains_at(self, time: float) -> None:
@@ -425,7 +423,7 @@ class ControlArchitecture:
         return out.values.reshape(6, 6)
 
     def joined(self, time: float, clutch: Clutch, wrench: Array) -> Array:
-        """Return the device's wrench (6,) with what it still carries on from another grasp.
+        """Return the device's wrench (6,) with the rest of that carried on from another grasp.
 
         Args:
             time: s.
@@ -455,7 +453,7 @@ def _start_ramp(gains: Controller, momentum: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class LawInput:
-    """What a control law sees of a sample, world axes.
+    """A sample's measurements, as a control law gets them; world axes.
 
     Attributes:
         time: s.
@@ -476,13 +474,13 @@ class LawInput:
 
 
 class ControlLaw(Protocol):
-    """A control law of one's own: a function of what is measured."""
+    """A user's own control law: a function of the measurements."""
 
     def __call__(self, seen: LawInput, /) -> tuple[Array, Array]:
         """Return the wrenches of a period.
 
         Args:
-            seen: what is measured.
+            seen: the measurements.
 
         Returns:
             (6,) on the hand by the device, and (6,) on the mechanism by the hand; N and N m, world
@@ -499,7 +497,7 @@ class LawControl(ControlArchitecture):
         self._law = law
 
     def apply_gains(self, gains: Controller, delay: float | None = None) -> None:
-        """Take gains, none of which the device corrects by."""
+        """Set gains without any that the device corrects by."""
         super().apply_gains(gains.closed_in_device(False), delay)
 
     def answer(
@@ -539,7 +537,7 @@ class LawControl(ControlArchitecture):
 
 
 def control_for(scene: Scene, law: ControlLaw) -> ControlArchitecture:
-    """Return controllers with a law of one's own in place of the scene's three.
+    """Return controllers with a user's own law in place of the scene's three.
 
     ``Session(scene, control=control_for(scene, law))``. Wrenches of the law are kept within the
     device's limits and the task space, and grow over the ramp of each engagement. The device

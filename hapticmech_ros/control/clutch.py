@@ -3,26 +3,25 @@
 """The clutch between the device and the operational point, as in teleoperation.
 
 A device may be anywhere in its workspace when rendering starts. The clutch offset is the pose of
-the operational point relative to the device at that moment, axes of the world shared. It is kept,
-so that rendering starts without an error of position, and it is computed anew after every
-interruption.
+the operational point relative to the device at that moment, axes of the world shared. Rendering
+keeps it, and so starts without a position error; it is recomputed after every interruption.
 
-At a start the force channel acts at once, F_h on the mechanism and the device's answer to it: what
-follows from measured forces has no bump to be spread, and with both sides accelerating alike no
+At a start the force channel acts at once, F_h on the mechanism and the device's answer to it:
+wrenches that follow measured forces start without a bump, and with both sides accelerating alike no
 spring is needed to keep them together. In Λ_d (X F_h + ẍ_0) - F_h + r (1 - β) Π F_h the joints
 balance the hand's whole push along their constraints until their spring carries it. A hand that
 presses against a joint constraint while rendering is interrupted would otherwise be let go, and be
 caught with twice its force by a spring that it loads suddenly.
 
 In the first half of the ramp dampers bring both sides to one velocity. With the push balanced they
-act on the device's own inertia m: the share min(1, 1.2 m / (b t)) of a damper b, with the time t
-that is left, brakes by 1.2 m v / t, little more than is needed. A device that moves is given more
-time, so that this is no more than ``engagement_force``. In the second half springs come in,
-with a share r that rises from 0 to 1. Until then the clutch slips: only r³ of the difference in
-velocity becomes an error of position.
+act on the device's own inertia m: the share min(1, 1.2 m / (b t)) of a damper b, with t s left,
+brakes by 1.2 m v / t, little more than is needed. A moving device gets a longer ramp, which keeps
+this below ``engagement_force``. In the second half springs come in, with a share r that rises from
+0 to 1. Until then the clutch slips: only r³ of the difference in velocity becomes an error of
+position.
 
-After the operational point was put elsewhere, the wrench of that moment is carried on and fades,
-with share 1 - r, as everything of the new place comes in, over the whole ramp.
+After the operational point is moved, the wrench of that moment fades with share 1 - r, while the
+new place's wrenches come in over the whole ramp.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class Clutch:
         )
 
     def faded(self, time: float) -> Array | None:
-        """Return what is left (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
+        """Return the rest (6,) of ``carried`` at ``time`` (s), N and N m; None for nothing."""
         return None if self.carried is None else (1.0 - self.ramp(time)) * self.carried
 
     def brake(self, time: float, rate: float) -> float:

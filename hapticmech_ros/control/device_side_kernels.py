@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The device's side of the rendering loop in kernels: commands corrected, then held to passivity.
 
-A command answers a sample of some time ago. With G, K and B as it comes with them
+A command answers an earlier sample. With its G, K and B,
 
     u = u' + G (F_h - F_h') - K ξ - B (v - v') + Σ H_j (F_j - F_j') + a lead
 
-is the controllers' answer to the device as it is now, and to what hands do until the next sample
-(:mod:`~hapticmech_ros.control.account_kernels`, :mod:`~hapticmech_ros.control.other_hands`). What
-is then given is held to what there is, as :mod:`~hapticmech_ros.control.passivity` says. Accounts
-and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
+is the controllers' answer to the device's newest sample, and to the hands' wrenches until the next
+one (:mod:`~hapticmech_ros.control.account_kernels`, :mod:`~hapticmech_ros.control.other_hands`).
+The result is then limited to the energy available, see :mod:`~hapticmech_ros.control.passivity`.
+Accounts and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
 
-What acts on device and mechanism over a period: what is on the way, and both sides' share.
+It also computes the wrenches on device and mechanism over a period, with those in flight.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ def act(
     others: HandsCorrection,
     wrenches: ActingWrenches,
 ) -> None:
-    """Fill what acts on both sides from now on.
+    """Fill the wrenches that act on both sides from now on.
 
     Args:
         controller: its account.
-        given: the last answer that was given, whether it has arrived or not.
+        given: the last answer that was computed, whether it has arrived or not.
         commanded: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
         device: its account.
         safety: its envelope.
@@ -74,7 +74,7 @@ def act(
         sample: of the device.
         hand: its last wrenches.
         applied: (6,) by the actuators until now.
-        added: (6,) by the device's driver, to the next command.
+        added: (6,) by the device's driver to the next command.
         others: what corrects it for other hands.
         wrenches: to fill.
     """
@@ -119,10 +119,10 @@ def account_for_actuators(account: DeviceAccount, sample: DeviceSample, applied:
 
 @inner
 def take_energy(account: DeviceAccount, given: float) -> None:
-    """Take E_m, J, as it is received, or NaN; the account begins with the first one.
+    """Store the received E_m, J, or NaN; the account begins with the first one.
 
-    What a commander without one gave before, be it of his own, is no debt that the next one's
-    damping has to collect.
+    Energy that a controller without E_m gave before is no debt that the next one's damping must
+    recover.
     """
     if np.isnan(given):
         account.received = 0.0
@@ -134,7 +134,7 @@ def take_energy(account: DeviceAccount, given: float) -> None:
 
 @inner
 def energy_available(account: DeviceAccount) -> float:
-    """Return what the actuators may give now, J; infinite while E_m is not known."""
+    """Return the energy that the actuators may give now, J; infinite while E_m is not known."""
     if account.received == 0.0 or account.passive == 0.0:
         return float(np.inf)
     given = account.mechanism
@@ -144,7 +144,7 @@ def energy_available(account: DeviceAccount) -> float:
 
 @inner
 def predicted_transfer(account: DeviceAccount, command: Array, twist: Array, hand: Array) -> float:
-    """Return what a command (6,) gives in the next period, J, as far as can be predicted."""
+    """Return the predicted energy that a command (6,) gives in the next period, J."""
     total, ahead, moved, inertia = 0.0, account.ahead, account.moved, account.inertia
     for i in range(6):
         way = ahead * twist[i] + moved * (command[i] + hand[i]) / inertia[i]
@@ -189,7 +189,7 @@ def share_within(
 def hold_within(
     account: DeviceAccount, command: Array, twist: Array, hand: Array, available: float
 ) -> None:
-    """Change a command (6,) by as little damping as holds it to what is available, J."""
+    """Add the least damping to a command (6,) that limits it to the energy available, J."""
     given, momentum = predicted_transfer(account, command, twist, hand), local(6)
     square, slope, ahead, moved, inertia = 0.0, 0.0, account.ahead, account.moved, account.inertia
     for i in range(6):
@@ -211,10 +211,10 @@ def hold_within(
 
 @inner
 def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added: Array) -> bool:
-    """Hold a command (6,) to what may be given; return whether that changed it.
+    """Limit a command (6,) to the energy that may be given; return whether that changed it.
 
-    What the device's driver ``added`` (6,), for its weight and friction, stays in the device, and
-    does not count; N and N m, world axes.
+    The driver's wrench ``added`` (6,) for weight and friction stays in the device and does not
+    count; N and N m, world axes.
     """
     put(account.added, added)
     available = energy_available(account)
@@ -248,7 +248,7 @@ def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added:
 def allow(
     account: DeviceAccount, safety: Safety, command: Array, sample: DeviceSample, added: Array
 ) -> None:
-    """Change a command (6,) into what leaves: within the safety envelope, and passive.
+    """Limit a command (6,) to the safety envelope, and to passivity.
 
     Passivity control comes last but for the bounds of force and workspace: it has to predict the
     energy that is given, and a slew rate after it would let old commands give more.
@@ -308,7 +308,7 @@ def allow_command(
     added: Array,
     given: float,
 ) -> None:
-    """Account for the last period, and change a command into what leaves in the next one.
+    """Account for the last period, and limit the command for the next one.
 
     Args:
         account: of the device, changed.
@@ -317,7 +317,7 @@ def allow_command(
         sample: of the device now.
         applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
         added: (6,) by the device's driver, N and N m, world axes.
-        given: E_m, J, as it was received; NaN while nobody sends it.
+        given: E_m, J, as received; NaN while no controller sends it.
     """
     account_for_actuators(account, sample, applied)
     take_energy(account, given)

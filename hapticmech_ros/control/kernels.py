@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controllers of Fig. 3 as one kernel, from flat measurements to wrenches.
 
-What a scene and a clutch fix are
-:class:`~hapticmech_ros.control.loop_layout.ControllerSettings`, measurements records of
-:mod:`~hapticmech_ros.numerics.layout`.
+A scene and a clutch fix the :class:`~hapticmech_ros.control.loop_layout.ControllerSettings`,
+measurements records of :mod:`~hapticmech_ros.numerics.layout`.
 
 Poses inside kernels: the logarithm, and the error between device and operational point.
 
@@ -16,9 +15,9 @@ so a device at rest on a mechanism at rest is left at rest.
 One direction of a simulated connection in kernels: messages that are late, uneven, and lost.
 
 A message of number n that is sent at t arrives at t + d (1 + j u), with u evenly spread between -1
-and 1, or not at all. Whoever receives takes the newest that has arrived; one that a later one has
-overtaken is dropped. u and the loss are functions of seed, direction and n: the same connection
-gives the same bits, in a session and in a graph.
+and 1, or not at all. The receiver takes the newest that has arrived; it drops one that a later one
+has overtaken. u and the loss are functions of seed, direction and n: the same connection gives the
+same bits, in a session and in a graph.
 
 A channel is two arrays. Whole numbers: a
 :class:`~hapticmech_ros.control.loop_layout.ChannelState`, then for each slot a
@@ -95,7 +94,7 @@ def send(
 
     Args:
         numbers: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        rows: (slots + 1, n) messages in flight, and the last one that arrived.
         delay: d, s.
         jitter: j, share of the delay.
         loss: share of messages that do not arrive.
@@ -126,7 +125,7 @@ def receive(numbers: Array, rows: Array, time_ns: int) -> bool:
 
     Args:
         numbers: (5 + 3 slots,) whole numbers of the channel, changed.
-        rows: (slots + 1, n) messages on the way, and the last one that arrived.
+        rows: (slots + 1, n) messages in flight, and the last one that arrived.
         time_ns: present time, ns.
 
     Returns:
@@ -208,7 +207,7 @@ def log6(rotation: Array, translation: Array, out: Array) -> None:
 
 @inner
 def carry_on(position: Array, quaternion: Array, twist: Array, duration: float, out: Pose) -> None:
-    """Fill ``out`` with where a frame is after ``duration`` (s).
+    """Fill ``out`` with a frame's pose after ``duration`` (s).
 
     Args:
         position: (3,) of the frame, m.
@@ -258,7 +257,7 @@ def clutch_error(
 
 @inner
 def displacement(start: Pose, end: Pose, way: Array) -> None:
-    """Fill ``way`` (6,) with the way from one pose to another, world axes; m and rad.
+    """Fill ``way`` (6,) with the displacement from one pose to another, world axes; m and rad.
 
     The translation from origin to origin, and the rotation vector of end start⁻¹. Equal poses
     differ by nothing, to the bit.

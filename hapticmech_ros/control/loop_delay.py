@@ -7,11 +7,11 @@ command that refers to it, so clocks need not be synchronised. Gains are designe
 delay. If the measured delay is longer, the design delay is raised at once; it is lowered only after
 the delay has been shorter for some time, so that gains do not follow fluctuations of the traffic.
 
-``operational/delay_compensation_kernels`` compensates for a delay τ of the whole loop. A command
-computed from a state acts d periods later, on average half a period longer for being held. Where
-the device closes the force channel, the mechanism's state is as late besides: it learns of F_h that
-much later than the device, and in samples that are held. A controller that closes it tells both at
-once. A connection between device and controller makes both ways longer.
+``operational/observe_kernels`` compensates for a delay τ of the whole loop. A command computed from
+a state acts d periods later, on average half a period longer for being held. Where the device
+closes the force channel, the mechanism's state is late by as much again: the mechanism gets F_h
+that much later than the device, and in held samples. A controller that closes the channel commands
+both at once. A connection between device and controller lengthens both delays.
 """
 
 from __future__ import annotations
@@ -166,8 +166,8 @@ def made_for(gains: Controller, device: Device, period: float, delay: float) -> 
     return gains.model_copy(update={"joint_constraint": joint.model_copy(update=softer)})
 
 
-# Silence that jitter alone explains, s, is waited for beside a timeout; no more than so much, for
-# the hand's sake: whoever falls silent, it is without force soon after the last command.
+# Longest silence, s, that jitter may add to a timeout: the hand must be without force soon after
+# the last command, whichever node falls silent.
 MOST_ALLOWED_S = 0.005
 
 
@@ -195,10 +195,10 @@ def compensated_loop_delay(scene: Scene, delay: int = 1) -> float:
 
 
 def periods_before(scene: Scene, delay: int = 1) -> int:
-    """Return how many periods before a state the rates are of that its compensation knows.
+    """Return the age, in periods before a state, of the past rates that its compensation uses.
 
-    As many as τ has, rounded up. Over a connection it is none: rates of so long ago say nothing of
-    what a hand does now.
+    As many as τ has, rounded up. Over a connection it is none: rates that old do not predict a
+    hand's wrench.
 
     Args:
         scene: as of :func:`compensated_loop_delay`.

@@ -13,7 +13,7 @@ the device does not close belongs to A. The loop is stable if all eigenvalues of
 matrix of one period are inside the unit circle. The hand is left out: it adds damping, unless it is
 stiff itself.
 
-What a command would be for another hand wrench: the force channel, closed in the device.
+The device closes the force channel: it corrects a command for a newer hand wrench.
 
     u = u(F_h') + G (F_h - F_h'),      G = (1 + C6) Λ_d X - 1 + (1 - β) Π
 

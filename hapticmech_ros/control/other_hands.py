@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What other hands do to a mechanism, given by a device without the delay of the loop.
+"""A device renders other hands' wrenches on a mechanism without the delay of the loop.
 
-F_c of a command holds what the other hands did when their last commands were computed: a period
-before the sample that the command answers, and so two periods before the command acts. A device
-that has their newest samples F_j corrects its command, as it does for its own hand's:
+F_c of a command contains the other hands' wrenches of when their last commands were computed: a
+period before the sample that the command answers, and so two periods before the command acts. A
+device that has their newest samples F_j corrects its command, as it does for its own hand's:
 
     u = u' + Σ H_j (F_j(t) - F_j(t' - T)) + Σ H_j F'_j + W Σ H_j F''_j,
     H_j = C2 C3_j (s Λ_d X + r (1 - β) Π) Y_ij
@@ -37,10 +37,10 @@ from hapticmech_ros.scene import Scene
 
 # Samples of another hand that are remembered.
 REMEMBERED = 64
-# Of a hand that has said nothing for so many periods nothing is known, and nothing corrected; and
-# how many at most a period may begin after the sample from which its wrench is carried on.
+# After so many periods without a hand's sample nothing is corrected for it; and a period may begin
+# at most so many periods after the sample from which its wrench is extrapolated.
 SILENT, FARTHEST = 12, 1.0
-# What corrects a command that needs nothing for other hands.
+# The correction of a command without other hands.
 NO_OTHERS = HandsCorrection().values
 NO_OTHERS.flags.writeable = False
 
@@ -49,7 +49,7 @@ def received_directly(scene: Scene, point: str, points: Iterable[str]) -> dict[s
     """Return C3_j of the hands whose wrenches a device gets without delay, by their points.
 
     Those are of other points, with nothing between device and controller on either side: where
-    messages are late for everybody, correcting for two periods is worth nothing. The device closes
+    all messages are late, correcting for two periods gains nothing. The device closes
     the force channel by itself.
 
     Args:
@@ -123,7 +123,7 @@ class OtherHands:
         return bool(samples) and samples[-1][0] >= stamp_ns
 
     def received(self, name: str, now_ns: int) -> bool:
-        """Return whether it is known what a hand does at a time (ns)."""
+        """Return whether a hand's wrench is known at a time (ns)."""
         return self._newest(self._samples[name], now_ns) is not None
 
     def correction(self, gains: Mapping[str, Array], answered_ns: int, now_ns: int) -> Array:

@@ -8,20 +8,19 @@ have taken
     W = Σ -u · ξ                            ξ the displacement over each sample: exact
 
 from the device, the hand has put E_h = W + ½ vᵀ Λ_d v (and what friction took) into it, and the
-controller tells E_m, what the mechanism has got at its point, as late as the connection is. With
-an allowance ε and a slack s, W is kept above
+controller sends E_m, the energy that the mechanism has got at its point, late by the connection's
+delay. With an allowance ε and a slack s, W is kept above
 
     max(min(0, E_m) - ε, E_m - s)
 
 The first bound is passivity at the hand: E_h never falls below -ε, or below what the mechanism gave
-of its own (gravity, drives, others that push it). It holds however late E_m is, for what the
-mechanism can give is its own affair at any time. The second keeps an unstable loop from living on
-what the hand once put in and the mechanism has long lost.
+of its own (gravity, drives, others that push it). It holds however late E_m is. The second keeps an
+unstable loop from using energy that the hand once put in and the mechanism has since dissipated.
 
-A command that would go below is changed by as little damping as does it, -λ Λ_d v, and is shortened
-where even the most damping does not: at rest nothing else helps.
+The least damping that suffices, -λ Λ_d v, is added to a command that would violate it; where even
+the most damping does not suffice, as at rest, the command is scaled down.
 
-What a device does with a command before its actuators give it: safety, and passivity.
+The device applies safety limits and passivity to a command before its actuators get it.
 """
 
 from __future__ import annotations
@@ -44,23 +43,24 @@ from hapticmech_ros.numerics.layout import DeviceSample, LocalModel
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.controller import Passivity
 
-# Most damping, as a share of what stops the device within a sample.
+# Most damping, as a share of that which stops the device within a sample.
 MOST_DAMPING = 0.4
 
 
 class PassivityController:
-    """Watches a device's energies, and holds commands to them.
+    """Accounts for a device's energies, and limits commands by them.
 
     Args:
-        bounds: what may be given.
+        bounds: limits of the energy given.
         inertia: (6,) diagonal of Λ_d, kg and kg m².
         period: s, over which a command is held.
         limits: force and torque that the actuators have, N and N m.
         acts: (6,) 1 where there are actuators; everywhere if left out.
-        filtered: whether the twist of samples lags: the mean of the last period then counts too,
-            carried on to its end by what acted, whichever says that more is given.
-        lag: s, of the actuators, of first order: they still give a part of what they gave before,
-            and go on with what was commanded for as long.
+        filtered: whether the twist of samples lags: then the last period's mean twist, extrapolated
+            to its end by the wrenches that acted, is used where it predicts that more energy is
+            given.
+        lag: s, of the actuators, of first order: they still give a part of the last wrench, and
+            keep giving a part of the commanded one afterwards.
 
     Attributes:
         account: all that it knows.
@@ -94,7 +94,7 @@ class PassivityController:
         )
 
     def begin(self) -> None:
-        """Start anew: the hand takes hold, or nobody holds."""
+        """Start anew: the hand takes hold, or no hand holds."""
         account = self.account
         account.actuators = account.mechanism = account.received = 0.0
         account.dissipated = account.pose_known = 0.0
@@ -154,7 +154,7 @@ def corrected(
         now: (19,) its newest sample, likewise.
         hand: (22,) the hand's last wrenches, a ``HandMemory``.
         period: T, s, over which the command is held.
-        others: (19,) what corrects it for other hands; see ``other_hands``.
+        others: (19,) the correction for other hands; see ``other_hands``.
     """
     found = np.empty(6)
     correct(
@@ -188,7 +188,7 @@ class DeviceSide:
 
     Args:
         scene: whose device.
-        limits: of what leaves; the scene's if left out.
+        limits: of the wrench sent; the scene's if left out.
 
     Attributes:
         passivity: the account of its energies.
@@ -202,7 +202,7 @@ class DeviceSide:
         self.envelope = SafetyEnvelope(scene.simulation.period, limits)
 
     def begin(self) -> None:
-        """Start anew: the hand takes hold, or nobody holds."""
+        """Start anew: the hand takes hold, or no hand holds."""
         self.passivity.begin()
         self.envelope.stop()
 
@@ -214,13 +214,13 @@ class DeviceSide:
         to_mechanism: float | None,
         added: Array = NO_WRENCH,
     ) -> Array:
-        """Account for the last period, and return what leaves (6,) of a command for the next one.
+        """Account for the last period, and return the limited command (6,) for the next one.
 
         Args:
             command: (6,) on the hand, by the device, at the point held, N and N m, world axes.
             sample: (19,) of the device now, in SI units; see ``layout.DeviceSample``.
             applied: (6,) by the actuators, taken as held over the period; N and N m, world axes.
-            to_mechanism: E_m, J, as it was received; None while nobody sends it.
+            to_mechanism: E_m, J, as received; None while no controller sends it.
             added: (6,) by the device's driver, for weight and friction, N and N m, world axes.
         """
         found = np.array(command, dtype=float)

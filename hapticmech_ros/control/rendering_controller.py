@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the controller does with a sample: through the connection, answered, and back through it.
+"""The controller gets a sample through the connection, and sends its answer back through it.
 
-Its connection to the device can be late, uneven and lossy, for tests: what is sent, and what
-arrives of it, is in :mod:`~hapticmech_ros.control.kernels`.
+For tests, the connection can delay messages, with jitter, and lose some:
+:mod:`~hapticmech_ros.control.kernels` computes which arrive when.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class Channel:
     """One direction of a connection.
 
     Args:
-        connection: how late, uneven and lossy.
-        direction: 0 or 1, so that both have random numbers of their own.
+        connection: its delay, jitter and loss.
+        direction: 0 or 1, each with its own random numbers.
         size: n, numbers of a message.
         period: s, between messages.
 
     Attributes:
         state: whole numbers; see :mod:`~hapticmech_ros.control.kernels`.
-        rows: (slots + 1, n) messages on the way, and the one that was received last.
+        rows: (slots + 1, n) messages in flight, and the one that was received last.
         law: delay, s, jitter and loss, shares.
 
     Raises:
@@ -65,7 +65,7 @@ class Channel:
         if direction not in (0, 1):
             raise InvalidInputError("direction", direction, "must be 0 or 1")
         self.law = connection.delay, connection.jitter, connection.loss
-        # On the way at once: one for each period of the longest delay, and the one just sent.
+        # In flight at once: one for each period of the longest delay, and the one just sent.
         slots = math.ceil(connection.delay * (1.0 + connection.jitter) / period) + 2
         self.state: Array = np.zeros(STATE_SIZE + SLOT_SIZE * slots, dtype=np.int64)
         self.rows: Array = np.zeros((slots + 1, size))
@@ -111,7 +111,7 @@ REMEMBERED = 16
 
 
 class ControllerInput(NamedTuple):
-    """What is known at a sample's time.
+    """The controller's inputs at a sample's time.
 
     Attributes:
         time: s, of the controllers.
@@ -148,25 +148,25 @@ class ControllerCommand(NamedTuple):
 
     @classmethod
     def nothing(cls, stamp_ns: int) -> ControllerCommand:
-        """Return what stands for an answer before there is one."""
+        """Return the placeholder for an answer before there is one."""
         return cls(Answer(), stamp_ns)
 
 
 class RenderingController:
-    """Answers samples, and keeps the account of what the mechanism gets.
+    """Answers samples, and accounts for the energy that the mechanism gets.
 
     Args:
         control: that computes.
         period: s.
         connection: between device and controller.
         delay: whole periods until the mechanism is moved by what is commanded.
-        before: what answered until now, whose account goes on.
+        before: the controller until now, whose account is continued.
 
     Attributes:
         account: of energies.
         queue: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
-        past: (16, 6) what was commanded until now, the last command first.
-        last: last answer that was given, whether it has arrived or not; None before the first.
+        past: (16, 6) the commands until now, the last one first.
+        last: last answer that was computed, whether it has arrived or not; None before the first.
         channels: of the connection, to the controller and back; None if answers arrive at once.
     """
 
@@ -207,11 +207,11 @@ class RenderingController:
         return 0 if self.channels is None else sum(channel.lost for channel in self.channels)
 
     def locality(self, corrects: bool, with_model: bool) -> Locality:
-        """Return what the device closes.
+        """Return the loops that the device closes.
 
         Args:
             corrects: whether the device corrects commands by itself.
-            with_model: whether answers are to say how.
+            with_model: whether answers contain the model for it.
         """
         gains, account, locality = self.control.gains, self.account, self._locality
         account.passive, account.slack = gains.passivity.control, gains.passivity.slack
@@ -226,10 +226,10 @@ class RenderingController:
         """Return the answer that reaches the device now; None if none does.
 
         Args:
-            inputs: what is known.
+            inputs: of the sample's time.
             clutch: that connects the two poses.
             corrects: whether the device corrects commands by itself.
-            with_model: whether the answer is to say how.
+            with_model: whether the answer contains the model for it.
         """
         twist = OperationalModelSample(inputs.operational_model).twist
         account_for_motion(self.account, twist, inputs.elapsed)
@@ -247,7 +247,7 @@ class RenderingController:
         return None if arrived is None else ControllerCommand(Answer(arrived.copy()), back.tag)
 
     def command_mechanism(self) -> tuple[Array, Array]:
-        """Return what is sent to the mechanism and what acts now, (6,) each, N, N m, world axes."""
+        """Return the wrenches (6,) sent to the mechanism and acting now, N, N m, world axes."""
         last = self._nothing if self.last is None else self.last.numbers
         commanded = np.empty((2, 6))
         command_mechanism(self.account, self.queue, self.past, last, commanded)
@@ -256,7 +256,7 @@ class RenderingController:
     def held_elsewhere(self) -> None:
         """Take back the wrench commanded on the mechanism at the place where it was held.
 
-        Springs and motion begin anew there; what has flowed stays in the account.
+        Springs and motion begin anew there; the account keeps the energy that has flowed.
         """
         self.queue[:] = 0.0
         self.past[:] = 0.0
@@ -297,7 +297,7 @@ class RenderingController:
     def in_flight(
         self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
     ) -> InFlight:
-        """Return what of commands on the mechanism has not acted, with half a period of one now.
+        """Return the commands to the mechanism that have not acted, with half a period of one now.
 
         A device that corrects commands has done it already.
 
@@ -315,13 +315,13 @@ class RenderingController:
         return InFlight((len(queue) + 0.5) * period, impulse)
 
     def _queue_of(self, ahead: float, locality: Locality) -> tuple[Array, float]:
-        """Return what a state of the mechanism has not been moved by yet, and the rest of ahead.
+        """Return the commands that have not moved a mechanism's state yet, and the rest of ahead.
 
         A state that is late by n periods lacks n commands more than others do.
 
         Args:
             ahead: s, as of the inputs.
-            locality: what the device closes; only beside a force channel this matters.
+            locality: the loops that the device closes; it matters only with a force channel.
 
         Returns:
             (n, 6) commands, N and N m, world axes; and s.

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene.controller import Controller
 
-# Stands for the scene's own gain.
+# Selects the scene's own gain.
 SCENES = -1.0
 # Name -> part of the controller, and field in it.
 TUNED: Mapping[str, tuple[str, str]] = {
@@ -32,7 +32,7 @@ TUNED: Mapping[str, tuple[str, str]] = {
 
 
 def tuned(gains: Controller, values: Mapping[str, float]) -> Controller:
-    """Return gains of which some are others.
+    """Return gains with some of them replaced.
 
     Args:
         gains: of the scene.

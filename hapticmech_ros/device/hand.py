@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The scene's hand as numbers that kernels read, and the law of a hand of one's own.
+"""The scene's hand as numbers for kernels, and the law of a user's own hand.
 
-What the laws compute is in :mod:`~hapticmech_ros.device.hand_kernels`. A schedule says when a hand
-holds the device, and how much of its own mass then moves with it.
+:mod:`~hapticmech_ros.device.hand_kernels` computes the laws. A schedule has the times when a hand
+holds the device, and the hand's mass that then moves with it.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def grasp_schedule_of(hand: Hand) -> GraspSchedule:
 
 
 class HandLaw(Protocol):
-    """The law of a hand of one's own: a function of time, pose and twist of the device."""
+    """The law of a user's own hand: a function of time, pose and twist of the device."""
 
     def __call__(self, elapsed: float, pose: pin.SE3, twist: Array, anchor: pin.SE3, /) -> Array:
         """Return F_h (6,) on the device, N and N m, world axes.

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hand's laws: a push, or a spring and damper to a target; a wrench by a script; tremor.
 
-A target goes from waypoint to waypoint with minimum jerk, from where the hand took hold. What the
-hand's own mass takes of its wrench is not in these. Before its start the hand's wrench is zero.
-A mass behind a grip is pulled to the target instead, and the grip's spring and damper pull the
-device to the mass.
+A target goes from waypoint to waypoint with minimum jerk, from where the hand took hold. The laws
+leave out the inertial wrench of the hand's own mass. Before its start the hand's wrench is zero. A
+mass behind a grip is pulled to the target instead, and the grip's spring and damper pull the device
+to the mass.
 
 A hand is one array: a :class:`HandModel`, and behind it its plan: times when it switches, s after
 the start, and a table of rows of 7: a waypoint's time (s), displacement (m) and rotation vector
@@ -31,7 +31,7 @@ from hapticmech_ros.numerics.small_matrices import add_scaled
 
 # Half a nanosecond, s, absorbs the rounding of times that are sums of periods.
 START_TOLERANCE = 5e-10
-# Number of the window in which nobody holds.
+# Number of the window in which no hand holds.
 OPEN = -1
 NOBODY, CONSTANT, SPRING, SCRIPT, STAIRS = 0.0, 1.0, 2.0, 3.0, 4.0
 ROW_SIZE = 7
@@ -70,7 +70,7 @@ class Spring(Record):
 
 
 class HandModel(Record):
-    """What a hand is.
+    """A hand's parameters.
 
     Attributes:
         kind: which law: ``NOBODY``, ``CONSTANT``, ``SPRING``, ``SCRIPT`` or ``STAIRS``.
@@ -117,7 +117,7 @@ def hand_wrench(
     """Fill ``wrench`` (6,) with F_h of the hand's own law.
 
     Args:
-        hand: what it is.
+        hand: its parameters.
         plan: times when it switches, and its table.
         elapsed: s since it could take hold.
         body: the device.
@@ -143,7 +143,7 @@ def hand_wrench(
 def _follow(
     hand: HandModel, table: Array, time: float, body: Body, held: Place, wrench: Array
 ) -> None:
-    """Fill what pulls a body to where the target is ``time`` (s) after the start."""
+    """Fill the wrench that pulls a body to the target's place ``time`` (s) after the start."""
     offset, rate, turn, goal = local(6), local(6), shaped(local(9), (3, 3)), Body(local(BODY_SIZE))
     _target(table, time, offset, rate)
     if hand.speed > 0.0:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated impedance-type device: a rigid body between hand and actuators, sampled and held.
 
-:mod:`~hapticmech_ros.device.kernels` says what moves it.
+:mod:`~hapticmech_ros.device.kernels` integrates its motion.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _SENSORS: dict[ForceSensor, float] = {
 class ImpedanceDevice:
     """Steps a device of the scene by one sample period at a time.
 
-    Besides constants it holds what acts: one for each thread.
+    Besides constants it holds the acting wrenches: use one for each thread.
 
     Args:
         device: of the scene.
         period: s.
         planar: whether it moves in x, y and about z only.
         hand: of the scene; None if there is none.
-        law: of a hand of one's own, in place of that one's; called at the start of periods, in the
+        law: of a user's own hand, in place of that one's; called at the start of periods, in the
             middle of every substep in which it holds, and at the ends of periods.
         schedule: when the hand holds, and its mass; of ``hand``, or always and none, if left out.
 
@@ -108,9 +108,9 @@ class ImpedanceDevice:
         return added
 
     def sensed(self, push: Array) -> Array:
-        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
+        """Return the part (6,) of others' ``push`` that a force sensor, if any, adds to the hand's.
 
-        An estimate has it in it already, later.
+        An estimated wrench contains it already, with the estimate's lag.
 
         Args:
             push: (6,) by others on the device, N and N m, world axes at the point held.
@@ -131,12 +131,12 @@ class ImpedanceDevice:
             state: where to start.
             command: (6,) servo_cf, N and N m, on the hand by the device, world axes, held over the
                 period; None for actuators off, compensation included.
-            held: state in which the hand could take hold; None if nobody is there.
+            held: state in which the hand could take hold; None without a hand.
             ticks: whole periods since then, until ``state``.
             push: (6,) by others than the hand, on the device, N and N m, world axes.
 
         Raises:
-            InvalidInputError: a hand of one's own gave no wrench (6,).
+            InvalidInputError: a user's own hand returned no wrench (6,).
         """
         if held is None:
             ticks = -1
@@ -155,7 +155,7 @@ class ImpedanceDevice:
         return DeviceState(end.values)
 
     def take_hold(self, held: DeviceState) -> None:
-        """Say where the device was when the hand could take hold."""
+        """Store the device's state of when the hand could take hold."""
         place, pose = self._model.held, held.pose
         place.position[:], place.rotation[:] = pose.translation, pose.rotation
         self.held = held
@@ -184,7 +184,7 @@ class ImpedanceDevice:
         if state.window == OPEN:
             state.hand_wrench[:] = 0.0
             return
-        # Of its own: the law may keep what it is given, and the state's is written anew.
+        # A copy of the twist: the law may keep its arguments, and the state's array is overwritten.
         wrench = np.asarray(law(elapsed, state.pose, state.twist.copy(), state.anchor), dtype=float)
         if wrench.shape != (6,):
             raise InvalidInputError("shape of the hand's wrench", wrench.shape, "must be (6,)")
@@ -194,7 +194,7 @@ class ImpedanceDevice:
 def _constants(
     device: Device, period: float, planar: bool, schedule: GraspSchedule
 ) -> dict[str, Any]:
-    """Return what is constant of a device, by fields of :class:`DeviceModel`."""
+    """Return a device's constants, by fields of :class:`DeviceModel`."""
     task = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]) if planar else np.ones(6)
     step = period / device.substeps
     body = np.array([device.mass] * 3 + [device.inertia] * 3)
@@ -250,7 +250,7 @@ def device_for(scene: Scene, with_hand: bool = True, law: HandLaw | None = None)
     Args:
         scene: what to build.
         with_hand: whether the scene's hand may hold it; without, its own wrench is zero.
-        law: of a hand of one's own, which holds when the scene's would, with its mass.
+        law: of a user's own hand, which holds when the scene's would, with its mass.
     """
     period, planar = scene.simulation.period, scene.task_space == "planar"
     return ImpedanceDevice(scene.device, period, planar, scene.hand if with_hand else None, law)

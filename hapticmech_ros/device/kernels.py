@@ -7,9 +7,8 @@
 u follows the command, limited by the actuators and held over a sample period (zero-order hold),
 with the actuators' lag; F_o, by others than the hand, is held as well. The hand's own law F_s acts
 all through the period, and its own mass Λ_a while it holds. w is weight, f end stops and Coulomb
-friction. F_h, between device and hand, is
-F_s - Λ_a ẍ. A mass behind a grip is a body of its own, moved by the same steps: F_s pulls it, and
-F_h is what the grip's spring and damper exert.
+friction. F_h, between device and hand, is F_s - Λ_a ẍ. A mass behind a grip is a separate body,
+moved by the same steps: F_s pulls it, and the grip's spring and damper exert F_h.
 
 A substep of length h drifts for h/2, changes the twist by the forces there, and drifts for h/2 with
 the new one (position Verlet), so that a wrench acts by its mean over the substep to second order:
@@ -19,13 +18,13 @@ the new one (position Verlet), so that a wrench acts by its mean over the subste
 
 with v' = v + h/2 (Λ_d + Λ_a)⁻¹ (F_s + ... - b v) by the hand's wrench of the time before.
 
-What the device is, and what acts on it, is one array, ``data``: a :class:`DeviceModel`, and behind
-it the plan of its hand, as :mod:`~hapticmech_ros.device.hand_kernels` says. Its state is another
+The device's parameters and the wrenches on it are one array, ``data``: a :class:`DeviceModel`,
+followed by the plan of its hand (:mod:`~hapticmech_ros.device.hand_kernels`). Its state is another
 one, a :class:`SimulatedState`.
 
-What resists a device's motion besides viscous damping: end stops, then Coulomb friction.
+End stops, then Coulomb friction, resist a device's motion besides viscous damping.
 
-Both are implicit in the speed at the end of a step h, so that neither adds energy at any stiffness
+Both are implicit in the speed at the end of a step h and therefore add no energy at any stiffness
 or friction; g = h / m, or h / I of rotation.
 
 End stop, along the way out n, where d is the distance beyond the limit in the middle of the step:
@@ -39,11 +38,11 @@ Coulomb friction takes up to g F_c of the speed, never more than there is:
 
     v⁺ = max(1 - g F_c / |v|, 0) v
 
-What a device's driver does at the sample rate: compensation before, force sensing after.
+A device's driver works at the sample rate: compensation before a period, force sensing after it.
 
-The hand's wrench without a sensor is a momentum observer's, from encoders and actuators. Momentum
-p = Λ_d v changes by all that acts. What is known of it, actuators u, weight w, viscous damping b v
-and friction f, is taken off, and the rest is passed through a low-pass r:
+The hand's wrench without a sensor is a momentum observer's, from encoders and actuators. All forces
+change the momentum p = Λ_d v. The known ones, actuators u, weight w, viscous damping b v and
+friction f, are subtracted, and a low-pass r filters the rest:
 
     ṙ = ω (ṗ - u - w + b v + f - r),      ω = 2 π bandwidth
 
@@ -53,8 +52,9 @@ over a period T, with means of the period and the exact step of the low-pass,
 
 (after De Luca and Mattone, "Sensorless robot collision detection and hybrid force/motion control",
 ICRA 2005, here for a body in Cartesian space). A constant wrench is found without bias, a sinusoid
-of frequency f Hz lags by arctan(f / bandwidth) and half a period. What the model does not know is
-taken for the hand: Coulomb friction beyond its compensated share, end stops, an error of the mass.
+of frequency f Hz lags by arctan(f / bandwidth) and half a period. The estimate attributes
+everything else to the hand: Coulomb friction beyond its compensated share, end stops, an error of
+the mass.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Stop(Record):
 
 
 class DeviceModel(Record):
-    """What a device is, and what acts on it.
+    """A device's parameters, and the wrenches on it.
 
     Six numbers are of translation and rotation along and about the axes of the world; wrenches act
     on the device at the point held, N and N m.
@@ -107,7 +107,7 @@ class DeviceModel(Record):
         step: of the integration, h, s.
         period: of a sample, T, s.
         substeps: steps in a period.
-        filter_gain: of the velocity filter, share of what is new that a period takes over.
+        filter_gain: of the velocity filter, share of a new value that a period takes over.
         force_limit, torque_limit: of the actuators, N and N m.
         position_step, angle_step: of the encoders, m and rad; 0 if ideal.
         lag: share of the actuators' error that is left after a step; 0 if they have none.
@@ -119,21 +119,21 @@ class DeviceModel(Record):
             scene has no direction.
         held_gain: the same with the hand's own mass, h (Λ_d + Λ_a)⁻¹.
         arm: Λ_a, the hand's own mass and inertia, kg and kg m².
-        command: what the actuators are asked for.
+        command: the wrench commanded to the actuators.
         weight: w.
         push: F_o, by others than the hand.
         held: where the hand could take hold.
         task: 1 where the scene has a direction, else 0.
         acts: 1 where there are actuators, else 0.
         compensated: share of the friction that the driver compensates.
-        dead_zone, angular_dead_zone: speeds from which on it does, m/s and rad/s.
+        dead_zone, angular_dead_zone: speeds above which it does, m/s and rad/s.
         lifts: 1 if the driver lifts the weight.
-        senses_itself: where the reported wrench of the hand is from: ``MEASURED``, ``ESTIMATED`` or
+        senses_itself: source of the hand's reported wrench: ``MEASURED``, ``ESTIMATED`` or
             ``ABSENT``.
         observer_share: share of the observer's error that a period takes away.
         actuator_share: mean over a period of the share of the actuators' error that is left.
         inertia: Λ_d, kg and kg m².
-        hand: what holds it.
+        hand: that holds it.
     """
 
     step, period, substeps, filter_gain = Number(), Number(), Number(), Number()
@@ -153,7 +153,7 @@ class DeviceModel(Record):
 
 
 class PublishedState(DeviceSample):
-    """What is published of a device: what is measured and reported, world axes at the point held.
+    """A device's published quantities: measured and reported, world axes at the point held.
 
     Attributes:
         applied: by the actuators at this time, N and N m.
@@ -163,14 +163,14 @@ class PublishedState(DeviceSample):
 
 
 class SimulatedState(PublishedState):
-    """State of a device: what is published, and what is not.
+    """State of a device: the published part, and the rest.
 
     Attributes:
-        body: the point held, as it is.
+        body: the true motion of the point held.
         seen: measured rotation.
         home: where the device started, about which the workspace is.
         anchor: where the hand took hold.
-        window: number of the window in which the hand holds; ``OPEN`` if nobody does.
+        window: number of the window in which the hand holds; ``OPEN`` if no hand does.
         limb: the hand's mass behind a grip.
         pull: by the arm on that mass, N and N m, world axes.
         own: F_h by the hand, on the device, N and N m, world axes at the point held.
@@ -184,7 +184,7 @@ class SimulatedState(PublishedState):
 
 
 class Substep(Record):
-    """What a substep has to be ended with.
+    """Values that :func:`end_substep` needs from the substep's start.
 
     Attributes:
         twist: at its start, m/s and rad/s.
@@ -199,7 +199,7 @@ class Substep(Record):
 
 
 MODEL_SIZE, SUBSTEP_SIZE = DeviceModel.layout.size, Substep.layout.size
-# Of what a device reports of its hand's wrench.
+# Sources of the hand's wrench that a device reports.
 MEASURED, ESTIMATED, ABSENT = 0.0, 1.0, 2.0
 
 
@@ -218,10 +218,10 @@ def _add_friction(
 
 @kernel("void(DeviceModel, float64[::1], float64[::1])")
 def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
-    """Fill what the driver adds to a command.
+    """Fill the wrench that the driver adds to a command.
 
     Args:
-        device: what it is.
+        device: its parameters.
         twist: (6,) measured, m/s and rad/s, world axes.
         added: (6,) to fill, N and N m, world axes.
     """
@@ -237,10 +237,10 @@ def compensate(device: DeviceModel, twist: Array, added: Array) -> None:
 
 @kernel("void(DeviceModel, SimulatedState, SimulatedState)")
 def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
-    """Fill what is reported of the hand without a sensor; r⁺ of the module.
+    """Fill the reported wrench of the hand without a sensor: r⁺ of the module.
 
     Args:
-        device: what it is, and what its actuators were asked for.
+        device: its parameters, and its actuators' last command.
         before: its state at the period's start.
         out: its state at the end.
     """
@@ -269,10 +269,10 @@ def estimate_hand(device: DeviceModel, before: SimulatedState, out: SimulatedSta
 
 @kernel("void(DeviceModel, SimulatedState, float64[::1])")
 def command_device(device: DeviceModel, state: SimulatedState, command: Array) -> None:
-    """Ask actuators, within their limits, for a command and what the driver adds to it.
+    """Command actuators, within their limits, with a command and the driver's additions.
 
     Args:
-        device: what it is, changed.
+        device: its parameters and command, changed.
         state: with the measured twist.
         command: (6,) servo_cf, N and N m, world axes.
     """
@@ -347,7 +347,7 @@ def _resist(device: DeviceModel, gain: Array, home: Place, body: Body) -> None:
 
 @inner
 def _give(device: DeviceModel, applied: Array, given: Array) -> None:
-    """Advance what actuators apply (6,) by a substep, and fill its mean over that (6,)."""
+    """Advance the actuators' wrench (6,) by a substep, and fill its mean over that (6,)."""
     asked = device.command
     if device.lag_mean == 0.0:
         put(given, asked)
@@ -396,7 +396,7 @@ def _has_limb(device: DeviceModel, out: SimulatedState) -> bool:
 
 @inner
 def _speed_up(device: DeviceModel, out: SimulatedState, share: float) -> None:
-    """Change the twist of the mass behind a grip by what acts on it over a share of a substep."""
+    """Change the twist of the mass behind a grip by the forces on it over a share of a substep."""
     for i in range(6):
         gain = share * device.step * device.task[i] / device.hand.limb_mass[i]
         out.limb.twist[i] += gain * (out.pull[i] - out.own[i])
@@ -434,7 +434,7 @@ def _quantise(device: DeviceModel, out: SimulatedState) -> None:
 
 @inner
 def _measure(device: DeviceModel, before: SimulatedState, out: SimulatedState) -> None:
-    """Fill what the encoders say of the body in ``out``; its twist by differences, low-passed."""
+    """Fill the encoders' pose of the body in ``out``; its twist by differences, low-passed."""
     _quantise(device, out)
     quaternion_of(out.seen, out.quaternion)
     if device.position_step == 0.0 and device.angle_step == 0.0:
@@ -459,10 +459,10 @@ def begin(
     follow, and before :func:`finish`: zero unless it holds.
 
     Args:
-        device: what it is, and what its actuators were asked for.
+        device: its parameters, and its actuators' last command.
         plan: (numbers,) of its hand.
         state: at the period's start.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        ticks: whole periods since the hand could take hold; -1 if no hand holds.
         out: to fill.
     """
     put(out.values, state.values)
@@ -497,9 +497,9 @@ def end_substep(
     """End a substep from its middle; then the hand lets go or takes hold.
 
     Args:
-        device: what it is.
+        device: its parameters.
         plan: (numbers,) of its hand.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        ticks: whole periods since the hand could take hold; -1 if no hand holds.
         index: of the substep.
         out: changed.
         before: of :func:`half_substep`; filled with the hand's wrench in the middle.
@@ -531,14 +531,14 @@ def end_substep(
 def finish(
     device: DeviceModel, state: SimulatedState, held: bool, before: Substep, out: SimulatedState
 ) -> None:
-    """Fill what is measured at the end of a period.
+    """Fill the measurements at the end of a period.
 
     Args:
-        device: what it is.
+        device: its parameters.
         state: at the period's start.
         held: whether the hand held in the last substep.
         before: as of :func:`end_substep`, of that.
-        out: at its end; of the hand's wrench its own mass takes its part away.
+        out: at its end; the inertial wrench of the hand's own mass is subtracted from the hand's.
     """
     own, arm = out.own, device.arm
     if arm[0] + arm[3] > 0.0 and held and out.window != OPEN:
@@ -560,7 +560,7 @@ def move_device(data: Array, state: SimulatedState, ticks: int, out: SimulatedSt
     Args:
         data: (numbers,) the device, a :class:`DeviceModel` and the plan of its hand.
         state: where to start.
-        ticks: whole periods since the hand could take hold; -1 if nobody holds.
+        ticks: whole periods since the hand could take hold; -1 if no hand holds.
         out: to fill.
     """
     device, plan, held = DeviceModel(data), data[MODEL_SIZE:], False
@@ -580,10 +580,10 @@ def stand(device: DeviceModel, plan: Array, holds: bool, out: SimulatedState) ->
     """Fill a device that stands still.
 
     Args:
-        device: what it is.
+        device: its parameters.
         plan: (numbers,) of its hand.
         holds: whether the hand can take hold now.
-        out: zero but for where it is, its home and its anchor.
+        out: zero except its place, its home and its anchor.
     """
     out.window = grasp_window(device.hand, plan, 0.0) if holds else OPEN
     put(out.limb.values, out.body.values)

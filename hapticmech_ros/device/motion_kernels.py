@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a device's samples can be one motion: see :mod:`~hapticmech_ros.device.safety`.
 
-Of translation and rotation alike, with samples Δt apart, Δp the way between their poses (a rotation
-vector of it), v their twists, and v̄ the mean of both:
+For translation and rotation alike, with samples Δt apart, Δp the displacement between their poses
+(a rotation vector), v their twists, and v̄ the mean of both:
 
     d⁺ = e d + v̄ Δt - Δp,   h⁺ = e h + Δv,   e = exp(-Δt/T)
 
-d is by how much the twist says otherwise than the poses within the last T. A twist that has passed
-a filter with a lag τ makes d = -τ h, so what counts is the distance of d from all -τ h with τ from
-0 to LONGEST_LAG. It may be
+d is the difference between the twist's integral and the poses' displacement within the last T. A
+twist that has passed a filter with a lag τ makes d = -τ h, so the distance of d from all -τ h with
+τ from 0 to LONGEST_LAG is checked. It may be at most
 
     slack + a Δt²/4 + u (Δt/2 + SHARE T)
 
-a Δt²/4 is what an acceleration a can make of v̄ Δt, of the longest Δt within T; u the largest speed
-within T: half a Δt of it for stamps that are not on time, a share for a scale that is not right.
+a Δt²/4 is the error that an acceleration a makes in v̄ Δt, for the longest Δt within T; u is the
+largest speed within T: half a Δt of it allows for stamps that are late, a share for a wrong scale.
 There, and where speeds are compared, Δt is no shorter than the period of the scene.
 """
 
@@ -30,16 +30,16 @@ from hapticmech_ros.numerics.rotation_kernels import log3, multiply_transposed, 
 from hapticmech_ros.numerics.small_matrices import subtract3
 
 SHARE, LONGEST_LAG = 0.1, 0.015
-# Samples further apart, s, say nothing of each other.
+# Samples further apart, s, are not compared.
 LONGEST_GAP = 0.1
 SOUND, SPEED, ACCELERATION, DISAGREES, AWAY = 0, 1, 2, 3, 4
 ROTATION = 8
 
 
 class Motion(Record):
-    """What a device's samples may be, and what is known of them.
+    """Limits of a device's samples, and the check's state.
 
-    Of translation and rotation: m, m/s and m/s², rad, rad/s and rad/s².
+    For translation and rotation: m, m/s and m/s², rad, rad/s and rad/s².
 
     Attributes:
         window: T of two windows, s.
@@ -52,7 +52,7 @@ class Motion(Record):
         sample: the last one, see ``layout.DeviceSample``.
         apart, change: d and h, by window, of translation and rotation.
         speed, curve: the largest speed and a Δt²/4 within a window, likewise.
-        found, most: what was found last, and how much it may be.
+        found, most: the value that was found last, and its limit.
     """
 
     window = Vector(2)
@@ -79,7 +79,7 @@ def _length(vector: Array) -> float:
 
 @inner
 def is_too_fast(twist: Array, most: Array) -> bool:
-    """Return whether a device moves faster than it can be moved.
+    """Return whether a device moves faster than possible.
 
     Args:
         twist: (6,) m/s and rad/s.
@@ -90,7 +90,7 @@ def is_too_fast(twist: Array, most: Array) -> bool:
 
 @inner
 def _exceeds(motion: Motion, found: float, most: float) -> bool:
-    """Return whether something is more than it may be; then both are kept."""
+    """Return whether a value exceeds its limit, and store both then."""
     exceeds = not found <= most
     if exceeds:
         motion.found = found
@@ -152,7 +152,7 @@ def _disagrees(
         if not wrong and _exceeds(motion, _from_lag(apart, change), most):
             wrong = True
             if window == 0:
-                # What has jumped is elsewhere from now on; what adds up slowly is still wrong.
+                # After a jump the new pose counts from now on; a slow drift stays a fault.
                 _forget(motion)
                 break
     return wrong
@@ -162,7 +162,7 @@ def _disagrees(
 def _follow(
     motion: Motion, sample: DeviceSample, last: DeviceSample, before: Array, elapsed: float
 ) -> int:
-    """Return what is wrong between a sample and the one before it."""
+    """Return the fault code between a sample and the one before it."""
     twist, moved, pace = sample.twist, local(6), max(elapsed, motion.period)
     subtract3(sample.position, last.position, moved)
     now_axes, last_axes, turn = local(9), local(9), local(9)
@@ -188,7 +188,7 @@ def follow_sample(motion: Motion, sample: DeviceSample, elapsed: float) -> int:
     """Return whether a sample can follow the one before it: one of the codes above.
 
     Args:
-        motion: what is known, changed.
+        motion: limits and state, changed.
         sample: the sample.
         elapsed: s since the one before it.
     """

@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What devices have in common that are not simulated: a wrench goes out, a sample comes in.
+"""The common part of real devices: it sends a wrench and receives a sample.
 
-What is known of the hand at a device that somebody else drives.
+It also estimates the hand's wrench at a device that another program drives.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from hapticmech_ros.numerics.saturation import limited
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.device import Device
 
-# Samples that are further apart say nothing of each other, s.
+# Samples that are further apart are not compared, s.
 LONGEST_PERIOD_S = 0.1
 
 
@@ -42,7 +42,7 @@ class HandObserver:
     def __init__(self, device: Device, planar: bool) -> None:
         self._rate = 2.0 * math.pi * device.observer_bandwidth
         self._model = DeviceModel(ImpedanceDevice(device, 1.0 / self._rate, planar).data)
-        # What actuators did is known.
+        # The actuators' wrench is known.
         self._model.actuator_share, self._model.weight[:] = 0.0, 0.0
         self._before, self._now = SimulatedState(), SimulatedState()
         self._time: float | None = None
@@ -115,7 +115,7 @@ class TwistEstimate:
         return self._twist
 
 
-# Of a handle; what has more is no handle.
+# Of a handle; messages with more are not from a handle.
 MOST_BUTTONS = 32
 
 
@@ -125,7 +125,7 @@ class Measured(NamedTuple):
     Attributes:
         position: (3,) of the point held, m, from the base's origin.
         velocity: (3,) m/s.
-        rotation: (3, 3) of the handle; None if it does not tell its orientation.
+        rotation: (3, 3) of the handle; None if the device does not report its orientation.
     """
 
     position: Array
@@ -137,10 +137,10 @@ class RealDevice:
     """Turns wrenches and samples between the world and a device's base.
 
     A kind of device has :meth:`look`, :meth:`exchange` and :meth:`let_go`. It has no force sensor:
-    the hand's wrench is estimated, or reported as zero, as the scene says.
+    the hand's wrench is estimated, or reported as zero, as the scene sets.
 
     Args:
-        scene: what is felt; its ``device`` describes the device.
+        scene: to render; its ``device`` describes the device.
         mounting: (3, 3) axes of the base in the world.
         silence: s without a sample after which the device counts as lost.
         clock: monotonic, s.
@@ -153,8 +153,7 @@ class RealDevice:
         silence: s, as above.
         fresh: whether the last step brought a sample.
         problem: why it cannot be driven; empty if it can.
-        buttons: of its handle, whether each is pressed, as it told last; none of a device without
-            any.
+        buttons: of its handle, whether each is pressed, by the last report; empty without buttons.
         late: periods without a sample.
     """
 
@@ -183,7 +182,7 @@ class RealDevice:
         self.late = 0
 
     def look(self) -> bool:
-        """Look for the device; return whether it is there. Asked for once a period."""
+        """Look for the device; return whether it is there. Called once a period."""
         raise NotImplementedError
 
     def exchange(self, wrench: Array, now: float) -> tuple[bool, Measured | None]:
@@ -194,7 +193,7 @@ class RealDevice:
             now: by the clock, s.
 
         Returns:
-            Whether the wrench was sent, and what was measured; None without a sample.
+            Whether the wrench was sent, and the measurement; None without a sample.
         """
         raise NotImplementedError
 
@@ -203,11 +202,11 @@ class RealDevice:
         raise NotImplementedError
 
     def figures(self) -> Mapping[str, str]:
-        """Return what diagnostics say of it."""
+        """Return its entries for diagnostics."""
         return {"periods_without_sample": str(self.late)}
 
     def close(self) -> None:
-        """Give back what it has; it is let go, and not driven any more."""
+        """Release its connection and its actuators; it cannot be driven any more."""
 
     def at_rest(
         self, pose: pin.SE3, held: bool = False, home: pin.SE3 | None = None
@@ -215,10 +214,10 @@ class RealDevice:
         """Return the device where it was measured last, without a wrench.
 
         Args:
-            pose: where it is taken to be before it has been measured; its orientation is that of a
-                device that does not tell its own.
-            held: of no meaning: who holds it is not known.
-            home: of no meaning: the workspace is about where it is now.
+            pose: taken before the first measurement; its orientation is used for a device that does
+                not report its own.
+            held: unused: the device does not know whether a hand holds it.
+            home: unused: the workspace is about its present place.
         """
         self._observer.forget()
         self._turning.forget()
@@ -238,12 +237,12 @@ class RealDevice:
         Args:
             state: at the last sample.
             command: (6,) servo_cf, N and N m, on the hand, world axes; None for no wrench.
-            held: of no meaning.
-            ticks: of no meaning.
-            push: (6,) of no meaning.
+            held: unused.
+            ticks: unused.
+            push: (6,) unused.
 
         Returns:
-            The state; F_h in it is estimated, or zero, as the scene says.
+            The state; F_h in it is estimated, or zero, as the scene sets.
         """
         now, before = self._clock(), self._given
         asked = NO_WRENCH
@@ -265,25 +264,25 @@ class RealDevice:
             twist=twist,
             measured_pose=pose,
             measured_twist=twist,
-            # What was commanded with the sample before has acted since.
+            # The command of the previous sample has acted since.
             reported=self._observer.at(now, twist, before),
             applied=before,
         )
 
     def compensation(self, state: DeviceState) -> Array:
-        """Return what the driver adds (6,) to a command, N and N m, world axes."""
+        """Return the wrench (6,) that the driver adds to a command, N and N m, world axes."""
         return self._driver.compensation(state)
 
     def sensed(self, push: Array) -> Array:
         """Return nothing (6,): it has no force sensor.
 
         Args:
-            push: (6,) of no meaning.
+            push: (6,) unused.
         """
         return NO_WRENCH
 
     def forget(self) -> None:
-        """Forget where it was: it is not there any more."""
+        """Forget its last sample, when it was disconnected."""
         self._last, self._given, self.fresh = None, NO_WRENCH, False
 
     def _pose(self, measured: Measured, before: pin.SE3) -> pin.SE3:

@@ -1,21 +1,21 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Last before a force leaves: what a device gives of what it is told to give.
+"""The safety envelope limits a device's command before its actuators get it.
 
 A command within all limits passes unchanged, to the bit. Else, in this order: the outward part of
 the force is taken away near the end of the workspace; force and torque are shortened to their
 limits, which open over a ramp after each start; and neither changes faster than its slew rate. A
-command that is none, and a stop, are zero at once. Passivity control comes after that: it takes
-energy away at once, within the same limits of workspace, force and torque.
+command that is not finite, and a stop, are zero at once. Passivity control comes after that: it
+takes energy away at once, within the same limits of workspace, force and torque.
 
 The impedance between a device and a commanded pose, and its limits, are here too.
 
-Whether the samples of a device can be the motion of something that a hand holds.
+It also checks whether a device's samples can be the motion of something that a hand holds.
 
 A driver whose first samples are not yet the device's, one that restarts with another origin, an
-encoder that wraps or stands still, millimetres for metres: each makes a force that the mechanism
-has no part in. Each sample is held against the one before it and against what the scene's
-``device.motion`` allows; poses and twists are compared over two windows of time.
+encoder that wraps or stands still, millimetres for metres: each causes a force that the mechanism
+does not. Each sample is compared with the one before it and with the limits of the scene's
+``device.motion``; poses and twists are compared over two windows of time.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from hapticmech_ros.scene.device import Device, most_servo_stiffness
 
 # After a fault samples count again once they have been sound for so long, ns.
 SOUND_AFTER_NS = NANOSECONDS // 10
-# Windows of time: what happens within some samples, and what adds up slowly, s; and how much may be
-# wrong at rest within the longer one, m and rad.
+# Windows of time for jumps within some samples, and for slow drift, s; and the error allowed at
+# rest within the longer one, m and rad.
 WINDOWS_S = 0.01, 2.0
 SLOW_SLACK = 0.002, 0.02
 # An encoder's steps in a difference of two poses; and rounding, m and rad.
@@ -61,9 +61,9 @@ class MotionCheck:
         period: s, of a sample; some may be closer together.
 
     Attributes:
-        numbers: limits and what is known.
+        numbers: limits and the check's state.
         stamp_ns: of the last sample.
-        fault: what is wrong, in words with numbers; empty if nothing is, and has not been lately.
+        fault: description with numbers; empty if nothing is wrong, and has not been lately.
         faults: samples so far that began a fault.
     """
 
@@ -111,14 +111,14 @@ class MotionCheck:
             self.fault = self._sentence(code, elapsed)
 
     def _sentence(self, code: int, elapsed: float) -> str:
-        """Return what is wrong, in words."""
+        """Return the fault's description."""
         turns, kind = code >= ROTATION, code % ROTATION
         found, most = self.numbers.found, self.numbers.most
         unit, key = ("rad", "angular_") if turns else ("m", "")
         units = "" if turns else "; are these millimetres?"
         if kind == SPEED:
             limit = f"device.motion.{key}speed is {most:g}"
-            return f"the device's twist says {found:.3g} {unit}/s, {limit}{units}"
+            return f"the device's twist is {found:.3g} {unit}/s, {limit}{units}"
         if kind == ACCELERATION:
             limit = f"device.motion.{key}acceleration is {most:.3g}"
             apart = f"within {1e3 * elapsed:.3g} ms: {found:.3g} {unit}/s², {limit}"
@@ -128,9 +128,9 @@ class MotionCheck:
             return f"the device is {found:.3g} m from where it was first, {reach}{units}"
         what, scale = ("turned", "mrad") if turns else ("moved", "mm")
         return (
-            f"the device has {what} by {1e3 * found:.3g} {scale} more or less than its twist says "
-            f"(to {1e3 * most:.2g} {scale} may be lag or noise): a pose that jumps or stands "
-            "still, or a twist that is not the pose's rate"
+            f"the device has {what} by {1e3 * found:.3g} {scale} more or less than its twist "
+            f"implies (to {1e3 * most:.2g} {scale} may be lag or noise): a pose that jumps or "
+            "stands still, or a twist that is not the pose's rate"
         )
 
 
@@ -139,7 +139,7 @@ __all__ = ["Reason", "SafetyEnvelope", "SafetyLimits", "safety_limits"]
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """What a device may give.
+    """Limits of a device's wrench.
 
     Attributes:
         force: N.
@@ -179,7 +179,7 @@ class SafetyEnvelope:
         limits: to keep; :meth:`limit` sets others.
 
     Attributes:
-        numbers: all that it knows.
+        numbers: its limits and state.
     """
 
     def __init__(self, period: float, limits: SafetyLimits) -> None:
@@ -205,7 +205,7 @@ class SafetyEnvelope:
         self.numbers.centre[:] = centre
 
     def stop(self) -> None:
-        """Say that nothing leaves now; the next command is a start."""
+        """Stop: the wrench is zero now, and the next command is a start."""
         self.numbers.last[:] = 0.0
         self.numbers.started = 0.0
 

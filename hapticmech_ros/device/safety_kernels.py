@@ -15,7 +15,7 @@ from hapticmech_ros.numerics.small_matrices import subtract3
 
 
 class Reason(str, Enum):
-    """Why a device does not give what it is told to give."""
+    """Why a device limits its command."""
 
     WORKSPACE = "workspace"
     FORCE_LIMIT = "force_limit"
@@ -107,7 +107,7 @@ def exceeds(vector: Array, most: float) -> bool:
 
 @inner
 def jumps(vector: Array, last: Array, most: float) -> bool:
-    """Let a force or a torque (3,) change by no more than ``most``; return whether it did."""
+    """Limit the change of a force or a torque (3,) to ``most``; return whether it was larger."""
     change = local(3)
     subtract3(vector, last, change)
     size = length_of(change)
@@ -134,7 +134,7 @@ def keep_bounds(safety: Safety, command: Array, position: Array) -> None:
 
 @inner
 def is_finite(safety: Safety, command: Array) -> bool:
-    """Return whether a command (6,) is one; else make it zero, count it, and begin anew."""
+    """Return whether a command (6,) is finite; else make it zero, count it, and begin anew."""
     finite = True
     for i in range(6):
         finite = finite and np.isfinite(command[i])
@@ -148,7 +148,7 @@ def is_finite(safety: Safety, command: Array) -> bool:
 
 @inner
 def stay_within(safety: Safety, command: Array, position: Array) -> None:
-    """Change a command into what leaves.
+    """Limit a command.
 
     Args:
         safety: changed.
@@ -169,9 +169,9 @@ def stay_within(safety: Safety, command: Array, position: Array) -> None:
 
 @inner
 def stay_bounded(safety: Safety, command: Array, position: Array) -> None:
-    """Change a command (6,) that passivity control changed after :func:`stay_within`.
+    """Limit a command (6,) that passivity control has changed after :func:`stay_within`.
 
-    It may change at any rate: it only takes energy away, and later is too late for that.
+    Its slew rate is not limited: passivity control only takes energy away, and must act at once.
     """
     if is_finite(safety, command):
         keep_bounds(safety, command, position)

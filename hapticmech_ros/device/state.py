@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""State of the simulated device at a tick, and what a session asks of any device."""
+"""State of the simulated device at a tick, and the interface that a session needs of any device."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hapticmech_ros.numerics.quaternions import quaternion_of
 
 NO_WRENCH = np.zeros(6)
 NO_WRENCH.flags.writeable = False
-# Fields of a state by the names of its parts: poses, and what is numbers.
+# Fields of a state by the names of its parts: poses, and numbers.
 _PLACES = {"pose": "body", "home": "home", "anchor": "anchor", "limb": "limb"}
 _NUMBERS = {
     "twist": "body.twist",
@@ -33,9 +33,9 @@ _NUMBERS = {
 
 
 class DeviceState:
-    """True state of the device, what its encoders said last, and what acts on it.
+    """True state of the device, its encoders' last measurement, and the wrenches on it.
 
-    It is one array, which kernels work on; its parts are views of it, or made when asked for.
+    It is one array, which kernels work on; its parts are views of it, or made on access.
 
     Args:
         flat: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, which it keeps.
@@ -117,7 +117,7 @@ class DeviceState:
     def hand_wrench(self) -> Array:
         """(6,) F_h by the hand, as a sensor between it and the device would read it.
 
-        N and N m, world axes at the point held; zero if nobody holds.
+        N and N m, world axes at the point held; zero if no hand holds.
         """
         return self._numbers.own
 
@@ -163,7 +163,7 @@ class DeviceState:
 
     @property
     def published(self) -> Array:
-        """What is published of it, (25,): measured sample and applied wrench, SI, world axes."""
+        """Its published part, (25,): measured sample and applied wrench, SI, world axes."""
         return PublishedState(self.flat).values
 
 
@@ -174,9 +174,9 @@ def _pose_of(place: Place) -> pin.SE3:
 class SimulatedDevice(Protocol):
     """A device that a session can hold and move: ``Session(scene, device=...)``.
 
-    Of the states that it returns a session reads what is published of them, and ``pose`` of the
-    first one; it hands each back to the next step as it is. One that needs more than a
-    :class:`~hapticmech_ros.device.state.DeviceState` has room for is a subclass of that.
+    A session reads the published part of the states that it returns, and ``pose`` of the first one;
+    it passes each unchanged to the next step. A device that needs more than a
+    :class:`~hapticmech_ros.device.state.DeviceState` returns a subclass of that.
     """
 
     def at_rest(
@@ -205,7 +205,7 @@ class SimulatedDevice(Protocol):
             state: where to start.
             command: (6,) servo_cf, N and N m, on the hand by the device, world axes, held over the
                 period; None for actuators off, compensation included.
-            held: state in which the hand could take hold; None if nobody is there.
+            held: state in which the hand could take hold; None without a hand.
             ticks: whole periods since then, until ``state``.
             push: (6,) by others than the hand, on the device, N and N m, world axes.
         """
@@ -216,7 +216,7 @@ class SimulatedDevice(Protocol):
         ...
 
     def sensed(self, push: Array) -> Array:
-        """Return what a force sensor, if any, reads of others' ``push`` (6,) besides the hand's.
+        """Return the part (6,) of others' ``push`` that a force sensor, if any, adds to the hand's.
 
         Args:
             push: (6,) by others on the device, N and N m, world axes at the point held.

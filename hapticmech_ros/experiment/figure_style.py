@@ -31,11 +31,11 @@ TIME_LABEL = "time since the first push (s)"
 
 # The scene whose results are the paper's Fig. 5.
 PAPER = "five_bar"
-# What of it makes that experiment: not its rate, device and gains, which a laboratory chooses.
+# Its keys that define that experiment: not its rate, device and gains, which a laboratory chooses.
 EXPERIMENT = ("links", "closures", "operational_points", "initial_state", "hand")
-# More scenes than this are told as their number.
+# More scenes than this are shown as their number.
 NAMES_SHOWN = 3
-# What axes show at least, in their units, N, N mm, mm or degrees: less is rounding.
+# Smallest span of axes, in their units, N, N mm, mm or degrees: less is rounding.
 LEAST_SPAN = 1e-6
 # Of a logarithmic axis, its end over its beginning.
 LEAST_RATIO = 1.1
@@ -90,7 +90,7 @@ def titled(scene: Scene, figure: str, caption: str, record: ExperimentRecord) ->
 
 
 def at_rate(caption: str, scene: Scene, record: ExperimentRecord) -> str:
-    """Return a caption that ends with the control rate, and says if that was not kept by time."""
+    """Return a caption that ends with the control rate, and a note if in lockstep."""
     lockstep = ", in lockstep" if record.lockstep else ""
     return f"{caption} Control rate {1.0 / scene.simulation.period:g} Hz{lockstep}."
 
@@ -105,9 +105,9 @@ def at_least(axes: Axes, names: str = "y", span: float = LEAST_SPAN) -> None:
     """Widen axes that would otherwise be filled by rounding errors.
 
     Args:
-        axes: whose; what they show stays in their middle.
+        axes: to widen; their centre stays.
         names: of the axes, x, y or both.
-        span: what a linear axis shows at least, in its unit.
+        span: smallest one of a linear axis, in its unit.
     """
     for name in names:
         low, high = getattr(axes, f"get_{name}lim")()
@@ -124,8 +124,8 @@ def at_least(axes: Axes, names: str = "y", span: float = LEAST_SPAN) -> None:
 def mark_changes(axes: Axes, record: ExperimentRecord, label: bool = False) -> None:
     """Draw a dotted vertical line where the constraint count changes.
 
-    With ``label`` each is annotated above what is drawn until then, in as many rows as are needed;
-    changes for whose labels there is no room have a line alone.
+    With ``label`` each is annotated above the plot, in as many rows as are needed; changes for
+    whose labels there is no room have a line alone.
     """
     ends: list[float] = []
     duration = max(float(record.times[-1] - record.times[0]), record.period)

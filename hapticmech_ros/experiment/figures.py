@@ -4,7 +4,7 @@
 
 Fig. 5b: trajectories of the hand on the device and of the operational point.
 
-Motion, wrenches and count of several users, and what each does to the others: F_j, F_c, X_ij.
+Motion, wrenches and count of several users, and their effects on each other: F_j, F_c, X_ij.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def axes_of(scene: Scene) -> list[tuple[int, str]]:
 
 
 def mark_switches(axes: Axes, record: SharedRecord, scene: Scene, label: bool = False) -> None:
-    """Draw a dotted line where a hand lets go or takes hold; ``label`` says which."""
+    """Draw a dotted line where a hand lets go or takes hold; ``label`` names which."""
     for before, after in pairwise(grips_of(scene, float(record.first.times[-1]))):
         axes.axvline(after.begin, color=GREY, linestyle=":", linewidth=1.2, zorder=1)
         if label:
@@ -147,7 +147,7 @@ def _user(
         axes.axhline(0.0, color=BLACK, linewidth=0.6, alpha=0.4, zorder=0)
         at_least(axes)
     dress(count, TIME_LABEL, "constraints (1)")
-    # Room for what the switches are.
+    # Room for the labels of switches.
     moved.margins(y=0.14)
     legend(moved, 4)
     count.set_axisbelow(True)
@@ -166,7 +166,7 @@ DASHED: Final = "--"
 
 
 def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
-    """Return the figure: a column for each user, of what the others do to it."""
+    """Return the figure: a column for each user, of the others' effects on it."""
     count = len(record.users)
     figure = new_figure(
         COLUMN * count, 8.0, about([scene.name], at_rate(COUPLING_CAPTION, scene, record.first))
@@ -179,7 +179,7 @@ def coupling_figure(record: SharedRecord, scene: Scene) -> Figure:
         force.set_title(f"{names} → {point}", fontsize=TEXT, pad=22.0)
         given = [record.wrenches[:, place] for place in others]
         _two_kinds(force, record.times, record.felt[:, index], given, scene, ("$F_c$", "$F_j$"))
-        # Room for what the switches are.
+        # Room for the labels of switches.
         force.margins(y=0.14)
         found = record.accelerations(point)
         by_others, own = found[:, others].sum(axis=1), found[:, index]
@@ -318,7 +318,7 @@ def _chain(links: dict[str, Link], tip: str, root: str) -> list[Link]:
     return chain[::-1]
 
 
-# What a view shows at least, mm.
+# Smallest span of a view, mm.
 LEAST_VIEW = 1e-3
 # The circle of reach is drawn if the point comes nearer to it than this share of its radius.
 NEAR_REACH = 0.05

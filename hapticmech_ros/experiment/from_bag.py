@@ -95,7 +95,7 @@ def _energy(message: Any) -> tuple[int, tuple[float, ...]]:
 NEEDED = (DEVICE_STATE, POINT_MODEL, CONSTRAINT_PART, ENERGY)
 # Needed where several users hold one mechanism, of each.
 SHARED = (POINT_COMMAND, POINT_FORCE)
-# What makes stamp and row of a message.
+# A function from a message to its stamp and row.
 READERS: dict[Topic, Callable[[Any], tuple[int, Any]]] = {
     DEVICE_STATE: _device,
     POINT_MODEL: _operational_model,
@@ -386,8 +386,8 @@ def shared_record_from_bag(
 ) -> SharedRecord:
     """Return the run of several users that was recorded in the bag at ``path``.
 
-    Time 0 is the first sample in which any hand pushes. Whenever the mechanism told F_c, X_ij is
-    computed from its state, and F_j is the last command by then.
+    Time 0 is the first sample in which any hand pushes. Whenever the mechanism published F_c, X_ij
+    is computed from its state, and F_j is the last command by then.
 
     Args:
         path: rosbag2 folder, or one ``.mcap`` or ``.db3`` file.
@@ -411,7 +411,7 @@ def shared_record_from_bag(
     mechanism = Mechanism(scene)
     states = states_from_bag(path, mechanism, "", namespace)
     point, user = next(iter(users.items()))
-    # The mechanism tells F_c of all points at once.
+    # The mechanism publishes F_c of all points at once.
     stamps, _ = series[point][POINT_FORCE]
     times = (stamps - start_ns) / NANOSECONDS
     stamps = stamps[(times >= user.times[0]) & (times <= user.times[-1])]
@@ -423,7 +423,7 @@ def shared_record_from_bag(
     return SharedRecord(
         users,
         (stamps - start_ns) / NANOSECONDS,
-        # What answers a sample of this time acts from the next one on.
+        # The answer to a sample of this time acts from the next one on.
         _rows([found[POINT_COMMAND] for found in series.values()], stamps - 1),
         _rows([found[POINT_FORCE] for found in series.values()], stamps),
         couplings(
@@ -436,5 +436,5 @@ def shared_record_from_bag(
 
 
 def _rows(series: list[Series], stamps: Array) -> Array:
-    """Return (k, n, 6) what each series had last by k stamps."""
+    """Return (k, n, 6) the last value of each series at k stamps."""
     return np.stack([held(one, stamps) for one in series], axis=1)

@@ -161,7 +161,7 @@ class SessionRecorder:
             self._rows.setdefault(name, []).append(value)
 
     def unfinished(self, error: HapticMechError) -> UnfinishedRunError:
-        """Return the error of a run that another one ended, with what there was until then."""
+        """Return the error of a run that another error ended, with the record until then."""
         mechanism, state = self._session.simulator.mechanism, self._session.mechanism
         good = state if self._is_good(state) else self._good
         positions, velocities, rates = {}, {}, {}
@@ -186,7 +186,7 @@ class SessionRecorder:
     @property
     def started(self) -> float:
         """Time of the session, s, of the first push, or else of the hand's start."""
-        # An estimate is never zero, and without a sensor nothing tells.
+        # An estimate is never zero, and without a sensor pushes are unknown.
         measured = self._scene.device.force_sensor == "measured"
         push = first_push(np.array(self._rows["hand_wrench"])) if measured else None
         return self._scene.hand.start_delay if push is None else float(self._rows["time"][push])
@@ -281,7 +281,7 @@ class _SharedRecorder:
         )
 
     def unfinished(self, error: HapticMechError) -> UnfinishedRunError:
-        """Return the error of a run that another one ended, with what there was until then."""
+        """Return the error of a run that another error ended, with the record until then."""
         found = next(iter(self._recorders.values())).unfinished(error)
         found.record = self.record() if self._kept else None
         return found

@@ -10,7 +10,7 @@ Orientations are unit quaternions (x, y, z, w), which are interpolated over time
 
 Health of a graph of nodes: their last diagnostics in a bag.
 
-One run of several users on one mechanism: a record of each, and what each does to the others.
+One run of several users on one mechanism: a record of each, and their effects on each other.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from hapticmech_ros.scene import Scene
 from hapticmech_ros.wire.messages import ENERGY_NAMES
 from hapticmech_ros.wire.topics import DIAGNOSTICS
 
-# Time between two rows of what the users do to each other, s: that of topics at view rate.
+# Time between two rows of the users' effects on each other, s: that of topics at view rate.
 COUPLING_PERIOD_S = 0.01
 
 
@@ -48,7 +48,7 @@ class SharedRecord:
         users: by operational point, in the order of the scene's ``hands``.
         times: (k,) s, of the rest.
         wrenches: (k, n, 6) F_j, by each user's hand through its controller, on the mechanism, at
-            its point, axes of the world, N and N m: what acts from that time on.
+            its point, axes of the world, N and N m; they act from that time on.
         felt: (k, n, 6) F_c at each user's point, likewise: the others' part of what it feels.
         coupling: (k, n, n, 6, 6) X_ij, 1/kg, 1/(kg m) and 1/(kg m²): a wrench F_j at point j
             accelerates point i by X_ij F_j.
@@ -98,7 +98,7 @@ class SharedRecord:
         """Return (k, n, 6) X_ij F_j of one point i, by each user j, m/s² and rad/s².
 
         Raises:
-            InvalidInputError: nobody holds the point.
+            InvalidInputError: no user holds the point.
         """
         if point not in self.users:
             rule = f"must be one of {list(self.points)}"
@@ -197,9 +197,9 @@ class GraphHealth:
     Attributes:
         nodes: last status of every node, by its name; empty if the bag has no diagnostics.
         lost: messages that the recorder lost, of each topic that lost any (None: not known); None
-            where it has not counted.
-        interruptions: how often rendering was interrupted once the hands had started; None: nobody
-            has counted.
+            if it did not count.
+        interruptions: number of interruptions of rendering after the hands' start; None: not
+            counted.
         reduced_gains: whether a controller had to reduce its gains for a longer delay; None: not
             known.
         lockstep: whether the graph advanced by messages instead of by time; None: not known.
@@ -226,7 +226,7 @@ class GraphHealth:
 
 
 def health_from_bag(path: str | os.PathLike[str]) -> GraphHealth:
-    """Return the last status of every node in the bag at ``path``, and what its recorder lost.
+    """Return the last status of every node in the bag at ``path``, and its recorder's losses.
 
     Raises:
         BagError: no bag, a damaged one, or ``/diagnostics`` of another type.
@@ -310,7 +310,7 @@ class ExperimentRecord:
         energy_times: (e,)
         kinetic, potential, work_in, damping_loss, latch_loss: (e,) J, of the mechanism.
         closure_error: (e,) largest residual of the closed loops, m or rad.
-        surplus: (e,) J, what steps of the mechanism made from nothing, or lost if negative.
+        surplus: (e,) J, made from nothing by the mechanism's steps, or lost if negative.
         refined, inaccurate: (e,) numbers of steps that were done again in smaller ones or with
             care, and of those that were still inaccurate.
         joint_times: (j,)
@@ -427,7 +427,7 @@ _SMALL = 1e-8
 def angle_between(a: Array, b: Array) -> Array:
     """Return the angles (n,) in rad, 0 to pi, between orientations (n, 4) of either sign.
 
-    They are computed from chords, so that small angles are accurate.
+    They are computed from chords, which is accurate for small angles.
 
     Args:
         a: (n, 4) unit quaternions.

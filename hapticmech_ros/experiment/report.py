@@ -13,7 +13,7 @@ NOTHING = "–"
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield the tables of what ``write_results`` or ``write_shared_results`` returned."""
+    """Yield the tables of a result of ``write_results`` or ``write_shared_results``."""
     if "users" not in summary:
         yield table(summary)
         return
@@ -45,7 +45,7 @@ def _spans(spans: list[Mapping[str, Any]]) -> Table:
 
 
 def table(summary: Mapping[str, Any]) -> Table:
-    """Return a table of two columns of what :func:`summarise` or ``write_results`` returned."""
+    """Return a table of two columns of a result of :func:`summarise` or ``write_results``."""
     result = Table(title=f"{summary['scene']} ({summary['source']})", title_justify="left")
     result.add_column("quantity")
     result.add_column("value", justify="right")

@@ -111,10 +111,10 @@ LEAST_SAMPLES = 10
 def write_unfinished(
     failure: UnfinishedRunError, scene: Scene, out_dir: str | os.PathLike[str]
 ) -> None:
-    """Write what an error left of a run: ``failure.json``, and the results until then.
+    """Write ``failure.json`` of a failed run, and its results until then.
 
     Args:
-        failure: what happened.
+        failure: the error.
         scene: of the run.
         out_dir: folder; files of the names of a run in it are replaced or removed.
     """

@@ -317,7 +317,7 @@ def _of_user(health: GraphHealth, point: str) -> GraphHealth:
 
 
 def _span(record: SharedRecord, span: Grips) -> Json:
-    """Return what each user does and feels while the same hands hold."""
+    """Return each user's motion and felt wrenches while the same hands hold."""
     return {
         "begin_s": span.begin,
         "end_s": span.end,

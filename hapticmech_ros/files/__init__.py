@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens what a path names only if it is a regular file of bounded size, and never waits for one.
+"""Opens a path only if it is a regular file of bounded size, and never blocks.
 
-A device has no end, a pipe has no beginning, and either can stand where a file is expected: every
-file that somebody else wrote is opened here. The package's own files are in the source tree, or in
-the share folder of a prefix.
+Reading a device never ends, a pipe may block, and either can be in a file's place: every file from
+others is opened here. The package's own files are in the source tree, or in the share folder of a
+prefix.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def open_file(path: str | os.PathLike[str], limit: int | None = None) -> BinaryI
     """
     name = os.fspath(path)
     try:
-        # Looked at first: opening a device alone can do something. Without waiting: a pipe may have
+        # Checked first: merely opening a device can have effects. Non-blocking: a pipe may have
         # taken its place since.
         _check(name, os.stat(name), limit)  # noqa: PTH116 - Path.stat() is a name more to refuse
         descriptor = os.open(name, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -49,14 +49,14 @@ def open_file(path: str | os.PathLike[str], limit: int | None = None) -> BinaryI
 
 
 def read_file(path: str | os.PathLike[str], limit: int) -> bytes:
-    """Return what is in a regular file of at most ``limit`` bytes.
+    """Return the contents of a regular file of at most ``limit`` bytes.
 
     Raises:
         FileError: see :func:`open_file`.
     """
     with open_file(path, limit) as file:
         try:
-            # It may have grown since, and files of the kernel say that they are empty.
+            # It may have grown since, and files of the kernel have size 0.
             data = file.read(limit + 1)
         except OSError as error:
             raise FileError(os.fspath(path), _reason(error), "cannot be read") from None

@@ -1,10 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Work on files of strangers in a child process with limits on memory, time and what it writes.
+"""Work on untrusted files in a child process with limits on memory, time and output.
 
-Readers of large formats are libraries that trust what they read: a wrong token can make them take
-all memory, all time, or the process down. In a child they take that down alone, and what became of
-it is told in a sentence.
+Readers of large formats are libraries that trust what they read: a wrong token can exhaust memory
+or time, or crash the process. In a child they crash only that, and an error describes it.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _CODE = "import hapticmech_ros.files.cage as cage; cage.work_in_child()"
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a child may take.
+    """Limits of a child.
 
     Attributes:
         memory: bytes, besides those of the libraries that it loads first.
@@ -75,7 +74,7 @@ def caged(work: Callable[[Any], Any], items: Sequence[Any], limits: Limits) -> l
     real = PATIENCE * limits.seconds
     task = {"work": name, "items": list(items), "limits": asdict(limits), "real_seconds": real}
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or "." for path in sys.path)}
-    # A thread of BLAS takes as much address space as what is read.
+    # A thread of BLAS takes as much address space as the file's data.
     environment["OPENBLAS_NUM_THREADS"] = "1"
     answers = os.memfd_create("answers")
     try:
@@ -100,7 +99,7 @@ def caged(work: Callable[[Any], Any], items: Sequence[Any], limits: Limits) -> l
 
 
 def _read(answers: int, wanted: int, code: int, limits: Limits) -> list[Any]:
-    """Return a child's answers, of which there are as many as were wanted."""
+    """Return a child's answers, as many as were wanted."""
     found: list[Any] = []
     failed = ""
     for line in os.pread(answers, limits.output, 0).splitlines(keepends=True):
@@ -141,7 +140,7 @@ def work_in_child() -> None:
             answer = {"answer": work(item)}
         except MemoryError:
             answer = {"failed": f"needs more than {limits.memory} bytes of memory"}
-        except Exception as error:  # noqa: BLE001 - a library's; the parent says it in a sentence
+        except Exception as error:  # noqa: BLE001 - a library's; the parent reports it
             reason = " ".join(str(error).split()) or type(error).__name__
             answer = {"failed": f"cannot be read: {reason}"}
         line = json.dumps(answer).encode() + b"\n"
@@ -154,7 +153,7 @@ def work_in_child() -> None:
 
 
 def _limit(limits: Limits, real_seconds: int) -> None:
-    """Let this process take no more than it may; it ends by itself when nobody ends it."""
+    """Limit this process; it also ends by itself after ``real_seconds``."""
     size = int(_STATM.read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     most = {
         resource.RLIMIT_AS: size + limits.memory,
@@ -163,7 +162,7 @@ def _limit(limits: Limits, real_seconds: int) -> None:
         resource.RLIMIT_CORE: 0,
     }
     for kind, value in most.items():
-        # Whoever started this may have set less, as by `ulimit -v`.
+        # A lower limit, as by `ulimit -v`, stays.
         set_before = resource.getrlimit(kind)[1]
         if set_before == resource.RLIM_INFINITY or value < set_before:
             resource.setrlimit(kind, (value, value))

@@ -1,12 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What MuJoCo makes of an MJCF text: what the child process does that reads such files.
+"""Compiles an MJCF text by MuJoCo, in the child process that reads such files.
 
 It loads little, as every reading of a file waits for it. MuJoCo resolves classes of defaults,
 frames, replicas, orientations, angles and inertias. Before it compiles the description, this is
 changed: meshes that no inertia comes from are left out, as their files may be missing; bodies stay
-where the file has them; and what MuJoCo refuses but a scene may have passes, namely joints without
-travel and bodies without mass.
+where the file has them; and joints without travel and bodies without mass, which MuJoCo refuses,
+are accepted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hapticmech_ros.errors import FileError
 from hapticmech_ros.files import check_file
 
 MESH_SIZE_LIMIT = 200_000_000
-# kg and kg m², in place of what is smaller in bodies that move.
+# kg and kg m², in place of smaller values in bodies that move.
 TINY = 1e-14
 GIVE = "give the body an <inertial>"
 # Arrays of a compiled model that are returned, a row an element.
@@ -39,7 +39,7 @@ ARRAYS = (
 
 
 def compiled(item: Mapping[str, str]) -> dict[str, Any]:
-    """Return what MuJoCo makes of a text; or, under ``refused``, why it refuses it.
+    """Return the compiled model of a text; or, under ``refused``, why MuJoCo refuses it.
 
     ``elements``: name, line and type of each, by kind, in the model's order. By their names
     ``ARRAYS``, in SI units and rad, poses in the parent body, quaternions w first. ``geoms``: type
@@ -106,7 +106,7 @@ def _type(element: Any) -> str:
 
 
 class _Description:
-    """A description, changed in place, and what it says that the compiled model does not.
+    """A description, changed in place, and its data that the compiled model lacks.
 
     Attributes:
         chosen: bodies that joints move, bodies without mass, joints without travel.
@@ -186,7 +186,7 @@ class _Description:
         self.geoms.append((geom, (kind, mesh, bool(geom.contype or geom.conaffinity))))
         if not mesh and kind not in ("mesh", "sdf", "hfield"):
             return
-        # No hull is made of what does not collide.
+        # MuJoCo makes no hull of a geom that does not collide.
         geom.contype = geom.conaffinity = 0
         if needed and kind != "hfield":
             self._needed.add(mesh)
@@ -226,7 +226,7 @@ class _Description:
                 joint.limited, joint.range = limited.mjLIMITED_TRUE, (lower, lower + 1.0)
 
     def _raise(self, body: Any, given: bool) -> None:
-        """Raise the mass and moments of a body that moves to what MuJoCo takes."""
+        """Raise the mass and moments of a body that moves to MuJoCo's minimum."""
         full = given and not isnan(body.fullinertia[0])
         if given and body.mass > TINY and (full or min(body.inertia) > TINY):
             return

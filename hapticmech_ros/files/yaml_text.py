@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads YAML that somebody else wrote: in time that grows with its length, into plain values.
+"""Reads untrusted YAML in time that grows with its length, into plain values.
 
-LibYAML takes the text apart (PyYAML's own parser does where that was built without it); what
-becomes of the pieces is decided here, by the core schema of YAML 1.2 and by limits. A mapping may
-merge others (``<<``); each key of these is counted again, as each value that an alias repeats is.
+LibYAML parses the text (or PyYAML's own parser, if built without it); this module converts its
+events, by the core schema of YAML 1.2 and by limits. A mapping may merge others (``<<``); each key
+of these is counted again, as each value that an alias repeats is.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 def document_in(file: str) -> Any:
-    """Return what is in a YAML file whose keys are all text, as those of a scene are.
+    """Return the document in a YAML file whose keys are all text, as a scene's.
 
     Raises:
         FileError: cannot be read; see :func:`read_yaml`; or a key is none.
@@ -69,7 +69,7 @@ def read_yaml(text: str, source: str) -> Any:
 
     Args:
         text: to read; empty text is None.
-        source: what errors name.
+        source: named in errors.
 
     Raises:
         FileError: not YAML, keys or tags that are not read, nested too deeply, or too many values.
@@ -77,7 +77,7 @@ def read_yaml(text: str, source: str) -> Any:
     try:
         return _Reader(text, source).document()
     except yaml.MarkedYAMLError as error:
-        # What is missing at the end, LibYAML misses in the line after the last one.
+        # LibYAML reports something missing at the end in the line after the last one.
         last = text.rstrip("\n").count("\n")
         mark = error.problem_mark
         where = "file" if mark is None else _line(min(mark.line, last))
@@ -185,7 +185,7 @@ class _Reader:
             raise self._error(event, self._count, rule)
 
     def _resolved(self, event: Any) -> Any:
-        """Return what a scalar says."""
+        """Return a scalar's value."""
         text: str = event.value
         tag = event.tag
         if tag is None and event.implicit[0]:
@@ -219,7 +219,7 @@ class _Reader:
 
 
 def _number_of(text: str) -> Callable[[str], int | float] | None:
-    """Return what makes a number of a text; None if it is none."""
+    """Return a converter of a text to a number; None if it is none."""
     if _DECIMAL.fullmatch(text):
         return int
     if _OTHER_BASE.fullmatch(text):

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which joint of a loop is cut open: one that a closure can stand for."""
+"""Chooses the joint of a loop to cut: one that a closure can replace."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pinocchio as pin
 
 from hapticmech_ros.formats.model import Joint, LoopJoint, from_z
 
-# What closes a loop where a body is carried a second time.
+# Closures for a joint that carries a body a second time.
 LOOP_JOINTS = {"revolute": "revolute", "spherical": "spherical", "fixed": "weld"}
-# What the tree carries instead, if another joint of its loop can be cut.
+# Joints that stay in the tree, if another joint of their loop can be cut.
 CARRIED = ("prismatic", "planar")
 # m, from the centre of a universal joint to the ends of the rod between its axes.
 ARM = 0.1
@@ -37,7 +37,7 @@ def reversed_joint(hinge: Joint) -> Joint:
 def other_cut(
     closing: Joint, carriers: Mapping[str, Joint], cost: Callable[[Joint], tuple[object, ...]]
 ) -> tuple[Joint, list[Joint]] | None:
-    """Return the joint of a loop to cut instead of one that closes it, and what changes.
+    """Return the joint of a loop to cut instead of one that closes it, and the changed joints.
 
     Args:
         closing: joint that carries a body a second time.

@@ -41,10 +41,10 @@ WHY = {
 def settled(
     hinges: Sequence[Joint], couplings: Sequence[Coupling], notes: Counter[str]
 ) -> tuple[list[Joint], list[Coupling]]:
-    """Return hinges and couplings, where what mimics a joint that does not move is fixed itself.
+    """Return hinges and couplings, with joints that mimic a fixed joint fixed themselves.
 
-    Such a joint is at multiplier · 0 + offset; what mimics it in turn is fixed as well. A mimic in
-    a fixed joint says nothing.
+    Such a joint is at multiplier · 0 + offset; joints that mimic it are fixed as well. A mimic in a
+    fixed joint has no effect.
     """
     found = {hinge.name: hinge for hinge in hinges}
     moving = [one for one in couplings if found[one.joint].type != "fixed"]
@@ -87,7 +87,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def ball_constraint(source: Source, node: Node, bodies: Collection[str]) -> LoopJoint:
-    """Return what a Drake ball constraint of a URDF or SDF file says.
+    """Return the closure of a Drake ball constraint in a URDF or SDF file.
 
     Args:
         source: the file.
@@ -112,7 +112,7 @@ def ball_constraint(source: Source, node: Node, bodies: Collection[str]) -> Loop
 
 
 def left_open(nodes: Sequence[Node], links: Collection[str]) -> tuple[list[Note], list[Node]]:
-    """Return notes of loops that elements say and that are not read, and the other elements.
+    """Return notes of loops in elements that are not read, and the other elements.
 
     Args:
         nodes: elements that are not read.
@@ -161,7 +161,7 @@ def _open(node: Node, links: Collection[str]) -> Note | None:
     # Flow style of YAML.
     written = re.sub(r'"([A-Za-z_]\w*)"', r"\1", json.dumps([closure], ensure_ascii=False))
     what = f"{LEFT_OPEN}: {name} between {' and '.join(ends)}"
-    return Note(what, 1, f"<{node.tag}> is not read: say closures: {written}")
+    return Note(what, 1, f"<{node.tag}> is not read: write closures: {written}")
 
 
 def _kind(node: Node) -> str:

@@ -49,30 +49,30 @@ LEFT_OUT = "reference from a replica to what is not in it"
 OF_TENDON, ELSEWHERE = "armature of a tendon", "armature of an actuator on no hinge or slide"
 CURVED = "damping or stiffness that is no number"
 WHY = {
-    "geom": "drawn only; its inertia is taken where the file says so",
-    "actuator": "nothing drives a joint but the hand and what the scene says; armature is read",
+    "geom": "drawn only; its inertia is used if the file requests that",
+    "actuator": "joints have no motors: the hand and the scene move them; armature is read",
     "sensor": SENSED,
-    "tendon": "say springs between two frames in a scene file",
-    "contact": "say which shapes touch in a scene file",
+    "tendon": "write springs between two frames in a scene file",
+    "contact": "list contacts of shapes in a scene file",
     "deformable": RIGID,
     "camera": DRAWN,
     "light": DRAWN,
-    "armature of a free joint": "a body that floats has no rotor",
+    "armature of a free joint": "a floating body has no rotor",
     "solref or solimp of an equality": "loops are closed exactly",
     "mocap": "the body stays where it is",
     "align": "frames stay where the file has them",
     "fluid": "nothing flows around bodies",
-    "flag": "all that acts is on, but gravity if the file says so",
+    "flag": "all forces are on, except gravity if the file disables it",
     "range of a ball": "only joints of one coordinate have stops",
     "stiffness of a ball or free joint": "only joints of one coordinate have springs",
     "frictionloss of a ball or free joint": "only joints of one coordinate have friction",
     CURVED: "only the linear part is read",
-    INACTIVE: "say locked joints and couplings in a scene file",
+    INACTIVE: "write locked joints and couplings in a scene file",
     LEFT_OUT: "left out, as by MuJoCo's compiler",
     OF_TENDON: WHY_ELSEWHERE,
     ELSEWHERE: WHY_ELSEWHERE,
 }
-# Sections of which nothing is said: they are read, or nobody feels them.
+# Sections without a note: they are read, or do not affect the mechanism.
 SILENT = (
     *("compiler", "option", "size", "visual", "statistic", "asset", "default", "worldbody"),
     *("keyframe", "equality"),
@@ -174,7 +174,7 @@ class _Reader:
             mass, moments = (np.where(x > 2.0 * TINY, x, 0.0) for x in (mass, moments))
         inside = pose(compiled["body_ipos"][number], compiled["body_iquat"][number])
         inertia = (inside.rotation * moments) @ inside.rotation.T
-        # MuJoCo has some centre of what has no mass.
+        # MuJoCo gives a body without mass an arbitrary centre.
         com = inside.translation.copy() if mass > 0.0 else np.zeros(3)
         return Body(name, float(mass), com, inertia, carried)
 
@@ -230,7 +230,7 @@ class _Reader:
         )
 
     def _of_rotors(self) -> dict[str, float]:
-        """Return by joint what rotors of actuators add: gear ratio squared times theirs."""
+        """Return by joint the armature by actuators' rotors: gear ratio squared times theirs."""
         found: dict[str, float] = {}
         self._notes[OF_TENDON] += int(np.count_nonzero(self._compiled["tendon_armature"]))
         for joint, gear, armature in self._said["rotors"]:

@@ -1,12 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""An MJCF file as MuJoCo has it, compiled in a child process with limits.
+"""An MJCF file, compiled by MuJoCo in a child process with limits.
 
-Others' files are not trusted: MuJoCo takes what is wrong in one down with it, or all memory. It is
-given the elements of the file and of those that it includes as one text, an element a line: the
-limits of files hold before it sees them, and a line that it names is that of an element.
+Files are not trusted: a faulty one can crash MuJoCo, or take all memory. MuJoCo gets the elements
+of the file and its includes as one text, an element a line: the limits of files are checked first,
+and a line in its errors is that of an element.
 
-Includes of MJCF: the elements of other files stand in the place of what names these.
+Elements of included files replace the ``include`` elements.
 """
 
 from __future__ import annotations
@@ -100,25 +100,25 @@ IN_BODIES = (
     *SEEN,
 )
 REFERRING = ("tendon", "equality", "actuator")
-# What a mechanism has to do with. MuJoCo is not given the rest, which may need missing files.
+# Sections that affect a mechanism. MuJoCo does not get the others, which may need missing files.
 SECTIONS = (
     *("compiler", "option", "extension", "asset", "default", "worldbody", "keyframe"),
     *REFERRING,
 )
 OF_KEYS = ("name", "qpos", "qvel")
-# What to do about what MuJoCo says.
+# Advice for MuJoCo's errors.
 ADVICE = {"only HINGE and SLIDE": ": write it as such joints, or hold its body by <weld>"}
-# Kinds of elements by what the names of their arrays begin with.
+# Kinds of elements by the prefix of their arrays' names.
 KINDS = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "eq": "equality"}
 KINDS |= {"tendon": "tendon", "key": "key"}
 
 
 class Compiled:
-    """What MuJoCo makes of a file.
+    """A file compiled by MuJoCo.
 
     Attributes:
         source: the file.
-        said: what :func:`hapticmech_ros.files.mjcf_compiler.compiled` returns.
+        said: result of :func:`hapticmech_ros.files.mjcf_compiler.compiled`.
         elements: name, line in the text and type of each, by kind.
 
     Raises:
@@ -222,7 +222,7 @@ class Compiled:
     def _finite(self, name: str) -> np.ndarray:
         """Return an array, whose numbers are finite and of a size that a scene has.
 
-        A range may be of any size: what is beyond that of a scene is no stop.
+        A range may be of any size: one beyond a scene's is no stop.
         """
         found = np.array(self.said[name], dtype=float)
         largest = np.inf if name == "jnt_range" else LARGEST

@@ -114,7 +114,7 @@ class Equalities:
         self.reasons.setdefault(joint, reason)
 
     def _settle(self) -> None:
-        """Lock what follows joints that are locked: nothing is left to couple there."""
+        """Lock joints that follow locked joints: no coupling is left there."""
         before = -1
         while before != len(self.couplings):
             before = len(self.couplings)

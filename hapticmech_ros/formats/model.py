@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What any of the formats says of a mechanism: bodies, joints, loop joints, and the rest.
+"""A file's mechanism, in any format: bodies, joints, loop joints, and the rest.
 
 A joint carries a body from another; a body that two joints carry closes a loop.
 """
@@ -24,11 +24,11 @@ DRAWN = "pictures are drawn from the joints"
 # Drake's tags for rotors, in URDF and SDFormat.
 ROTOR, GEAR = "drake:rotor_inertia", "drake:gear_ratio"
 ROTOR_ELSEWHERE = "rotor of no revolute or prismatic joint"
-WHY_ELSEWHERE = "say armature of the joints that it moves"
+WHY_ELSEWHERE = "write armature at the joints that it moves"
 # A loop of the file that the scene has not closed; its notes come first.
 LEFT_OPEN = "loop left open"
-SENSED = "nothing is sensed but poses and wrenches"
-# Elements that only pictures and sensors have to do with; and motors, controllers, contacts.
+SENSED = "only poses and wrenches are sensed"
+# Elements for pictures and sensors only; and motors, controllers, contacts.
 _UNFELT = ("visual", "material", "geom", "camera", "light", "sensor")
 _IDLE = (
     *("actuator", "transmission", "ros2_control", "safety_controller", "calibration", "flag"),
@@ -38,12 +38,12 @@ _IDLE = (
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something in a file that the scene does not have, or has otherwise.
+    """Something in a file that the scene lacks or represents differently.
 
     Attributes:
         what: element or attribute.
         count: how many of them.
-        why: what this means, or where to say it instead.
+        why: the effect, or where to write it instead.
     """
 
     what: str
@@ -57,9 +57,9 @@ class Note:
 
     @property
     def rank(self) -> int:
-        """Where it is listed: loops left open (0), what else may change the mechanism (1), ...
+        """Its place in lists: loops left open (0), others that may change the mechanism (1), ...
 
-        Then what drives it or touches it (2), and what is drawn or sensed (3).
+        Then drives and contacts (2), and pictures and sensors (3).
         """
         if self.what.startswith(LEFT_OPEN):
             return 0
@@ -160,12 +160,12 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A shape of the file for collisions; what is wrong with it is said once it is needed.
+    """A shape of the file for collisions; its errors are raised once it is needed.
 
     Attributes:
-        name: as in the file; empty if it says none.
+        name: as in the file; empty if it has none.
         body: that it is fixed in, or ``world``.
-        kind: of a scene's geometries; else the file's word for what no scene has.
+        kind: of a scene's geometries; else the file's own kind.
         what: element, for notes.
         read: returns its frame in the body, and its geometry as in a scene.
     """
@@ -182,7 +182,7 @@ State = float | Sequence[float]
 
 
 class Keyframe(NamedTuple):
-    """A named state: positions and rates of joints by the file's names; what is left out is 0."""
+    """A named state: positions and rates of joints by the file's names; others are 0."""
 
     q: Mapping[str, State]
     v: Mapping[str, State]
@@ -196,13 +196,13 @@ class Model:
         name: of the model.
         bodies: by name; ``world`` is not among them.
         hinges: joints; those that close loops are among them.
-        loop_joints, couplings, points, solids: see there.
+        loop_joints, couplings, points, solids: see their classes.
         visuals: shapes that are drawn.
-        gravity: (3,) m/s² if the file says so.
-        bases: where bodies that nothing carries are in the world; the origin if left out.
-        notes: what the scene does not have.
+        gravity: (3,) m/s² if the file has one.
+        bases: poses in the world of bodies that no joint carries; the origin if left out.
+        notes: of parts that the scene does not have.
         start: positions of joints, as in a scene's ``initial_state``, where these are not zero.
-        floating: how a body comes to float, for messages.
+        floating: why a body floats, for messages.
         keyframes: by name.
         where: "link" or "joint", and name -> line and element.
         locks: joints whose stops leave no travel, though the file has no such stops -> what it has.
@@ -231,12 +231,12 @@ class Imported:
     """A model as parts of a scene's document.
 
     Attributes:
-        document: ``name``, ``links``, ``closures`` and what else the file says.
+        document: ``name``, ``links``, ``closures`` and other keys from the file.
         places: name in the file -> link of the scene, or ``world``, and the frame in it.
         joints: name in the file -> name in the scene.
         shapes: by name in the scene, those for collisions; a scene has those that contacts name.
         tips: links at the ends of the tree, the one furthest from the world first.
-        notes: what the scene does not have, but shapes.
+        notes: of parts that the scene does not have, except shapes.
         keyframes: by name, with the scene's names of joints.
         where: link or joint of the scene -> line and element of the file.
         visuals: shapes that are drawn.

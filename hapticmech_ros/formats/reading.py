@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene whose links come from a file: ``model: robot.urdf`` beside what no such file can say."""
+"""A scene whose links come from a file: ``model: robot.urdf`` beside keys that no such file has."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from hapticmech_ros.scene.contacts import Shape
 from hapticmech_ros.scene.mechanism import ModelPart, Origin
 from hapticmech_ros.scene.validation import problems_of, written_document
 
-# What reads a file, by its outermost element.
+# Readers of files, by outermost element.
 READERS = {"robot": read_urdf, "mujoco": read_mjcf, "sdf": read_sdf}
 # A joint of MJCF has elements of that name wherever it is driven or sensed.
 LIMITS = dict.fromkeys(("link", "body", "model", "default"), LINK_LIMIT)
 LIMITS["joint"] = 10 * LINK_LIMIT
 WIDER = "model: {{joints: {{{}: {{locked: false, limits: null}}}}}} lets it move"
-# Nobody holds it but who takes it.
+# Without a hand in the scene, the hand pushes with zero wrench.
 NO_HAND: Document = {"kind": "constant_wrench"}
 
 
@@ -51,8 +51,8 @@ def read_model(path: Path, free_base: bool = False, name: str = "") -> Imported:
     """Return the model in a URDF, MJCF or SDF file.
 
     Args:
-        path: of the file; what it is, its outermost element says.
-        free_base: whether bodies that nothing carries float; they are the world otherwise.
+        path: of the file; its outermost element determines the format.
+        free_base: whether bodies that no joint carries float; they are the world otherwise.
         name: of the model, in an SDF file with several.
 
     Raises:
@@ -75,7 +75,7 @@ def read_model(path: Path, free_base: bool = False, name: str = "") -> Imported:
 
 
 def _refuse_many(source: Source) -> None:
-    """Refuse what is too large for a scene before anything is made of it."""
+    """Refuse a file that is too large for a scene before converting it."""
     counts = Counter(node.tag for node in source.root.walk())
     for tag, limit in LIMITS.items():
         if counts[tag] > limit:
@@ -83,7 +83,7 @@ def _refuse_many(source: Source) -> None:
 
 
 class LeftOut(NamedTuple):
-    """What the model's file of a scene has and the scene has not.
+    """Parts of a scene's model file that the scene lacks.
 
     Attributes:
         notes: kinds of elements.
@@ -95,7 +95,7 @@ class LeftOut(NamedTuple):
 
 
 def left_out(path: Path) -> LeftOut:
-    """Return what the model's file of a scene has and the scene has not; nothing without one.
+    """Return the parts of a scene's model file that the scene lacks; nothing without one.
 
     Raises:
         SceneError: see :func:`read_model`.
@@ -112,10 +112,10 @@ def left_out(path: Path) -> LeftOut:
 
 
 def drawn_shapes(path: Path) -> tuple[Shape, ...]:
-    """Return what the model's file of a scene draws; nothing without one.
+    """Return the drawn shapes of a scene's model file; nothing without one.
 
-    That is its visual shapes, or, without any, the collision shapes that the scene has not. What
-    cannot be read is left out: nobody feels it.
+    They are its visual shapes, or, without any, the collision shapes that the scene has not.
+    Unreadable ones are left out: they do not affect the mechanism.
 
     Raises:
         SceneError: see :func:`read_model`.
@@ -168,12 +168,11 @@ def _named(error: SceneError, links: list[Document], imported: Imported, file: s
 
 
 def expand(document: Mapping[str, Any], source: Path) -> Document:
-    """Return a scene's document with ``model`` replaced by what that file says.
+    """Return a scene's document with ``model`` replaced by the contents of that file.
 
-    What the document says itself goes before the file. Names of the file stand for the links and
-    joints that became of them. Where it is silent: the point held is the tip of the longest branch,
-    nobody pushes, joints whose zero is beyond a stop start there, and stops get a stiffness (see
-    ``with_stops``).
+    The document's own keys override the file. Names of the file refer to the links and joints made
+    from them. Defaults: the point held is the tip of the longest branch, the hand does not push,
+    joints whose zero is beyond a stop start there, and stops get a stiffness (see ``with_stops``).
 
     Args:
         document: as written.
@@ -188,7 +187,7 @@ def expand(document: Mapping[str, Any], source: Path) -> Document:
     found: Document = {"hand": NO_HAND, **imported.document}
     own = _in_links({k: v for k, v in document.items() if k != "model"}, imported)
     if "links" in own:
-        rule = "links come from the model: say one or the other"
+        rule = "links come from the model: give one or the other"
         raise scene_error(str(source), "links", own["links"], rule)
     own = with_shapes(own, imported, str(source))
     for key in ("closures", "couplings"):
@@ -219,7 +218,7 @@ def _model_part(written: object, source: Path) -> ModelPart:
 
 
 def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
-    """Put a keyframe's state in the place of its name; what the scene says besides goes before it.
+    """Replace a keyframe's name by its state; the scene's own values override it.
 
     Raises:
         SceneError: no such keyframe.
@@ -241,7 +240,7 @@ def _begin_at_keyframe(own: Document, imported: Imported, source: str) -> None:
 
 
 def _merged(state: Document, own: object) -> object:
-    """Return where a file starts, but for what the scene says of that."""
+    """Return a file's initial state, overridden by the scene's."""
     if not isinstance(own, Mapping) or not isinstance(own.get("q", {}), Mapping):
         return own
     return {**own, "q": {**state["q"], **own.get("q", {})}}
@@ -296,7 +295,7 @@ def _placed(item: object, imported: Imported) -> object:
 
 
 def _changed(link: Document, part: ModelPart, imported: Imported) -> Document:
-    """Return a link with what the scene says of its joint."""
+    """Return a link with the scene's changes to its joint."""
     for name, change in part.joints.items():
         if imported.joints.get(name, name) == link["joint"]["name"]:
             given = change.model_dump(exclude_unset=True)
@@ -323,7 +322,7 @@ def _refuse_unknown(part: ModelPart, imported: Imported, source: Path) -> None:
 
 
 def _refuse_absent(own: Document, imported: Imported, source: str) -> None:
-    """Refuse what the scene says of joints that the file has and the scene has not."""
+    """Refuse values for joints that the file has and the scene has not."""
     said = []
     state = own.get("initial_state")
     if isinstance(state, Mapping):
@@ -345,7 +344,7 @@ def _refuse_absent(own: Document, imported: Imported, source: str) -> None:
 
 
 def _transform(origin: object) -> pin.SE3 | None:
-    """Return a written origin; None where it is not one, which validation then says."""
+    """Return a written origin; None if invalid, which validation then reports."""
     try:
         return se3(Origin.model_validate(origin))
     except ValidationError:

@@ -43,7 +43,7 @@ from hapticmech_ros.scene.part import LARGEST
 # Of the sine of the angle between axes that are one, as files of six digits have them.
 PARALLEL = 1e-3
 INEXACT = "gearbox"
-WHY_INEXACT = "not between two hinges on its reference body: say a coupling in a scene file"
+WHY_INEXACT = "not between two hinges on its reference body: write a coupling in a scene file"
 
 
 JOINT_TYPES = {
@@ -68,8 +68,8 @@ WHY = {
     "mimic of a second axis": "joints have one axis",
     INEXACT: WHY_INEXACT,
     **loops.WHY,
-    "limit effort": "nothing drives a joint but the hand and what the scene says",
-    "limit velocity": "nothing drives a joint but the hand and what the scene says",
+    "limit effort": "joints have no motors: only the hand and the scene move them",
+    "limit velocity": "joints have no motors: only the hand and the scene move them",
 }
 UNKNOWN = "not of a mechanism, or not known"
 FLAGS = {"true": True, "1": True, "false": False, "0": False}
@@ -126,7 +126,7 @@ def read_joints(
         joints: their elements.
         poses: of its links, by name, in the model's frame.
         bodies: its links; those without mass that joints need are added.
-        notes: kinds of what is not read, to add to.
+        notes: kinds of elements that are not read, to add to.
 
     Raises:
         SceneError: it breaks a rule; names line, element, value and rule.
@@ -270,7 +270,7 @@ class _Reader:
         return self.source.inside(node, tag, (default,), largest)[0]
 
     def hinges(self, joint: Node, bodies: dict[str, Body]) -> list[Joint]:
-        """Return what an element is: a joint, or several with bodies without mass between."""
+        """Return an element's joint, or several with bodies without mass between."""
         hinge, kind = self._hinge(joint, bodies), self.source.text(joint, "type")
         if kind in UNIVERSAL:
             return self._universal(joint, hinge, bodies)
@@ -291,7 +291,7 @@ class _Reader:
         place = self.frames.pose(name, joint)
         before, behind = (self.frames.pose(body, joint) for body in (parent, child))
         moves = kind not in ("ball", "fixed")
-        # What the joint feels of a rotor that Drake's tags give it, kg m² or kg.
+        # The reflected inertia of a rotor from Drake's tags, kg m² or kg.
         armature = self._number(joint, GEAR, 1.0) ** 2 * self._number(joint, ROTOR, 0.0)
         self.notes[ROTOR_ELSEWHERE] += armature != 0.0 and not moves
         ends = before.actInv(place), place.actInv(behind)
@@ -306,7 +306,7 @@ class _Reader:
         return replace(self._about(axis, found, place, joint), armature=armature)
 
     def _about(self, axis: Node, hinge: Joint, place: pin.SE3, joint: Node) -> Joint:
-        """Return a joint with an axis, and what acts and stops about it."""
+        """Return a joint with an axis, and its forces and stops."""
         dynamics = axis.first("dynamics")
         endless = self.source.text(joint, "type") == "continuous"
         return replace(
@@ -364,7 +364,7 @@ class _Reader:
         return [turning_part, sliding]
 
     def _mimic(self, joint: Node, axis: Node) -> None:
-        """Read what an axis mimics, if anything."""
+        """Read an axis's mimic, if any."""
         source, written = self.source, axis.first("mimic")
         if written is None:
             return
@@ -415,7 +415,7 @@ class _Reader:
         """Read a gearbox as a coupling of two hinges; it is noted if these are not there.
 
         With θ₁ from the reference body to the parent about ``axis``, and θ₂ from it to the child
-        about ``axis2``, SDFormat says θ₂ = -ratio θ₁.
+        about ``axis2``, SDFormat has θ₂ = -ratio θ₁.
         """
         reference, parent, child = (
             self.frames.body_of(self.frames.end_name(joint, end), joint, bodies)

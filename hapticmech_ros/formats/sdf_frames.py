@@ -34,8 +34,8 @@ def open_includes(source: Source) -> None:
     """Put models of included files where these are included, with the include's name and pose.
 
     A file is looked for from the folder of the file that includes it: a path, or the folder of a
-    model, which is there or beside that folder. Nothing else is searched, and no network. What a
-    world includes and is not there, such as its sun, stays an ``include``.
+    model, which is there or beside that folder. Nothing else is searched, and no network. A world's
+    include without a file, such as its sun, stays an ``include``.
 
     Raises:
         SceneError: no such file, no model in it, too many, or files that include each other;
@@ -54,7 +54,7 @@ class _Includes:
             self._open(scope, (path,), root.attributes.get("version", ""))
 
     def _open(self, scope: Node, files: tuple[Path, ...], version: str, depth: int = 1) -> None:
-        """Open what is included in a world or model, and in the models in it."""
+        """Open the includes of a world or model, and of the models in it."""
         for place, child in enumerate(scope.children):
             if child.tag == "include":
                 is_optional = scope.tag == "world"
@@ -131,7 +131,7 @@ def _placed(model: Node, include: Node) -> Node:
 
 
 def _without_frame(joint: Node) -> Iterator[Node]:
-    """Yield the axes of a joint that do not say whose axes they are in."""
+    """Yield the axes of a joint that name no frame."""
     for tag in ("axis", "axis2"):
         for axis in joint.all(tag):
             if axis.first(FRAME) is None:
@@ -148,7 +148,7 @@ class Frames:
 
     Attributes:
         source: its file.
-        poses: in the world, as far as they were asked for.
+        poses: in the world, as far as computed.
         scopes: the models that links, joints, frames and models are in.
         canonical: by name of a model's frame, the link that moves it; empty if there is none.
         nodes: elements of all of these by name; joints, frames: those of a kind.
@@ -164,10 +164,10 @@ class Frames:
     frames: dict[str, Node] = field(default_factory=dict)
 
     def place(self, node: Node, scope: Scope) -> None:
-        """Note where a link, joint, frame or model is said to be: in what other, and how.
+        """Record the frame and the pose in it of a link, joint, frame or model.
 
         Raises:
-            SceneError: a name that is there twice.
+            SceneError: a name that occurs twice.
         """
         name = self.source.text(node, "name")
         if name in self.placed or name in (WORLD, HERE):
@@ -188,7 +188,7 @@ class Frames:
             named[name] = node
 
     def written(self, node: Node) -> tuple[str, pin.SE3]:
-        """Return what an element's pose is relative to, empty if it does not say, and the pose.
+        """Return the frame of an element's pose, empty if it names none, and the pose.
 
         Raises:
             SceneError: a frame or a format of rotations that is not supported.
@@ -197,7 +197,7 @@ class Frames:
         if written is None:
             return "", pin.SE3.Identity()
         if written.attributes.get("frame", ""):
-            rule = "frames of SDFormat 1.6 and before are not read: say relative_to"
+            rule = "frames of SDFormat 1.6 and before are not read: use relative_to"
             raise self.source.error(written, written.attributes["frame"], rule)
         if written.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
             rule = "rotations must be euler_rpy"
@@ -275,7 +275,7 @@ class Frames:
         return name
 
     def _carrier(self, name: str, node: Node) -> str:
-        """Return what a frame, joint or model is fixed in."""
+        """Return the name of the frame that a frame, joint or model is fixed in."""
         if name in self.joints:
             return self.end_name(self.joints[name], "child")
         if name in self.frames:
@@ -322,7 +322,7 @@ class Scope:
 
 
 def opened(source: Source, model: Node, prefix: str = "") -> Iterator[tuple[Node, Scope]]:
-    """Yield what is in a model and in the models in it, with names from outside.
+    """Yield the elements of a model and of the models in it, with names from outside.
 
     A model in it comes as an element of that kind, with its frame's name and its pose alone.
 

@@ -36,18 +36,18 @@ _NAME = re.compile(rb"<name>\s*([^<>\s]+)\s*</name>")
 def find_mesh(source: Source, node: Node, name: str, folder: Path) -> Path:
     """Return the file of a mesh.
 
-    ``package://p/...`` and ``model://p/...`` are in a folder called p, or whose ``package.xml``
-    says that name: one of those above the file that names it, one next to these, or one in the
-    folders that ``PLACES`` has.
+    ``package://p/...`` and ``model://p/...`` are in a folder called p, or whose ``package.xml`` has
+    that name: one of those above the file that names it, one next to these, or one in the folders
+    that ``PLACES`` has.
 
     Args:
         source: file that names the mesh.
         node: its element, for errors.
         name: as written.
-        folder: what relative paths are from.
+        folder: of relative paths.
 
     Raises:
-        SceneError: no such file; says where it was searched for.
+        SceneError: no such file; names the folders searched.
     """
     scheme, separator, rest = name.partition("://")
     if not separator:
@@ -108,7 +108,7 @@ def _folders_shown(places: list[Path]) -> str:
     return f"{shown}" + (f" and {more} more" if more else "")
 
 
-# What a scene has.
+# A scene's shapes.
 KINDS = ("sphere", "box", "cylinder", "capsule", "half_space", "mesh")
 NAMES_SHOWN = 20
 NAMEABLE = "a contact of a scene file can name it"
@@ -137,12 +137,12 @@ def with_shapes(document: Document, imported: Imported, source: str) -> Document
     Shapes that the scene has itself go before the model's of that name.
 
     Args:
-        document: what the scene says.
+        document: of the scene.
         imported: its model.
         source: of the scene, for errors.
 
     Raises:
-        SceneError: no such shape, or what the file says of it is none, or its mesh is not there.
+        SceneError: no such shape, or an invalid one in the file, or its mesh is missing.
     """
     contacts = document.get("contacts")
     if not isinstance(contacts, list | tuple):
@@ -178,7 +178,7 @@ def used(document: Mapping[str, Any], imported: Imported) -> list[str]:
 
 
 def notes_of_shapes(imported: Imported, without: Collection[str] = ()) -> list[Note]:
-    """Return what to say of a model's shapes, but those in a scene."""
+    """Return notes of a model's shapes, except those in a scene."""
     left = [solid for name, solid in imported.shapes.items() if name not in without]
     counts = Counter((s.what if s.kind in KINDS else f"{s.what}: {s.kind}") for s in left)
     plain = {solid.what for solid in left}
@@ -187,7 +187,7 @@ def notes_of_shapes(imported: Imported, without: Collection[str] = ()) -> list[N
     ]
 
 
-# Of shapes in URDF and SDF: what their sizes are called, there and in scenes; and how many numbers.
+# Of shapes in URDF and SDF: names of their sizes, there and in scenes; and how many numbers.
 SIZES = {
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -205,7 +205,7 @@ def sized(
         source: the file.
         node: its element.
         kind: of shape.
-        read: returns so many numbers by what they are called.
+        read: returns so many numbers by the size's name.
 
     Raises:
         SceneError: a size that is not above zero.
@@ -242,7 +242,7 @@ def _own(document: Mapping[str, Any]) -> set[str]:
 
 
 def _ends(contacts: Iterable[object]) -> Iterator[tuple[int, str, str]]:
-    """Yield index, side and shape of what contacts join, where that is a name."""
+    """Yield index, side and shape of contacts' shapes, where that is a name."""
     for index, contact in enumerate(contacts):
         for side in ("a", "b"):
             name = contact.get(side) if isinstance(contact, Mapping) else None
@@ -268,7 +268,7 @@ def document_of_shape(name: str, solid: Solid, imported: Imported) -> Document:
     """Return a shape of a model as a scene has it; of no link, it is in the world.
 
     Raises:
-        SceneError: what the file says of it is no shape, or its mesh is not there.
+        SceneError: an invalid shape in the file, or its mesh is missing.
     """
     place, geometry = solid.read()
     link, own = imported.places.get(solid.body, ("world", pin.SE3.Identity()))

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What files do not say of starts, stops, friction and metrics, and a scene needs: by a rule."""
+"""Adds what files lack and scenes need, by a rule: starts, stops, friction and metrics."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from hapticmech_ros.mechanism.inertia import SingularInertiaError, cholesky_of_u
 from hapticmech_ros.mechanism.model import authored_state, build_tree
 from hapticmech_ros.scene import Scene, scene_from_document
 
-# A stop and what its joint moves swing at this over the step, rad: explicit rules allow 2.8 of the
-# square root of the inertia's changes, so that it may fall to a hundredth before they do not.
+# A stop and its joint's inertia oscillate at this over the step, rad: explicit rules allow 2.8, and
+# so the inertia may fall to a hundredth.
 SWING = 0.3
-# Of the damping at which they would swing no more.
+# Of critical damping.
 DAMPING_RATIO = 0.5
 # Depth at which a stop has that damping, rad or m.
 DEPTH = 0.01
-# Friction slows what its joint moves by this share of the step at most: explicit rules allow 2.
+# Friction slows its joint by at most this share in a step: explicit rules allow 2.
 SLOWED = 0.3
 FRICTION_SPEED = 0.01
 
 
 def with_stops(document: Document, source: str) -> Document:
-    """Return a document whose stops have a stiffness, and whose friction does not shake.
+    """Return a document whose stops have a stiffness, and whose friction does not chatter.
 
     With m the inertia that a joint meets where the scene starts, 1 / (D⁻¹)_cc, and T the step:
-    stiffness (0.3 / T)² m, damping 2 · 0.5 √(k m) at a depth of 0.01, and Coulomb friction f turns
-    around within f T / (0.3 m), but 0.01 at the least. What the document says stays.
+    stiffness (0.3 / T)² m, damping 2 · 0.5 √(k m) at a depth of 0.01, and Coulomb friction f
+    reverses within f T / (0.3 m), at least 0.01. The document's own values stay.
     """
     without = [_bared(link) for link in document["links"]]
     scene = scene_from_document({**document, "links": without}, source)
@@ -60,7 +60,7 @@ def with_stops(document: Document, source: str) -> Document:
 def with_start(document: Document) -> Document:
     """Return a document in which joints whose zero is beyond a stop start at that stop.
 
-    Where the document says where a joint starts, it starts there.
+    A start in the document is kept.
     """
     state = document.get("initial_state", {})
     if not isinstance(state, dict) or not isinstance(state.get("q", {}), dict):
@@ -122,14 +122,14 @@ def _stop(limits: dict[str, Any], inertia: float, period: float) -> Document:
 
 
 def _inertia_met(scene: Scene) -> dict[str, float]:
-    """Return by name of the joint what it would have to move, the others free."""
+    """Return the inertia that each joint moves, by its name, with the others free."""
     tree = build_tree(scene)
     model, (q, _) = tree.pinocchio, authored_state(scene, tree)
     inertia = pin.crba(model, model.createData(), q).reshape(model.nv, model.nv)
     try:
         factor = cholesky_of_upper(inertia)
     except SingularInertiaError:
-        return {}  # a joint moves no mass, which the mechanism refuses, and says how to mend
+        return {}  # a joint moves no mass: the mechanism refuses that with advice
     mobile = np.square(np.linalg.inv(factor)).sum(axis=0)  # diagonal of D⁻¹ = L⁻ᵀ L⁻¹
     return {
         name: 1.0 / float(mobile[tree.velocity_slice(i)][0])

@@ -38,7 +38,7 @@ from hapticmech_ros.formats.model import (
 from hapticmech_ros.formats.shapes import named
 from hapticmech_ros.scene.rules import VELOCITY_SIZE
 
-# Moments this far below zero, as a share of the largest, are rounding of what was written.
+# Moments this far below zero, as a share of the largest, are rounding of the file.
 ROUNDING = 1e-6
 # kg m², below which a moment is rounding in any case.
 NO_INERTIA = 1e-12
@@ -47,9 +47,9 @@ NO_INERTIA = 1e-12
 def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
     """Return a physically possible inertia (3, 3), kg m², and whether it had to be changed.
 
-    No body has a principal moment above the sum of the other two; files have. The smaller two are
-    raised by half of what is missing each. Moments clearly below zero are left for the scene's
-    rules to refuse.
+    No body has a principal moment above the sum of the other two, but files have such. Each of the
+    smaller two is raised by half of the difference. Moments clearly below zero are left for the
+    scene's rules to refuse.
 
     Args:
         inertia: (3, 3) about the centre of mass, kg m², any axes; the result has the same.
@@ -67,7 +67,7 @@ def balanced(inertia: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 LINK_LIMIT = 1000
-# Degrees of freedom: what Pinocchio keeps of a model grows with their cube, 64 bytes times that.
+# Degrees of freedom: Pinocchio's memory for a model grows with their cube, times 64 bytes.
 RATE_LIMIT = 200
 # rad or m; a stop beyond this is none, as SDFormat has it.
 NO_LIMIT = 1e15
@@ -75,7 +75,7 @@ NO_CUT = (
     f"closes a loop, which only these can: {sorted(LOOP_JOINTS)}; nor is any other joint of its "
     "loop one: make a link of it of two parts, and join these by a fixed joint"
 )
-NO_SENSE = "a hinge that closes a loop is a bare one: say springs and dampers in a scene file"
+NO_SENSE = "a loop-closing joint is a hinge only: write springs and dampers in a scene file"
 NO_POSITION = "it has no position of its own to be coupled or started at"
 RAISED = "a principal moment was above the sum of the others, which were raised alike to meet it"
 Place = tuple[str, pin.SE3]
@@ -85,10 +85,10 @@ def to_scene(model: Model, source: str, free_base: bool = False) -> Imported:
     """Return a model as parts of a scene.
 
     A body that no hinge carries is the world itself, or floats if the base is free. Frames of links
-    are those of their joints: bodies may have others, which ``places`` tells.
+    are those of their joints: ``places`` has the bodies' own.
 
     Args:
-        model: what a file says.
+        model: of a file.
         source: file, for messages.
         free_base: whether such a body floats.
 
@@ -271,7 +271,7 @@ class _Builder:
         return _Builder(model, self._source, self._free, [*self._cut, cut])
 
     def _cost_of_cut(self, hinge: Joint) -> tuple[object, ...]:
-        """Return what cutting a joint costs: a coupling, a link without mass, what acts in it."""
+        """Return the cost of cutting a joint: by a coupling, a link without mass, forces in it."""
         model = self._model
         known = any(hinge is one for one in model.hinges)
         coupled = any(hinge.name in (one.joint, one.leader) for one in model.couplings)
@@ -428,7 +428,7 @@ class _Builder:
         notes += self._model.notes
         acting = [hinge for hinge in self._closing if _acts(hinge)]
         if acting:
-            notes.append(Note("what acts in joints that close loops", len(acting), NO_SENSE))
+            notes.append(Note("forces in joints that close loops", len(acting), NO_SENSE))
         if self._dropped:
             notes.append(
                 Note("inertia without mass", self._dropped, "a body without mass has none")

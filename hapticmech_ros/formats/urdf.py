@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""URDF: links, joints, inertias, limits and what acts in joints; a scene file adds the loops.
+"""URDF: links, joints, inertias, limits and forces in joints; a scene file adds the loops.
 
 Gazebo's tags in URDF: joints that close loops, links without gravity, springs of joints.
 """
@@ -53,7 +53,7 @@ SPRING = ("springStiffness", "springReference")
 
 @dataclass
 class GazeboTags:
-    """What Gazebo's tags say.
+    """Contents of Gazebo's tags.
 
     Attributes:
         hinges: those of URDF with their springs, and joints of theirs.
@@ -82,7 +82,7 @@ class GazeboTags:
             source: the file.
             tags: its elements ``gazebo``.
             joints: elements of URDF's joints by name.
-            notes: kinds of what is not read, to add to.
+            notes: kinds of elements that are not read, to add to.
 
         Raises:
             SceneError: a joint breaks a rule of SDFormat, or a value is none.
@@ -112,7 +112,7 @@ class GazeboTags:
             carried.setdefault(self.hinges[-1].child, self.hinges[-1].parent)
 
     def _is_of(self, source: Source, tag: Node, part: Node) -> bool:
-        """Return whether an element says something of a link or joint that is read."""
+        """Return whether an element of a link or joint is read."""
         name = tag.attributes.get("reference", "").strip()
         said = (part.attributes.get("value") or part.text).strip()
         if part.tag in GRAVITY and name in self.bodies:
@@ -219,7 +219,7 @@ JOINT_TYPES = {
     "floating": "free",
     "planar": "planar",
 }
-DRIVEN = "nothing drives a joint but the hand and what the scene says"
+DRIVEN = "joints have no motors: only the hand and the scene move them"
 WHY = {
     "visual": DRAWN,
     "safety_controller": "a virtual mechanism has no controller of its own",
@@ -327,7 +327,7 @@ def _name(node: Node) -> str:
 def _with_rotors(source: Source, hinges: Sequence[Joint], notes: Counter[str]) -> list[Joint]:
     """Return joints with the rotors that Drake's tags give them: ``drake:rotor_inertia``.
 
-    In a transmission's actuator, with ``drake:gear_ratio``; what the joint feels is the ratio
+    In a transmission's actuator, with ``drake:gear_ratio``; the reflected inertia is the ratio
     squared times the rotor's own.
     """
     alone = {hinge.name for hinge in hinges if hinge.type in ("revolute", "prismatic")}

@@ -22,12 +22,12 @@ FILE_SIZE_LIMIT = 8_000_000
 NODE_LIMIT = 200_000
 DEPTH_LIMIT = 200
 ATTRIBUTE_LIMIT = 100
-# A declaration at the start, before which files may have blank lines; what it is, and its encoding.
+# A declaration at the start, before which files may have blank lines; its text, and encoding.
 _DECLARATION = re.compile(r"(?:\xef\xbb\xbf)?(\s*)(<\?xml\s[^<>?]*\?>)")
 _ENCODING = re.compile(r"encoding\s*=\s*[\"']([^\"']*)[\"']")
 _BLANK = re.compile(r"(?:\xef\xbb\xbf)?\s*<\?\s+xml\s")
 _SHOWN = re.compile(r"[^\r\n]")
-# What is no markup, and where it ends.
+# Starts and ends of parts that are no markup.
 _APART = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
 _BEGIN = re.compile("|".join(re.escape(one) for one in _APART))
 
@@ -41,7 +41,7 @@ class Node:
         attributes: as written.
         line: where it begins.
         children: elements in it.
-        text: what is written in it.
+        text: in it.
         file: that it is in, if not the main one.
     """
 
@@ -251,13 +251,13 @@ class Source:
             if _BLANK.match(text):
                 rule += ": its declaration must begin with <?xml, without a blank before xml"
             raise FileError(file, said, rule, f"line {error.lineno}") from None
-        except (ValueError, LookupError) as error:  # an encoding that nobody knows
+        except (ValueError, LookupError) as error:  # an unknown encoding
             raise FileError(file, str(error), "not valid XML") from None
         return above[0].children[0]
 
 
 def _as_parsers_take_it(text: str) -> tuple[str, str | None]:
-    """Return a text in which expat finds what libxml and TinyXML find, lines as they were.
+    """Return a text that expat parses like libxml and TinyXML, with the same lines.
 
     Comments with two hyphens in them are blank; so is a declaration after blank lines, or one that
     calls UTF-8 ``utf8``. Also return the encoding that such a declaration gave.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An Inverse service with an Inverse3, both simulated: for tests, and for trying without a device.
 
-It answers as the service's documentation says, see :mod:`~hapticmech_ros.haply.messages`, with the
-mechanics of the scene's device and hand behind it, in real time. How long the real service gives a
+It answers by the service's documentation, see :mod:`~hapticmech_ros.haply.messages`, with the
+mechanics of the scene's device and hand behind it, in real time. How long the real service keeps a
 force after the last message is not documented; here it is ``idle_after``.
 """
 
@@ -35,7 +35,7 @@ BUTTONS = ("a", "b", "c")
 # Where the cursor is at the start, in the axes of the device's base, m: in the middle of its reach.
 START = np.array([0.0, -0.15, 0.2])
 # s: a step of the mechanics, the longest stall that is caught up, how often they go on without a
-# message, and how long a client may take to say that it has heard of the end.
+# message, and how long a client may take to acknowledge the end.
 STEP, _LONGEST_STALL, _IDLE_ROUND, _CLOSING = 0.00025, 0.2, 0.002, 0.5
 _GROUP = "wireless_verse_grip"
 TRACE_HEADING = "time,x,y,z,fx,fy,fz,hx,hy,hz\n"
@@ -58,14 +58,14 @@ class Press:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What the service does wrong.
+    """Simulated faults of the service.
 
     Attributes:
         delay: s by which each answer is late.
         jitter: s, further, evenly distributed from 0.
         garbage: share of answers that are changed at random.
         silent: share of messages that are not answered, and not obeyed.
-        seed: of what is random.
+        seed: of random numbers.
     """
 
     delay: float = 0.0
@@ -109,7 +109,7 @@ class EmulatedInverse3:
                 rule = "must be pressed at 0 s or later, and released after that"
                 raise InvalidInputError(f"press of {one.button}", (one.start, one.end), rule)
         self._presses = tuple(presses)
-        # What its driver adds to commands is the driver's business.
+        # The client's driver adds compensation to commands.
         known = {"compensation": Compensation(), "force_sensor": "measured", "substeps": 1}
         planar = scene.task_space == "planar"
         device = scene.device.model_copy(update=known)
@@ -157,7 +157,7 @@ class EmulatedInverse3:
             self._record(NO_WRENCH if command is None else command)
 
     def state(self) -> dict[str, Any]:
-        """Return what a frame says of the cursor."""
+        """Return the cursor's part of a frame."""
         state = self._state
         position = START + self._mounting.T @ state.measured_pose.translation
         velocity = self._mounting.T @ state.measured_twist[:3]
@@ -172,7 +172,7 @@ class EmulatedInverse3:
         }
 
     def grip(self) -> dict[str, Any]:
-        """Return what a frame says of the handle."""
+        """Return the handle's part of a frame."""
         since = self._ticks * STEP if self._held is not None else -1.0
         pressed = {one.button for one in self._presses if one.start <= since < one.end}
         buttons = {name: name in pressed for name in BUTTONS}
@@ -199,7 +199,7 @@ class Service:
 
     Args:
         device: behind it.
-        faults: what it does wrong; nothing if left out.
+        faults: to simulate; none if left out.
     """
 
     def __init__(self, device: EmulatedInverse3, faults: Faults | None = None) -> None:
@@ -248,12 +248,12 @@ class Service:
             self._device.idle()
 
     def _obey(self, message: str | bytes) -> bool:
-        """Do what a message says; return whether it asks for all that is known."""
+        """Execute a message; return whether it requests a full report."""
         try:
             document = json.loads(message)
             force = _commanded(document)
         except (ValueError, KeyError, TypeError, AttributeError):
-            # As the service does: what it does not know is ignored.
+            # Unknown commands are ignored, as by the service.
             return False
         if force is None:
             self._device.go_on()

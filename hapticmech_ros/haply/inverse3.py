@@ -29,7 +29,7 @@ from hapticmech_ros.scene import Scene
 WAIT_SHARE = 0.4
 # m and m/s: a cursor that is further from where it was has not moved there.
 _LEAP, _FASTEST = 0.02, 10.0
-# s without a device after which the service is asked again for all that it knows.
+# s without a device after which the service's first report is requested again.
 _ASK_AGAIN_S = 0.5
 
 
@@ -38,7 +38,7 @@ class Inverse3(RealDevice):
 
     Args:
         link: to the service.
-        scene: what is felt; its ``device`` describes the Inverse3.
+        scene: to render; its ``device`` describes the Inverse3.
         mounting: (3, 3) axes of the device's base in the world.
         device_id: of the Inverse3; empty: the only one there is.
         silence: s without a valid sample after which the connection is ended.
@@ -50,7 +50,7 @@ class Inverse3(RealDevice):
     Attributes:
         refused, connections_lost: counts of frames that break a rule, and of connections that
             ended.
-        known: what the service said of the device's configuration.
+        known: the device's configuration, from the service.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Inverse3(RealDevice):
             self._lose(self._link.problem)
         elif not self._identity:
             if not self._was_open:
-                # What the service knows is on its way.
+                # The service's first report is in flight.
                 self._was_open, self._asked = True, self._clock()
             self._find()
         elif self._left() < 0.0:
@@ -97,7 +97,7 @@ class Inverse3(RealDevice):
             now: by the clock, s.
 
         Returns:
-            Whether the force was sent, and what was measured; None without a sample.
+            Whether the force was sent, and the measurement; None without a sample.
         """
         # A message that still waits for its answer is not followed by another one.
         sent = self._link.send(force_command(self._identity, wrench[:3].tolist()))
@@ -119,12 +119,12 @@ class Inverse3(RealDevice):
             self._leave()
 
     def close(self) -> None:
-        """Command no force and end the connection, with which the service ends what it gives."""
+        """Command no force and end the connection, which makes the service end its force."""
         self.let_go()
         self._link.close()
 
     def figures(self) -> dict[str, str]:
-        """Return what diagnostics say of it."""
+        """Return its entries for diagnostics."""
         return {
             **super().figures(),
             "device_id": self._identity,
@@ -142,7 +142,7 @@ class Inverse3(RealDevice):
         return "constant" if self._cursor.orientation is None else "of the handle"
 
     def _find(self) -> None:
-        """Look for the device in what the service says on connection."""
+        """Look for the device in the service's first report."""
         frames, now = self._link.answers(0.0), self._clock()
         if not frames:
             if now - self._asked > _ASK_AGAIN_S and self._link.send(whole_state()):

@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of Haply's Inverse service on its simulation channel, JSON of version 3.1.
 
-On connection the service sends what it knows of every device, configuration included. From then on
+On connection the service sends a full report of every device, configuration included. From then on
 it answers each message with one frame, of states only (docs.haply.co/inverseSDK/service/realtime,
 pages websocket-protocol and control-commands, version 3.5 of the service). Lengths are in m, forces
 in N, quaternions w, x, y, z. Forces act until the next message; without one the device idles.
 
 A WebSocket to a service that answers each message once, without a thread and without waiting.
 
-The protocol is websockets' own, without its input and output; the socket is looked at when the
-caller has time. Of messages one at most is unanswered: a service that stands still must not find a
-queue of old forces when it goes on.
+The protocol is websockets' own, without its input and output; the caller polls the socket. At most
+one message is unanswered: a stalled service must not find a queue of old forces when it resumes.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.system.installation import refuse_unmet
 
-# The extra ``haply`` in setup.py says the same.
+# The same as the extra ``haply`` in setup.py.
 WEBSOCKETS = "websockets>=13"
 # s between attempts to connect, and for one of them.
 RETRY_S, CONNECT_S = 0.5, 2.0
@@ -81,7 +80,7 @@ class Link:
         return self._opened
 
     def look(self) -> None:
-        """Take what has come, and go on connecting if there is no connection; does not wait."""
+        """Receive without waiting, and go on connecting if there is no connection."""
         try:
             if self._socket is None:
                 self._begin()
@@ -145,7 +144,7 @@ class Link:
         found.connect_ex(address)
 
     def _go_on(self, link: socket.socket, wait: float) -> None:
-        """Take what has come within ``wait`` s.
+        """Receive for up to ``wait`` s.
 
         Raises:
             LinkError: the connection has ended.
@@ -169,7 +168,7 @@ class Link:
             raise LinkError("it has ended the connection")
 
     def _greet(self, link: socket.socket) -> None:
-        """Ask for a WebSocket once the connection is there."""
+        """Request a WebSocket once the connection is there."""
         _, writable, _ = select.select([], [link], [], 0.0)
         if not writable:
             if time.monotonic() > self._until:
@@ -183,7 +182,7 @@ class Link:
         self._flush(link)
 
     def _take(self) -> None:
-        """Take what the protocol makes of what has come."""
+        """Process the protocol's events of received bytes."""
         from websockets.frames import Frame, Opcode
 
         for event in self._protocol.events_received():
@@ -197,13 +196,13 @@ class Link:
                 if len(self._parts) > LONGEST_FRAME:
                     raise LinkError(f"a message of more than {LONGEST_FRAME} bytes")
                 if event.fin:
-                    # What is no UTF-8 is no JSON either, and refused as that.
+                    # Invalid UTF-8 is refused as invalid JSON.
                     self._frames.append(self._parts.decode(errors="replace"))
                     self._parts.clear()
                     self.unanswered = False
 
     def _flush(self, link: socket.socket) -> None:
-        """Send what the protocol has to send.
+        """Send the protocol's pending bytes.
 
         Raises:
             LinkError: it was not taken whole.
@@ -243,14 +242,14 @@ def _protocol(uri: str) -> Any:
 
 
 SERVICE = "ws://127.0.0.1:10001"
-# How Haply's Hub calls a session of this driver.
+# Name of this driver's session in Haply's Hub.
 PROFILE = "hapticmech_ros:haply_device"
-# What comes into a frame at most, bytes; those of one device are 2 kB long.
+# Longest frame, bytes; those of one device are 2 kB long.
 LONGEST_FRAME = 1 << 20
-# What a device of this size cannot exceed, m and m/s.
+# Limits of a device of this size, m and m/s.
 FARTHEST, FASTEST = 1.0, 20.0
 INVERSE3 = "inverse3"
-# Groups of handles that tell their orientation, and their buttons.
+# Groups of handles that report their orientation, and their buttons.
 _GRIPS = ("wireless_verse_grip", "verse_grip", "custom_verse_grip")
 _IDENTITY = {
     "position": {"x": 0.0, "y": 0.0, "z": 0.0},
@@ -259,9 +258,9 @@ _IDENTITY = {
 }
 _KINDS: dict[type, str] = {dict: "an object", list: "a list", str: "a text"}
 Kind = TypeVar("Kind", dict[str, Any], list[Any], str)
-# A quaternion's norm is 1 within this, of what sends single precision.
+# Tolerance of a quaternion's norm, in single precision.
 _NORM = 1e-2
-# Of a status: what is wrong if one is false.
+# Faults of a status, by the flag that is false.
 _STATUS = {
     "started": "it has not started",
     "power_supply": "its power supply is off: its motors give no force",
@@ -271,7 +270,7 @@ _STATUS = {
 
 
 class Cursor(NamedTuple):
-    """What a frame says of an Inverse3, along the axes of its base.
+    """An Inverse3's part of a frame, along the axes of its base.
 
     Attributes:
         position: (3,) m, from the base's origin.
@@ -303,12 +302,12 @@ def parsed(text: str | bytes) -> Mapping[str, Any]:
 
 
 class Found(NamedTuple):
-    """An Inverse3 as the service tells of it on connection.
+    """An Inverse3 in the service's first report.
 
     Attributes:
         device_id: of it.
-        known: what people should know of its configuration.
-        cursor: where it is.
+        known: notes on its configuration.
+        cursor: its position.
     """
 
     device_id: str
@@ -317,7 +316,7 @@ class Found(NamedTuple):
 
 
 def found_in(frame: Mapping[str, Any], wanted: str) -> Found | None:
-    """Return the Inverse3 that is wanted, from what the service says on connection.
+    """Return the wanted Inverse3, from the service's first report.
 
     Args:
         frame: from the service.
@@ -340,7 +339,7 @@ def found_in(frame: Mapping[str, Any], wanted: str) -> Found | None:
 
 
 def _device_of(frame: Mapping[str, Any], wanted: str) -> Mapping[str, Any] | None:
-    """Return what a frame says of the Inverse3 that is wanted; None if it says nothing of it."""
+    """Return the wanted Inverse3's part of a frame; None if it has none."""
     listed = _checked(list, frame.get(INVERSE3, []), INVERSE3)
     devices = [_object(one, INVERSE3) for one in listed]
     names = [_checked(str, one.get("device_id"), "device_id") for one in devices]
@@ -351,7 +350,7 @@ def _device_of(frame: Mapping[str, Any], wanted: str) -> Mapping[str, Any] | Non
 
 
 def _checked_configuration(device: Mapping[str, Any]) -> dict[str, str]:
-    """Return what people should know of a device's configuration, if it is as delivered."""
+    """Return notes on a device's configuration, if it is as delivered."""
     config = _object(device.get("config", {}), "config")
     basis = _object(config.get("basis", {}), "basis").get("permutation", "XYZ")
     if basis != "XYZ":
@@ -372,7 +371,7 @@ def _checked_configuration(device: Mapping[str, Any]) -> dict[str, str]:
 
 
 def cursor_of(frame: Mapping[str, Any], wanted: str) -> Cursor | None:
-    """Return what a frame says of the Inverse3 that is wanted; None if it says nothing of it.
+    """Return the wanted Inverse3's part of a frame; None if it has none.
 
     Args:
         frame: from the service.
@@ -410,13 +409,13 @@ def force_command(device_id: str, force: Sequence[float]) -> str:
 
 
 def greeting(device_id: str) -> str:
-    """Return the first message: who this is, and no force."""
+    """Return the first message: the session's name, and no force."""
     message = json.loads(force_command(device_id, (0.0, 0.0, 0.0)))
     return json.dumps({"session": {"configure": {"profile": {"name": PROFILE}}}, **message})
 
 
 def whole_state() -> str:
-    """Return the message that asks again for what the service says on connection."""
+    """Return the message that requests the service's first report again."""
     return json.dumps({"session": {"force_render_full_state": {}}})
 
 
@@ -431,7 +430,7 @@ def _grip_of(frame: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _orientation(grip: Mapping[str, Any]) -> Array | None:
-    """Return the orientation (3, 3) in the state of a handle, if it tells it."""
+    """Return the orientation (3, 3) in the state of a handle, if it has one."""
     if "orientation" not in grip:
         return None
     given = _numbers(grip["orientation"], "orientation", "wxyz", 1.0 + _NORM)
@@ -471,7 +470,7 @@ def _numbers(given: Any, name: str, keys: str, largest: float) -> list[float]:
 
 
 def _checked(kind: type[Kind], given: Any, name: str) -> Kind:
-    """Return what a frame says, if it is of a kind; a text that is empty is none."""
+    """Return the value in a frame, if it is of a kind; an empty text is none."""
     if not isinstance(given, kind) or given == "":
         raise InvalidInputError(name, given, f"must be {_KINDS[kind]}")
     return given

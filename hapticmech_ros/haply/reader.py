@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the cursor of an Inverse3 is, without commanding anything but no force.
+"""Reads the cursor of an Inverse3, and commands no force.
 
 How the base of a device stands in the world, from movements along two axes of the world.
 """
@@ -112,7 +112,7 @@ class CursorReader:
 
     Attributes:
         device_id: of the Inverse3 that was found.
-        known: what the service says of its configuration.
+        known: its configuration, from the service.
     """
 
     def __init__(self, uri: str, device_id: str = "") -> None:
@@ -151,7 +151,7 @@ class CursorReader:
         return cursor
 
     def _first(self) -> str:
-        """Return what the service says on connection."""
+        """Return the service's first report."""
         end = time.monotonic() + PATIENCE
         while not self._link.is_open:
             if time.monotonic() > end:

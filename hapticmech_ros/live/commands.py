@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the page tells the process that runs the session, and what it is told."""
+"""Commands from the page to the process that runs the session, and its reports."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hapticmech_ros.scene import Scene
 
 
 class Draggable(NamedTuple):
-    """What can be dragged: the device in a user's hand, or a link.
+    """A draggable body: the device in a user's hand, or a link.
 
     Attributes:
         kind: which of them.
@@ -27,13 +27,13 @@ class Draggable(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """A body is pulled to a place by a spring, until told otherwise or nothing more is heard.
+    """A spring pulls a body to a place, until another command or a timeout.
 
     Several bodies may be dragged at once, each to a place of its own.
 
     Attributes:
         body: that is pulled.
-        grip: (3,) where, in the link's frame, m; of a hand none is needed.
+        grip: (3,) where, in the link's frame, m; unused for a hand.
         goal: (3,) to where, m, world axes.
     """
 
@@ -98,10 +98,10 @@ class Tune:
 
 @dataclass(frozen=True, slots=True)
 class DragStiffness:
-    """How stiff the spring that drags is.
+    """Stiffness of the spring that drags.
 
     Attributes:
-        factor: times what is chosen for each body that is dragged.
+        factor: times the stiffness chosen for each dragged body.
     """
 
     factor: float
@@ -175,11 +175,11 @@ COMMANDS: frozenset[type] = frozenset(get_args(Command))
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """A scene has begun, or is held elsewhere: what is told from now on is of this one.
+    """A scene has begun, or is held elsewhere: later reports are of this one.
 
     Attributes:
         number: of openings; of states the same.
-        asked: what was asked for.
+        asked: the request.
         scene: as it is.
         users: operational points that are held, one by each user.
     """
@@ -192,7 +192,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """What was asked for cannot be had; all is as it was.
+    """A request was refused; nothing has changed.
 
     Attributes:
         reason: for people.
@@ -203,7 +203,7 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class UserState:
-    """What is seen of a user at a time.
+    """A user's state at a time, for the page.
 
     Attributes:
         point: operational point that is held.
@@ -215,7 +215,7 @@ class UserState:
         on_hand: (6,) by the device, likewise.
         on_mechanism: (6,) at the point held, by the hand through the controller, likewise.
         contact: (6,) F_c at the point held, likewise.
-        holding: what holds the device beside the mouse, for people.
+        holding: description of the hand that holds the device besides the mouse.
         immovable: why the mouse cannot drag it; empty if it can.
     """
 
@@ -252,7 +252,7 @@ class DragState:
 
 @dataclass(frozen=True, slots=True)
 class LiveState:
-    """What is seen at a time.
+    """The session's state at a time, for the page.
 
     Attributes:
         number: of the opening that it is of.
@@ -262,11 +262,11 @@ class LiveState:
         q: (nq,) configuration.
         active: per closure, whether it is closed.
         users: who hold the mechanism, in the order of ``Opened.users``.
-        drags: what is dragged, in the order in which it was taken hold of.
-        changed: what was tuned, ``key=value`` each.
+        drags: of dragged bodies, in the order of grabbing.
+        changed: tuned gains, ``key=value`` each.
         recording: folder of the bag that is recorded; empty for none.
-        error: what ended the session; empty while it lives.
-        told: what a running graph says of its rate, or what of it is not heard; empty of a session.
+        error: that ended the session; empty while it runs.
+        told: a running graph's rate, or its topics that are not received; empty for a session.
     """
 
     number: int
@@ -291,7 +291,7 @@ Report = Opened | Failed | LiveState
 
 
 class Backend(Protocol):
-    """What a page shows and moves; may be used from several threads.
+    """The session or graph behind a page; may be used from several threads.
 
     Attributes:
         takes: the commands of :data:`COMMANDS` that it obeys; the page has no controls for others.
@@ -302,10 +302,10 @@ class Backend(Protocol):
         """Commands that it obeys."""
 
     def send(self, command: Command) -> None:
-        """Tell it a command; nothing is waited for."""
+        """Send a command without waiting."""
 
     def news(self, timeout_s: float) -> list[Report]:
-        """Return what it has told: of states only the newest, the others in their order.
+        """Return its reports: of states only the newest, the others in their order.
 
         Args:
             timeout_s: how long to wait for anything.

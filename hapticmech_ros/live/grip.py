@@ -1,10 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What mice have got hold of: where it is, how it moves, and the wrench of each drag on it.
+"""Bodies dragged by mice: place and motion of each grip, and the wrench of each drag.
 
-The spring by which a mouse drags is sampled at every tick, like a controller: stiffness and damping
-are bounded by the mass that they move and the period, so that the spring itself is stable at any
-setting.
+The spring by which a mouse drags is sampled at every tick, like a controller: the moved mass and
+the period bound its stiffness and damping, and so it is stable at any setting.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from hapticmech_ros.scene import Scene
 
 # Of the sampled spring: at most this angle ω T a period, and this share of the velocity a period.
 MOST_ANGLE, MOST_BRAKING = 0.25, 0.25
-# A ray this near to the plane (sine of the angle) does not tell where on it somebody points.
+# A ray this near to the plane (sine of the angle) does not determine a point on it.
 _GRAZING = 0.05
 
 
@@ -87,7 +86,7 @@ def on_plane(eye: Array, seen: Array, height: float) -> Array:
     Where the ray grazes the plane, or leads away from it, it is the place seen put on the plane.
 
     Args:
-        eye: (3,) from where somebody looks.
+        eye: (3,) of the viewer.
         seen: (3,) on the ray.
         height: of the plane, m.
     """
@@ -102,14 +101,14 @@ def on_plane(eye: Array, seen: Array, height: float) -> Array:
 
 @dataclass(slots=True)
 class _Held:
-    """What a mouse has got hold of: its last command, and how its goal follows from a ray."""
+    """A grabbed body: its last command, and the data to find its goal from a ray."""
 
     drag: Drag
     height: float | None
     offset: Array
 
     def pointed_at(self, eye: Array, seen: Array) -> Array:
-        """Return where (3,) the ray from an eye (3,) through what is seen (3,) leads, m."""
+        """Return the point (3,) on the ray from an eye (3,) through a seen point (3,), m."""
         return np.array(seen) if self.height is None else on_plane(eye, seen, self.height)
 
 
@@ -119,7 +118,7 @@ class Mice:
     A client drags one body at a time, and a body is dragged by one client at a time.
 
     Args:
-        send: tells the session a command.
+        send: sends the session a command.
     """
 
     def __init__(self, send: Callable[[Command], None]) -> None:
@@ -189,9 +188,9 @@ class Mice:
             return self._holders()
 
     def repeat(self) -> None:
-        """Tell the session again what is dragged: without that it lets go by itself.
+        """Send the drags again: without that the session ends them.
 
-        A mouse that is held still says nothing, and its page is known to be there otherwise.
+        A mouse that is held still sends no events; this shows that its page is alive.
         """
         with self._lock:
             for held in self._held.values():
@@ -208,10 +207,10 @@ class Mice:
 
 # Share of a link's mass that a grip on it moves at once, at least: a rod's end moves a quarter.
 _SHARE_MOVED, _LEAST_MASS = 0.25, 1e-3
-# A drag of which nothing is heard for so long (s) has ended: its page hangs, or is gone. Its wrench
-# is to end within 0.2 s, whatever else the machine has to do.
+# A drag without commands for so long (s) has ended: its page hangs, or is gone. Its wrench must end
+# within 0.2 s, on a busy machine too.
 DRAG_TIMEOUT_S = 0.15
-# Bounds of the factor on the stiffness of what drags.
+# Bounds of the factor on the stiffness of the drag's spring.
 SOFTEST, STIFFEST = 0.1, 10.0
 
 
@@ -220,15 +219,15 @@ class Grip:
 
     Args:
         mechanism: that is held.
-        drag: what is dragged, and to where.
+        drag: the body, and its goal.
         spring: that pulls at first.
         now: s, of the caller's clock.
 
     Attributes:
         spring: that pulls.
-        force: (3,) on it when it was asked for last, N, world axes.
+        force: (3,) on it, computed last, N, world axes.
         place: (3,) where, m, world axes.
-        received: when it was heard of last, s.
+        received: time of its last command, s.
 
     Raises:
         InvalidInputError: no such link.
@@ -297,7 +296,7 @@ class Grip:
 
 
 class Dragging:
-    """The drags of a mechanism and of the devices on it, until let go or not heard of any more.
+    """The drags of a mechanism and of the devices on it, until released or timed out.
 
     Args:
         mechanism: that the devices hold.
@@ -307,7 +306,7 @@ class Dragging:
         analysis: of the point that a user holds, as it is now, by the name of the point.
 
     Attributes:
-        grips: what is held, in the order in which it was taken hold of.
+        grips: of dragged bodies, in the order of grabbing.
     """
 
     def __init__(
@@ -327,7 +326,7 @@ class Dragging:
         """Pull a body somewhere from now (s) on.
 
         Args:
-            drag: what, and to where.
+            drag: the body, and its goal.
             now: s, of the caller's clock.
 
         Raises:
@@ -365,7 +364,7 @@ class Dragging:
             grip.spring = self._spring(body)
 
     def expire(self, now: float) -> None:
-        """Let go of what has not been heard of for too long at a time, s."""
+        """Release drags without commands for too long at a time, s."""
         for body, grip in list(self.grips.items()):
             if now - grip.received > DRAG_TIMEOUT_S:
                 del self.grips[body]
@@ -375,9 +374,9 @@ class Dragging:
         devices: Mapping[str, tuple[Array, Array]],
         state: tuple[Array, Array] | None,
     ) -> dict[Draggable, Array]:
-        """Return what acts from now on: on a device (6,), or on a link at its origin (6,).
+        """Return the wrenches from now on: on a device (6,), or on a link at its origin (6,).
 
-        Forces and torques in N and N m, world axes. Nothing acts on what is not known.
+        Forces and torques in N and N m, world axes. Bodies without a known state have none.
 
         Args:
             devices: place (3,), m, and velocity (3,), m/s, world axes, of each device that is
@@ -397,7 +396,7 @@ class Dragging:
         return tuple(grip.state for grip in self.grips.values())
 
     def _spring(self, body: Draggable) -> DragSpring:
-        """Return what pulls a body; a link is pulled as the first user's device may."""
+        """Return a body's spring; for a link, with the limits of the first user's device."""
         if body.kind == "hand" and body.name not in self._users:
             raise InvalidInputError("hand", body.name, f"must be one of {list(self._users)}")
         scene = self._scene.held_at(body.name if body.kind == "hand" else self._users[0])

@@ -1,16 +1,15 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is drawn of a live session: shapes, hulls of meshes, and what of them can be dragged.
+"""The picture of a live session: shapes, hulls of meshes, and which of them can be dragged.
 
-Meshes are drawn as their hulls: a hull has few triangles, which is what a browser without a GPU
-needs.
+Meshes are drawn as their hulls: these have few triangles, as a browser without a GPU needs.
 
-Shapes as instances of a few unit bodies: arrays that a page sends whole, one set for each body.
+Shapes are instances of a few unit bodies: arrays that a page sends whole, one set for each body.
 
-An instance keeps its place in the arrays as long as its shape is drawn, so that what is grabbed at
-a place is known by it. Places that are free are drawn without size.
+An instance keeps its place in the arrays as long as its shape is drawn: the place identifies a
+grabbed shape. Free places are drawn without size.
 
-A picture as a page sends it: instances by body and by whether they can be grabbed, and lines.
+A page sends a picture as instances, by body and by whether they can be grabbed, and lines.
 """
 
 from __future__ import annotations
@@ -44,11 +43,11 @@ from hapticmech_ros.view.shapes import MASS, LinkShape, mass_ellipsoid, rotation
 
 Body = Literal["sphere", "cylinder", "box", "cone"]
 BODIES: tuple[Body, ...] = ("sphere", "cylinder", "box", "cone")
-# Corners of what is round: few, as every one of every instance takes time where no GPU draws them.
+# Corners of round bodies: few, as each takes time without a GPU.
 _AROUND, _RINGS = 12, 6
-# Places are made in such steps, so that an arrow more is seldom a new set.
+# Places are added in such steps: one more arrow seldom needs a new set.
 _STEP = 4
-# What is not drawn has this size, m: with none its place could not be computed back.
+# Size of undrawn instances, m: with 0 their transform would be singular.
 _NOTHING = 1e-9
 _UPRIGHT = np.array((1.0, 0.0, 0.0, 0.0))
 # (body, part of the shape, centre, quaternion w x y z, scale, colour)
@@ -65,7 +64,7 @@ class InstanceArrays:
         scales: (n, 3) m.
         colours: (n, 3) red, green and blue, 0 to 255.
         opacities: (n,) 0 to 1.
-        shapes: what is drawn at each place; None where nothing is.
+        shapes: drawn at each place; None for a free one.
     """
 
     positions: Array
@@ -227,12 +226,12 @@ class Solid(NamedTuple):
 
 
 def visual_bodies(scene: str) -> list[Solid]:
-    """Return what the model's file of a scene draws; what cannot be read is left out.
+    """Return the drawn shapes of a scene's model file; unreadable ones are left out.
 
     Args:
         scene: name of a shipped one, or a path.
     """
-    # Here, so that scenes without a file of a model do not load what reads them.
+    # Imported here: scenes without a model file do not need it.
     from hapticmech_ros.formats import drawn_shapes
 
     try:
@@ -274,21 +273,21 @@ def _primitive(
     return thick * corners + apart * np.array((0.0, 0.0, 1.0)), triangles
 
 
-# Arrows and rings: what the device can do at most is this long, as a share of the mechanism.
+# Arrows and rings: length of the device's largest wrench, as a share of the mechanism.
 FORCE_SHARE, TORQUE_SHARE = 1.0, 0.5
 # Half axes of the ellipsoid: the lightest direction at the start, and the longest one drawn.
 LIGHTEST_SHARE, LONGEST_SHARE = 0.15, 0.6
-# The ball of the hand is larger than elsewhere, as it is what people take hold of.
+# The ball of the hand is larger than elsewhere, as users grab it.
 _BALL = 1.6
-# From as far it is looked at, at first, as a share of what is seen.
+# First distance of the camera, as a share of the picture's size.
 DISTANCE = 1.6
-# The layer of what a model's file draws, in place of rods.
+# The layer of a model file's drawn shapes, in place of rods.
 VISUALS = "shapes of the model's file"
-# What can be grabbed, by the first part of its namespace: arrows are in the way of nothing.
+# Shapes that can be grabbed, by the first part of their namespace: arrows do not block others.
 _GRABBED = frozenset({"links", "joints", "solids", "device", "point"})
 # Body, and whether it can be grabbed.
 NodeKey = tuple[Body, bool]
-# What people may leave out, and how the namespaces of its shapes begin.
+# Layers that users may hide, and the prefixes of their shapes' namespaces.
 LAYERS: dict[str, tuple[str, ...]] = {
     "forces": ("hand_force", "device_command", "contact_force", "point_command"),
     "rigid and free directions": ("rigid_directions", "free_directions"),
@@ -325,8 +324,8 @@ class LivePicture:
 
     Attributes:
         closures: names, as a state has them.
-        solids: number of a mesh among the scene's shapes -> its hull; what the model's file draws
-            has negative numbers.
+        solids: number of a mesh among the scene's shapes -> its hull; shapes drawn by the model's
+            file have negative numbers.
         unit: the mechanism's length, m.
         planar: whether all is in a plane.
         directions: in which the devices render.
@@ -411,7 +410,7 @@ class LivePicture:
     def drawn(self, state: LiveState, hidden: frozenset[str]) -> Drawn:
         """Return the picture of a state as a page sends it, without some layers.
 
-        What is drawn keeps its place in the arrays from picture to picture.
+        Shapes keep their places in the arrays from picture to picture.
         """
         frame, instances = self.draw(state, hidden), {}
         for grabbed in (True, False):
@@ -423,12 +422,12 @@ class LivePicture:
         return Drawn(self, state, frame, instances, line_segments(frame.shapes))
 
     def link_of(self, drawn: Shape | Solid) -> str | None:
-        """Return the link that a body moves with; None for what is of no link, such as arrows."""
+        """Return the link that a shape moves with; None for shapes of no link, such as arrows."""
         link = drawn.link if isinstance(drawn, LinkShape | Solid) else None
         return link if any(one.name == link for one in self._scene.links) else None
 
     def hand_at(self, state: LiveState, eye: Array, place: Array) -> str | None:
-        """Return whose hand somebody means who points at a place, which may be in front of it.
+        """Return the hand on the ray to a place, even if another shape is in front of it.
 
         Args:
             state: that is seen.
@@ -463,10 +462,10 @@ def _enlarged(shape: Shape) -> Shape:
 
 
 def first_view(shapes: Sequence[Shape], planar: bool) -> tuple[Array, Array, Array]:
-    """Return from where (3,) to look at what (3,), m, and what is up (3,).
+    """Return the camera's place (3,) and target (3,), m, and its upward direction (3,).
 
-    A planar scene is seen from above, with y upwards. What forces there are when it is opened, as
-    in a graph that runs, changes nothing.
+    A planar scene is seen from above, with y upwards. Forces at the start, as in a running graph,
+    have no effect.
     """
     places = np.vstack(
         [
@@ -501,18 +500,18 @@ class Drawn:
     lines: tuple[Array, Array]
 
     def link_at(self, body: Body, place: int | None) -> str | None:
-        """Return the link of an instance; None for what is of no link, such as hands."""
+        """Return the link of an instance; None for instances of no link, such as hands."""
         shapes = self.instances[body, True].shapes
         shape = shapes[place] if place is not None and place < len(shapes) else None
         return None if shape is None else self.picture.link_of(shape)
 
     def body_at(self, eye: Array, place: Array, link: str | None) -> Draggable | None:
-        """Return what somebody means to drag; None for nothing.
+        """Return the body to drag; None for nothing.
 
         Args:
             eye: (3,) from where it is seen, m, world axes.
             place: (3,) that is pointed at, likewise.
-            link: that is there; None for what is of no link.
+            link: that is there; None for none.
         """
         hand = self.picture.hand_at(self.state, eye, place)
         if hand is not None:

@@ -1,11 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A session in real time that people change while it runs. It knows no clock: time is given.
+"""A session in real time that users change while it runs. It has no clock: time is an argument.
 
-Ticks are never left out. What cannot be computed in time is done later; a session that is too far
-behind goes on more slowly than real time, and says so.
+No tick is skipped. Late ticks are done later; a session that is too far behind runs slower than
+real time, and reports that.
 
-What a session went through as a bag: ``mechanism/state`` at every tick, as the nodes send it.
+It records a bag of ``mechanism/state`` at every tick, as the nodes publish it.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ from hapticmech_ros.wire.topics import STATE, user_prefixes
 
 
 def holding(hand: Hand | None, limit: float) -> str:
-    """Return what a hand does to a device while a mouse drags it.
+    """Return a description of the hand that holds a device while a mouse drags it.
 
     Args:
-        hand: that holds it; None for nobody.
+        hand: that holds it; None for none.
         limit: N, of the mouse's force.
     """
     if isinstance(hand, ScriptedHand):
@@ -119,17 +119,17 @@ class StateBag:
         self._writer.write(_NAME, stamp_ns, self._messages.encode(self._layout.pack(state)))
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write the rest, and close."""
         self._writer.close()
 
 
-# Ticks that are computed at once take this long in real time (s); then commands are heard again.
+# Real time (s) of ticks computed at once; then commands are received again.
 AT_ONCE_S = 0.005
-# What is behind by more than this (s) is not caught up.
+# A delay of more than this (s) is not caught up.
 MOST_BEHIND_S = 0.1
 # Over which the real-time factor is taken, s.
 FACTOR_WINDOW_S = 1.0
-# What can be tuned while a session runs.
+# Prefix of keys that can be tuned while a session runs.
 _GAINS = "controller."
 # Gains that were changed: operational point of the user -> key -> value.
 Tuned = dict[str, dict[str, float]]
@@ -159,7 +159,7 @@ class LiveSession:
 
     @property
     def opened(self) -> Opened:
-        """What is told of the scene that runs."""
+        """The report of the running scene."""
         scene = self.session.simulator.scene
         return Opened(self._number, self._asked, scene, self.session.points)
 
@@ -169,7 +169,7 @@ class LiveSession:
         return self._behind
 
     def take(self, command: Command, now: float) -> Report | None:
-        """Do what is asked for at a time (s); return what is to be told of it, if anything is."""
+        """Execute a command at a time (s); return a report of it, if any."""
         try:
             return self._take(command, now)
         except HapticMechError as error:
@@ -178,7 +178,7 @@ class LiveSession:
     def advance(self, now: float) -> None:
         """Do ticks that are due at a time (s), as many as are computed at once.
 
-        An error ends the session: it pauses, and says why.
+        An error ends the session: it pauses, and reports why.
         """
         self._dragging.expire(now)
         ticks, period = self._steps, self.session.period
@@ -201,7 +201,7 @@ class LiveSession:
         self._measure(now)
 
     def state(self) -> LiveState:
-        """Return what is seen now."""
+        """Return the present state."""
         sample = next(iter(self._samples.values()))
         return LiveState(
             self._number,
@@ -349,7 +349,7 @@ class LiveSession:
             raise
 
     def _changed(self) -> tuple[str, ...]:
-        """Return what was tuned, each with its user where there are several."""
+        """Return tuned gains, each with its user where there are several."""
         prefixes = user_prefixes(self.session.points)
         return tuple(
             f"{prefixes[point]}{one}" for point, own in self._tuned.items() for one in _changes(own)

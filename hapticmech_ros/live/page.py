@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page itself: all that is known of viser is here, and in ``page_controls``.
+"""The page itself: only this module and ``page_controls`` use viser.
 
-What viser is told is told in its event loop: its messages are not safe to send from other threads.
-Pictures are computed outside it, so that the mouse is heard meanwhile.
+Viser is called in its event loop only: its messages are not safe to send from other threads.
+Pictures are computed outside it, and mouse events are received meanwhile.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from hapticmech_ros.view.shapes import MASS
 Made = TypeVar("Made")
 # Pictures, numbers and plots a second, at most.
 PICTURES_HZ, NUMBERS_HZ, PLOTS_HZ = 30.0, 10.0, 4.0
-# How often a drag is told again, s.
+# Period of sending drags again, s.
 REPEAT_S = 0.05
 FIELD_OF_VIEW = float(np.deg2rad(45.0))
 
@@ -47,7 +47,7 @@ class LivePage:
     """A page on a live session, or on a running graph of nodes.
 
     Args:
-        backend: what is shown and moved.
+        backend: session or graph to show and move.
         first: scene with which it begins.
         given: changes of that scene, ``key=value`` each.
         scenes: that can be chosen on the page.
@@ -66,9 +66,9 @@ class LivePage:
     ) -> None:
         self._backend = backend
         self._asked = Open(first)
-        with redirect_stdout(io.StringIO()):  # whoever serves it says where it is
+        with redirect_stdout(io.StringIO()):  # the caller prints the address
             self._server = server = viser.ViserServer(host=host, port=port, verbose=False)
-        # Clients without the button could ask for a tunnel to a server elsewhere as well.
+        # Clients can request a tunnel to another server without the button as well.
         server.request_share_url = _no_share
         server.gui.configure_theme(show_share_button=False, show_logo=False)
         server.gui.main_panel.dock_right()
@@ -79,7 +79,7 @@ class LivePage:
         server.scene.add_light_directional("/light", position=(0.5, 0.4, 1.0), intensity=2.5)
         server.initial_camera.fov = FIELD_OF_VIEW
         self._mice = Mice(backend.send)
-        # What each browser alone is told: which one it is, and why it drags nothing.
+        # Text for each browser alone: its name, and why its drag was refused.
         self._you: dict[int, Any] = {}
         self._picture: LivePicture | None = None
         self._newest: LiveState | None = None
@@ -110,12 +110,12 @@ class LivePage:
 
         server.on_client_connect(came)
         server.on_client_disconnect(gone)
-        # There, as that loop is what notices that a tab is closed: if it hangs, the drag ends.
+        # In that loop, as it also detects closed tabs: if it hangs, the drag ends.
         self._repeating = asyncio.run_coroutine_threadsafe(repeat(), server.get_event_loop())
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """The page's address."""
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
     @property
@@ -130,7 +130,7 @@ class LivePage:
             ended: whether it is.
 
         Raises:
-            HapticMechError: what is shown has ended.
+            HapticMechError: the session or graph has ended.
         """
         while not ended():
             for report in self._backend.news(REPEAT_S):
@@ -162,10 +162,10 @@ class LivePage:
         self._drawn[what] = now
         return True
 
-    # What is seen.
+    # Pictures.
 
     def _with_viser(self, work: Callable[[], Made]) -> Made:
-        """Do it in viser's event loop, wait until it is done, and return what came of it."""
+        """Run it in viser's event loop, and return its result."""
 
         async def done() -> Made:
             return work()
@@ -195,8 +195,8 @@ class LivePage:
             self._controls.plot()
 
     def _look_at_scene(self, picture: LivePicture, state: LiveState) -> None:
-        """Let everybody look at a new scene from where it is seen well."""
-        # Before anybody looks, if possible: a browser that is starting takes up only a part of it.
+        """Move all browsers' cameras to the new scene's default view."""
+        # If possible before a browser connects: one that is starting applies only a part of it.
         self._has_view = True
         frame = picture.draw(state, self._controls.hidden)
         eye, centre, up = first_view(frame.shapes, picture.planar)
@@ -251,4 +251,4 @@ class LivePage:
 
 
 def _no_share(verbose: bool = True) -> None:
-    """Share the page with nobody."""
+    """Refuse to share the page."""

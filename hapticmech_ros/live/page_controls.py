@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controls of the page, and its numbers and plots. To be called in viser's event loop.
 
-The last seconds of what is plotted.
-
-What the page has as HTML: the numbers at its top, and quicker timers.
+Also the last seconds of plotted values, and the page's HTML: the numbers at its top, and quicker
+timers.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.quaternions import quaternion_of
 from hapticmech_ros.view.palette import Colour
 
-# A factor below this is told as one that is not real time.
+# A factor below this is shown as slower than real time.
 _SLOW = 0.98
 # viser's page sends moves of the mouse, and of sliders, every 50 ms at most, and has no setting for
 # that: its timers of so long are made shorter.
@@ -71,23 +70,23 @@ QUICK_TIMERS = """<img hidden src="data:," onerror="if (!window.unhurried) {
 
 
 def browser(client: int) -> str:
-    """Return what a client is called on the page."""
+    """Return a client's name on the page."""
     return f"browser {client + 1}"
 
 
 def words(body: Draggable, several: bool) -> str:
-    """Return what a body is called on the page; of several users hands have their points' names."""
+    """Return a body's name on the page; of several users hands have their points' names."""
     if body.kind == "link":
         return body.name
     return f"hand {body.name}" if several else "hand"
 
 
 def you_html(client: int, said: str) -> str:
-    """Return what a browser alone is told: which one it is, and why it drags nothing.
+    """Return the text for one browser: its name, and why its drag was refused.
 
     Args:
         client: its number.
-        said: why what it grabbed is not dragged; empty for nothing.
+        said: why its drag was refused; empty for nothing.
     """
     problem = f'; <b id="live-refused">{html.escape(said)}</b>' if said else ""
     style = "margin:0.5em 1.2em;font-size:0.85em"
@@ -112,7 +111,7 @@ def numbers_html(
         scene: its name.
         hues: of the users, by the operational point held, where there are several.
         holders: which client drags a body.
-        said: what was refused; empty for nothing.
+        said: refused request; empty for none.
     """
     columns = len(state.users)
     rows = [_row("scene", [("scene", scene)], columns)]
@@ -139,7 +138,7 @@ def numbers_html(
     return f'<table style="margin:0.5em 1em;font-size:0.85em">{"".join(rows)}</table>'
 
 
-# Rows of the users: what is told, and the id of its element.
+# Rows of the users: label, and the id of the element.
 _OF_USERS = (
     ("joint constraints felt", "count"),
     ("mass felt, kg", "mass"),
@@ -150,7 +149,7 @@ _OF_USERS = (
 
 
 def _of_user(user: UserState, frame: LiveFrame, paused: bool) -> dict[str, str]:
-    """Return what is told of a user, by the id of its element."""
+    """Return a user's values, by the id of their elements."""
     masses, s = frame.masses[user.point], frame.analyses[user.point].spectrum.s
     waits = "; nothing moves while paused" if paused else ""
     immovable = f"cannot be dragged: {user.immovable}"
@@ -220,7 +219,7 @@ class History:
         self._rows.append(np.array(row))
 
     def plots(self) -> Iterator[tuple[str, tuple[str, ...], Callable[[], tuple[Array, ...]]]]:
-        """Yield every plot: title, names of lines, and what gives times (n,), s, and values (n,).
+        """Yield every plot: title, names of lines, and a function of times and values (n,).
 
         Of each user the number of joint constraints felt, s_i in as many directions as there are,
         and the norms of F_h and of the device's force; then the real-time factor.
@@ -250,11 +249,11 @@ _LINE_WIDTH = 2.0
 
 
 class SceneNodes:
-    """What is seen of a scene.
+    """Viser's nodes of a scene.
 
     Args:
         server: of the page.
-        on_drag: told viser's event where something is dragged, and the link that it is of, if any.
+        on_drag: called with viser's event of a drag, and the dragged link, if any.
     """
 
     def __init__(
@@ -298,7 +297,7 @@ class SceneNodes:
             self._show_labels(new, holders)
 
     def _show_labels(self, new: Drawn, holders: Mapping[Draggable, int]) -> None:
-        """Say of several users whose hand is where, and which browser drags it."""
+        """Label the hands of several users, with the browser that drags each."""
         for user in new.state.users if new.picture.hues else ():
             holder = holders.get(Draggable("hand", user.point))
             text = user.point if holder is None else f"{user.point}: {browser(holder)}"
@@ -393,26 +392,26 @@ class SceneNodes:
 
 # Layers that are not seen at first.
 HIDDEN = frozenset({"axes"})
-# So many closures are seen without being asked for.
+# So many closures are shown initially.
 _FEW = 4
 _STROKES = ("#7a4fd0", "#1a7f86", "#d9534f", "#2f6fd0", "#c79a2a", "#5a5a5a")
 
 
 class Controls:
-    """What people set on the page, and are told there.
+    """The page's controls and messages.
 
     Args:
         server: of the page.
-        backend: what is shown and moved.
+        backend: session or graph to show and move.
         first: scene with which it begins.
         given: changes of that scene, ``key=value`` each.
         scenes: that can be chosen.
-        history: what is plotted.
-        save: sends who asked, by viser's event, the present picture.
+        history: of plotted values.
+        save: sends the present picture to the client of viser's event.
 
     Attributes:
         hidden: layers that are not drawn.
-        said: why what somebody asked for was not done; empty for nothing.
+        said: why a request was refused; empty for none.
     """
 
     def __init__(
@@ -431,13 +430,13 @@ class Controls:
         self._of_scene: list[Any] = []
         self._closures: dict[str, Any] = {}
         self._hands: list[Any] = []
-        # Boxes that show what is told of a state.
+        # Boxes that show values of a state.
         self._shown: list[tuple[Any, Callable[[LiveState], bool]]] = []
         self._plots: list[tuple[Any, Callable[[], tuple[Array, ...]]]] = []
         self._make(scenes, save)
 
     def tell(self, new: Drawn, scene: str, holders: Mapping[Draggable, int]) -> None:
-        """Tell the numbers of a picture.
+        """Show the numbers of a picture.
 
         Args:
             new: the picture.
@@ -504,7 +503,7 @@ class Controls:
         self._of_scene += [gains, plots]
 
     def _when(self, handle: Any, command: Callable[[Any], Command | None]) -> None:
-        """Send a command when somebody changes a control; changes by the program send none."""
+        """Send a command when a user changes a control; changes by the program send none."""
 
         async def changed(event: Any) -> None:
             if event.client is not None:
@@ -588,7 +587,7 @@ class Controls:
             self._plots.append((plot, columns))
 
     def _make_hands(self, prefixes: Iterable[str]) -> list[Any]:
-        """Make what chooses who holds each device at the next beginning."""
+        """Make the choices of each device's hand for the next start."""
         chosen = [box.value for box in self._hands]
         self._hands = [
             self._gui.add_dropdown(f"{prefix}held by", list(HANDS), initial_value=one, order=0.0)
@@ -597,14 +596,14 @@ class Controls:
         return self._hands
 
     def _opening(self, name: str) -> Open | None:
-        """Return what begins a scene as it is chosen; None, and say why, if it is refused."""
+        """Return the command that opens the chosen scene; None, with ``said``, if refused."""
         try:
             scene = load_scene(name)
         except HapticMechError as error:
             self.said = str(error)
             return None
         held_by = [box.value for box in self._hands] or [MOUSE_ALONE]
-        # What was given at the start is of its scene alone.
+        # Changes given at the start are for its scene alone.
         given = self._given if name == self._first else ()
         return Open(name, (*changes_of(scene, held_by, self._delay.value), *given))
 

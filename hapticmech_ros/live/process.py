@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process in which a live session runs, and the pipe to it.
 
-It has a process of its own because drawing and serving a page would take the time that ticks need.
+It has a separate process because drawing and serving a page would take the time that ticks need.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from hapticmech_ros.live.live_session import AT_ONCE_S, LiveSession
 
 
 class Mailbox:
-    """Reports that nobody has taken yet; may be used from several threads.
+    """Reports that were not taken yet; may be used from several threads.
 
     Args:
-        ended: what an error says once no more can come.
+        ended: text of the error once no more can come.
     """
 
     def __init__(self, ended: str) -> None:
@@ -40,13 +40,13 @@ class Mailbox:
             self._came.notify_all()
 
     def close(self) -> None:
-        """Say that no more will come."""
+        """Mark that no more will come."""
         with self._came:
             self._is_closed = True
             self._came.notify_all()
 
     def first(self, timeout_s: float) -> Report | None:
-        """Return what is to be taken first, and leave it there; None if nothing has come in time.
+        """Return the first report, and leave it there; None if nothing has come in time.
 
         Args:
             timeout_s: how long to wait for anything, s.
@@ -91,8 +91,8 @@ _ENDED = "the live session's process has ended by itself"
 class LiveProcess:
     """A live session in a child process; may be used from several threads.
 
-    As a context manager it ends the child. A child whose parent is gone ends by itself. What it
-    tells is taken from the pipe at once, so that it never waits for a page that is slow.
+    As a context manager it ends the child. A child whose parent is gone ends by itself. Its reports
+    are taken from the pipe at once: it never waits for a slow page.
 
     Args:
         asked: the scene to begin with.
@@ -133,12 +133,12 @@ class LiveProcess:
         self.close()
 
     def send(self, command: Command) -> None:
-        """Tell the session a command; to one that has ended, nothing."""
+        """Send the session a command, unless it has ended."""
         with self._sending, suppress(OSError):  # it has ended
             self._pipe.send(command)
 
     def news(self, timeout_s: float) -> list[Report]:
-        """Return what has come: of states only the newest, the others in their order.
+        """Return reports: of states only the newest, the others in their order.
 
         Args:
             timeout_s: how long to wait for anything.

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What can be set on the page: gains while a session runs, hand and delay when it begins."""
+"""Settings on the page: gains while a session runs, hand and delay when it begins."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.scene import Scene
 
-# What serves the page; the extra ``live`` in setup.py says the same.
+# The page's server; the same as the extra ``live`` in setup.py.
 VISER = "viser>=1.1"
 
 _STILL_ARM = "hand={{kind: arm, impedance: {}, start_delay: 0.0, waypoints: [{{time: 0.0}}]}}"
 MOUSE_ALONE, OWN_HAND = "the mouse alone", "the scene's hand"
-# Who holds the device, and how a scene says so; the scene's own hand needs no change.
+# Hands of a device, and their changes of a scene; the scene's own hand needs none.
 HANDS: dict[str, str] = {
     MOUSE_ALONE: "hand={kind: constant_wrench}",
     OWN_HAND: "",
@@ -26,7 +26,7 @@ HANDS: dict[str, str] = {
 }
 # Longest one-way delay of the slider, ms.
 LONGEST_DELAY_MS = 100.0
-# Gains go from nothing to so many times what the scene has.
+# Gains range from 0 to so many times the scene's.
 _TIMES = 2.0
 _STEPS = 200
 _GAINS = (
@@ -77,8 +77,8 @@ def checked_address(what: str, host: str) -> IPv4Address | IPv6Address:
     """Return an address to serve a page at.
 
     Args:
-        what: the option that it is of.
-        host: as it was given.
+        what: the option's name.
+        host: as given.
 
     Raises:
         InvalidInputError: it is none.
@@ -92,12 +92,11 @@ def checked_address(what: str, host: str) -> IPv4Address | IPv6Address:
 def changes_of(
     scene: Scene, held_by: Sequence[str] = (MOUSE_ALONE,), delay_ms: float = 0.0
 ) -> tuple[str, ...]:
-    """Return the changes of a scene that a choice of hands and of a delay stands for.
+    """Return the changes of a scene for a choice of hands and of a delay.
 
     Args:
         scene: as it is written.
-        held_by: for each of its hands what holds the device, of :data:`HANDS`; the last one for
-            those beyond it.
+        held_by: for each of its hands a key of :data:`HANDS`; the last one for those beyond it.
         delay_ms: one-way, between every device and its controller, ms; 0: the scene's own.
     """
     choices = [HANDS[held_by[min(i, len(held_by) - 1)]] for i in range(max(len(scene.hands), 1))]

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a page shows of a scene that cannot move, since no link has a mass."""
+"""A page's backend for a scene that cannot move, since no link has a mass."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hapticmech_ros.view.still import weighed
 
 
 class StillScene:
-    """A scene without any mass, as it is written, its loops open: drawn, and no more.
+    """A scene without any mass, as written, its loops open; it is drawn only.
 
     Args:
         asked: the scene.
@@ -38,10 +38,10 @@ class StillScene:
         """Do nothing: nothing can be done to it."""
 
     def news(self, timeout_s: float) -> list[Report]:
-        """Return at first what is drawn, and nothing after that.
+        """Return the scene and its state once, and nothing after that.
 
         Args:
-            timeout_s: how long nothing is waited for.
+            timeout_s: how long to wait then, s.
         """
         if not self._news:
             time.sleep(timeout_s)

@@ -89,7 +89,7 @@ def load_scene(
         scene: path or name.
         control_rate: Hz, instead of the scene's own ``simulation.period``; 0 leaves it.
         network_delay: s, one way, instead of its ``connection.expected``; 0 leaves it.
-        changes: ``key=value`` each, instead of what the file says; see
+        changes: ``key=value`` each, instead of the file's values; see
             :func:`~hapticmech_ros.scene.validation.with_changes`.
 
     Raises:
@@ -151,7 +151,7 @@ def with_own_paths(document: object, path: Path) -> object:
 
 
 def _with_whole_path(holder: Any, key: str, kind: str, folder: Path) -> Any:
-    """Return what has a part of a kind with the path of the part's file taken from a folder."""
+    """Return a mapping with the file's path, in its part of a kind, taken from a folder."""
     part = holder.get(key) if isinstance(holder, Mapping) else None
     if not isinstance(part, Mapping) or part.get("kind") != kind:
         return holder

@@ -3,8 +3,8 @@
 """Eq. 1: a scene's mechanism, its loop closures and dynamics, and steps of it.
 
 A mechanism is compiled once from a scene: Pinocchio's model of the tree (:mod:`model`,
-:mod:`mechanism`) and the constants that kernels take (:mod:`kernels.model`). What is known at a
-configuration is one array (:class:`kernels.model.Data`), and kernels compute on both. The names
+:mod:`mechanism`) and the constants that kernels take (:mod:`kernels.model`). All terms at a
+configuration are one array (:class:`kernels.model.Data`), and kernels compute on both. The names
 below are loaded when first used: reading a scene needs no kernels.
 """
 

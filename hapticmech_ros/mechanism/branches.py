@@ -3,32 +3,31 @@
 """A step that starts at, lands on, or passes next to a singular position.
 
 The rule of integration is the classical one of Runge and Kutta, whatever the scene's, with every
-stage put onto the branch that the mechanism is on (:mod:`~hapticmech_ros.mechanism.branches`). So
-none is off the closures, where next to a crossing rows say nothing of the branch; and the error of
-what a stage needs there is that of an interpolation. The step is divided until its energy account
-closes.
+stage put onto the mechanism's branch. So no stage is off the closures, where rows next to a
+crossing do not determine the branch, and a stage's terms have only an interpolation's error. The
+step is divided until its energy account closes.
 
-Which branch of the motion is taken at a singular position.
+The module also finds which branch the motion takes at a singular position.
 
 Where closures lose rank, several branches of the mechanism's motion cross, and to first order it is
 free to move between them as well. An acceleration found there leads off all of them; put back onto
 the closures row by row, the mechanism may end on a branch that no force drives, or stop where the
-branches meet. Of all branches Gauss's principle of least constraint picks the one that the free
-motion is nearest to in the mass metric (T10 of docs/derivations.md): what is along it stays, and so
-the work done is the energy gained.
+branches meet. Of all branches Gauss's principle of least constraint picks the one nearest to the
+free motion in the mass metric (T10 of docs/derivations.md): the motion's part along it stays, and
+so the work done is the energy gained.
 
-A branch there is known from points beside it. Where branches cross, and within rounding of that,
-the closures' rows do not say which directions are along a branch: an error of φ turns them by φ/σ².
-The branch itself is smooth there. Its points, the projection P onto its tangents in the mass
+Points beside the crossing determine a branch. Where branches cross, and within rounding of that,
+the closures' rows do not determine which directions are along a branch: an error of φ turns them by
+φ/σ². The branch itself is smooth there. Its points, the projection P onto its tangents in the mass
 metric, and the acceleration Ṗ v that keeps a motion on it, are smooth functions along it, and
-beside the crossing the rows give them. What the branch has at the crossing follows by interpolation
-of degree 5 between three points on each side (T10b of docs/derivations.md).
+beside the crossing the rows give them. Their values at the crossing follow by interpolation of
+degree 5 between three points on each side (T10b of docs/derivations.md).
 
-Which coordinates the closures of a mechanism move, loop by loop.
+It also groups the coordinates that closures move into independent loops.
 
 A closure is about the joints on the path from one of its frames to the other, a coupling about its
 two joints. Closures that share none of these have nothing to do with each other, and nothing else
-changes φ: a branch of the motion is one of these coordinates, whatever the others do.
+changes φ: a branch of the motion is one of these coordinates, independently of the others.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ class Loops:
         self.rows = list(rows)
 
     def part(self, change: Array) -> Array:
-        """Return a change (nv,) without what other coordinates do, rad or m.
+        """Return a change (nv,) of these coordinates alone, rad or m.
 
         Args:
             change: (nv,) rad or m; or rates, rad/s or m/s.
@@ -85,10 +84,9 @@ class Loops:
         return self._mechanism.span(self.part(change))
 
     def size(self, space: ConstraintSpace, change: Array) -> float:
-        """Return the length of a change in the mass metric, the least that others leave of it.
+        """Return the length of a change in the mass metric, minimised over other coordinates.
 
-        What these coordinates do carries others along: minₓ |Lᵀ (change + x)| over x that do not
-        move these.
+        Others move along with these: minₓ |Lᵀ (change + x)| over x that do not move these.
 
         Args:
             space: the closures' terms.
@@ -170,7 +168,7 @@ def _is_near(loops: Loops, here: Closing, beside: Closing | None) -> bool:
     return bool(np.count_nonzero(there > SOLVER_RANK_TOLERANCE * most) > kept.size)
 
 
-# Where the points are, in multiples of the distance between two of them, and what each counts.
+# Places of the points, in multiples of the distance between two of them, and their weights.
 PLACES = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0)
 SHARES = (0.75, 0.75, -0.3, -0.3, 0.05, 0.05)
 # Distances, rad, or m over the length, in the order in which they are tried. Interpolation is off
@@ -209,7 +207,7 @@ class Branch:
         return _interpolated([point.closing.space.closed_rates(rates) for point in self._points])
 
     def bend(self, v: Array) -> Array:
-        """Return Ṗ v (nv,), rad/s² or m/s²: what the closures add to a motion along the branch.
+        """Return Ṗ v (nv,), rad/s² or m/s², which keeps a motion on the branch.
 
         Args:
             v: (nv,) rates along the branch, rad/s or m/s.
@@ -232,8 +230,8 @@ def branch_along(
 ) -> Branch | None:
     """Return the branch through q in a direction; None if there is none, or it stays singular.
 
-    Beside q it is looked for along the loops' coordinates alone: what else moves, and be it faster
-    by far, does not change which directions these have.
+    It is searched beside q along the loops' coordinates alone: motion of others, however fast, does
+    not change their directions.
 
     Args:
         mechanism: whose closures.
@@ -355,7 +353,7 @@ def nearest_branch(
 
 
 def _without_determined(space: ConstraintSpace, columns: Array) -> Array:
-    """Return ``columns`` (nv,) without what the closures take that are well determined.
+    """Return ``columns`` (nv,) without the directions of well determined closures.
 
     Args:
         space: the closures' terms.
@@ -381,10 +379,10 @@ def _directions(space: ConstraintSpace, change: Array) -> Iterator[Array]:
 def _branch_towards(
     mechanism: Mechanism, q: Array, active: Active, space: ConstraintSpace, direction: Array
 ) -> tuple[ConstraintSpace, bool] | None:
-    """Return the closures' terms where a small motion that way is put back onto the closures.
+    """Return the closures' terms after a small motion, projected onto the closures.
 
-    Also return whether it was nearly on them before: where a branch keeps to a singular position,
-    directions seem free that it does not have.
+    Also return whether it was nearly on them before: where a branch stays singular, some directions
+    seem free although no branch has them.
     """
     span = mechanism.span(direction)
     if not span > 0.0:
@@ -403,7 +401,7 @@ def _branch_towards(
 # length...
 LARGEST_PART = 5e-3
 # ...and are halved until the energy account of the step closes to this share of the kinetic energy
-# and of what was exchanged; or so many times.
+# and of the energy exchanged; or so many times.
 ACCOUNT_TOLERANCE = 1e-9
 HALVINGS = 3
 
@@ -524,11 +522,11 @@ class BranchMotion:
         )
 
     def _is_near(self, closing: Closing) -> bool:
-        """Return whether rows say too little, or some of them nothing, of the branch."""
+        """Return whether the rows do not determine the branch, or barely."""
         return closing.rank < self._rank or closing.space.least_kept < SINGULAR
 
     def _free_rates(self, q: Array, v: Array) -> Rates:
-        """Return what there would be without closures."""
+        """Return the rates and powers without closures."""
         return rates_at(self._mechanism, Start(q, v, self._open), self._external)
 
 
@@ -585,7 +583,7 @@ def _in_parts(
 def _part(
     mechanism: Mechanism, motion: BranchMotion, first: _Stage, step: float
 ) -> tuple[_Stage, Array]:
-    """Return the end of a step by the classical rule of order 4, and what was exchanged (3,), J.
+    """Return the end of a step by the classical rule of order 4, and the exchange (3,), J.
 
     That is work done, energy lost, and work by contacts.
     """

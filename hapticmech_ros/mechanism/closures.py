@@ -11,8 +11,8 @@ Each residual is built from two blocks that are exact on the whole configuration
   ``revolute`` has ``[x_b . z_a, y_b . z_a]``; ``weld`` has ``1/2 sum_k b_k x a_k``, which is
   sin(angle) times the rotation axis.
 
-Rates follow from ȧ = ω_a × a, so that no logarithm has to be differentiated. Kernels
-compute all this (``closure_kernels``); here closures are bound to the frames they act between.
+Rates follow from ȧ = ω_a × a, without differentiating a logarithm. Kernels compute all this
+(``closure_kernels``); here closures are bound to the frames they act between.
 
 A ``coupling`` is one row between two joints, ``θ - p(θ_leader)`` with a polynomial p of degree 4 at
 most: W has 1 and -p', Ẇv is -p'' θ̇_leader².
@@ -74,7 +74,7 @@ def grasped(scene: Scene, name: str, frame: str, origin: Origin | None = None) -
 
 
 def grasp_written(scene: Scene, name: str, text: str) -> OperationalPoint:
-    """Return what ``"frame"``, ``"frame x y z"`` or ``"frame x y z roll pitch yaw"`` stands for.
+    """Return the frame of ``"frame"``, ``"frame x y z"`` or ``"frame x y z roll pitch yaw"``.
 
     Raises:
         InvalidInputError: another number of words, a word that is no number; and as

@@ -134,7 +134,7 @@ class Closing:
 
     @property
     def dense(self) -> Closing:
-        """The same with a dense factorisation, computed when it is asked for."""
+        """The same with a dense factorisation, computed on access."""
         if not self.active_set.is_sparse:
             return self
         if self._twin is None:
@@ -180,9 +180,9 @@ class Closing:
 class ConstraintSpace:
     """Orthonormal description of the closures' forces in the mass metric.
 
-    Parts are views of the array of a closing, made when asked for. A sparse factorisation has
-    another L, with L Lᵀ = D as well, and neither L nor U as a matrix: what is asked for in
-    coordinates of the mass metric is then given by its dense twin.
+    Parts are views of the array of a closing, made on access. A sparse factorisation has another L,
+    with L Lᵀ = D as well, and neither L nor U as a matrix: a dense factorisation of the same
+    closures then provides values in coordinates of the mass metric.
     """
 
     __slots__ = ("closing",)
@@ -253,7 +253,7 @@ class ConstraintSpace:
         return float(np.sqrt(lifted @ lifted))
 
     def without_closure_part(self, columns: Array) -> Array:
-        """Return (1 - U Uᵀ) columns, of the same shape (nv,) or (nv, k): what closures leave free.
+        """Return the free part (1 - U Uᵀ) columns, of the same shape (nv,) or (nv, k).
 
         Args:
             columns: (nv,) or (nv, k) in the mass metric.

@@ -12,9 +12,9 @@ None of them makes energy: T8 of docs/derivations.md. Kernels compute the forces
 (``element_kernels``).
 
 With the inertia m that an element moves, 1 / (r D⁻¹ rᵀ) for a row r of rates, loops cut open, an
-explicit rule is unstable where k T² / m or c T / m exceeds a number of its own: 8 and 2.8 for rk4.
+explicit rule is unstable where k T² / m or c T / m exceeds the rule's limits: 8 and 2.8 for rk4.
 Below that the check of each step's energy divides steps of rk4 until they are accurate; an implicit
-rule is stable at any ratio, and damps what is faster than its step.
+rule is stable at any ratio, and damps motions that are faster than its step.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class JointElement:
-    """What acts in one joint besides its damping: spring, friction, stops.
+    """A joint's spring, friction and stops, without its damping.
 
     Attributes:
         rate: index of the joint in v.
@@ -134,7 +134,7 @@ def bind_spring(spring: Spring, tree: TreeModel) -> PointSpring:
     )
 
 
-# Half and three quarters of what rk4 bears: the inertia depends on the posture.
+# Half and three quarters of rk4's limits: the inertia depends on the posture.
 STIFF, DAMPED = 4.0, 2.0
 
 
@@ -200,7 +200,7 @@ def stiff_elements(
 def chosen_integrator(
     scene: Scene, tree: TreeModel, springs: Sequence[PointSpring]
 ) -> IntegratorName:
-    """Return the integrator that ``auto`` stands for: rk4, or the implicit one for stiff elements.
+    """Return the integrator that ``auto`` selects: rk4, or the implicit one for stiff elements.
 
     Args:
         scene: whose step.

@@ -31,11 +31,11 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.scene.mechanism import Joint, LinkFrame, Origin
 
-# No frame is moved by more: a fraction of the mechanism's length, or rad. Rows that are no further
-# than that from following from others are meant to, if they stay so along the motion.
+# No frame is moved by more: a fraction of the mechanism's length, or rad. Rows this close to
+# following from others are taken as redundant, if they stay so along the motion.
 FIT_TOLERANCE = 1e-5
 # Residuals (of the length, or rad) that are left where nothing has to be fitted. Rows follow from
-# others if what they add is rounding; a tenth of what counts as a row of its own is accepted.
+# others if they add only rounding; a tenth of an independent row's threshold is accepted.
 _CLOSED, _FOLLOWS = 1e-12, 0.1 * SOLVER_RANK_TOLERANCE
 # Configurations along the motion, how many in one direction, and how far these are apart: rad, or
 # m over the length.
@@ -50,7 +50,7 @@ Displaced = TypeVar("Displaced", Joint, LinkFrame)
 
 
 class _Fittable(Protocol):
-    """What is needed of a :class:`~hapticmech_ros.mechanism.mechanism.Mechanism`; see there."""
+    """The part of :class:`~hapticmech_ros.mechanism.mechanism.Mechanism` used here; see there."""
 
     scene: Scene
     tree: TreeModel
@@ -83,7 +83,7 @@ class Fit:
             rad.
         moved_m: largest displacement of a joint's or closure's frame, or change of a rod's length.
         moved_rad: largest turn of one.
-        mobility: with what the closures leave before, and now.
+        mobility: that the closures leave, before and after the fit.
     """
 
     scene: Scene
@@ -127,7 +127,7 @@ class _At(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Number of rows that are independent by more than what is fitted."""
+        """Number of rows that are independent by more than the fit's tolerance."""
         return int(np.sum(self.sigma > FIT_TOLERANCE * self.sigma[0]))
 
     def rates(self, lifted: Array) -> Array:
@@ -165,11 +165,11 @@ def fitted(scene: Scene, mechanism_of: Callable[[Scene], _Fittable]) -> Fit | No
             return None
         return _Fitting(mechanism, mechanism_of).fit(q)
     except SingularInertiaError:
-        return None  # at this configuration, which is said where the mechanism begins to move
+        return None  # at this configuration, which is reported where the mechanism begins to move
 
 
 class _Fitting:
-    """The conditions of one mechanism's loops, and what is moved to meet them."""
+    """The conditions of one mechanism's loops, and the frames moved to meet them."""
 
     def __init__(self, mechanism: _Fittable, mechanism_of: Callable[[Scene], _Fittable]) -> None:
         self._written, self._mechanism_of = mechanism, mechanism_of
@@ -263,7 +263,7 @@ class _Fitting:
         return found
 
     def _closed(self, mechanism: _Fittable, q: Array) -> _At | None:
-        """Return the configuration next to q that closes what joints can close, if it is close."""
+        """Return the configuration next to q that closes loops as far as joints can, if close."""
         for _ in range(_STEPS):
             at = self._at(mechanism, q)
             if not at.sigma[0] > 0.0:

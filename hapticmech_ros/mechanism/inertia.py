@@ -35,7 +35,7 @@ def dtrsv(*arguments: Any, **options: Any) -> Any:
     return solve(*arguments, **options)
 
 
-# A joint's inertia below this fraction of what its mass has at the mechanism's length is rounding.
+# A joint's inertia is rounding below this fraction of its mass's at the mechanism's length.
 NO_INERTIA = 1e-15
 
 
@@ -116,7 +116,7 @@ def _joint_of(tree: TreeModel, rate: int) -> int:
 
 
 def is_massless(scene: Scene) -> bool:
-    """Return whether no link of a scene has a mass, so that it can be drawn and no more."""
+    """Return whether no link of a scene has a mass: it can be drawn only."""
     return not any(link.inertial.mass for link in scene.links)
 
 

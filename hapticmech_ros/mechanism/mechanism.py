@@ -7,7 +7,7 @@ evaluate it.
 
     D(q) v̇ + h(q, v) = τ + Σ Jᵀ F - Wᵀ λ,      W v̇ + Ẇ v = 0
 
-where τ is what springs, dampers, friction, stops and efforts do (see :mod:`elements`).
+where τ are the forces of springs, dampers, friction, stops and efforts (see :mod:`elements`).
 """
 
 from __future__ import annotations
@@ -44,21 +44,21 @@ from hapticmech_ros.scene.mechanism import Joint, OperationalPoint
 
 # A pose in memory: the columns of its rotation, then its translation.
 _POSE_SIZE = 12
-# Rounding of a closure's row, of what its ends do: some units of the last place.
+# Rounding of a closure's row, as a share of its ends' parts: some units of the last place.
 _ROUNDING = 16.0 * np.finfo(float).eps
 
 
 class Mechanism:
     """A scene's tree, closures and operational points, evaluated at states.
 
-    Every result is an array of its own.
+    Every result is a new array.
 
     Args:
-        scene: what to model.
+        scene: to model.
         fit: whether frames of loops that are written with about seven digits are fitted.
 
     Attributes:
-        scene: what is modelled, with the integrator that ``auto`` stands for.
+        scene: the model's, with the integrator that ``auto`` selects.
         fit: how frames of the scene's loops were moved; None if they are as written.
         nv: number of degrees of freedom of the open tree.
         nq: length of the configuration vector.
@@ -125,11 +125,11 @@ class Mechanism:
         return f"Mechanism of {self.scene.name}: nv {self.nv}; {closures}; held at {points}"
 
     def row_units(self, indices: Sequence[int]) -> Array:
-        """Return (m,) what rows of closures are divided by before they are factored.
+        """Return (m,) the divisors of closures' rows before they are factored.
 
-        Their length ℓ in m or 1 in rad, times a power of 2 per closure, 1/(√kg m), so that closures
-        between heavy links and between light ones, long ones and short ones, have singular values
-        next to 1: one that is small then means a singular position.
+        Their length ℓ in m or 1 in rad, times a power of 2 per closure, 1/(√kg m). Closures between
+        heavy or light, long or short links then have singular values next to 1, and a small one
+        means a singular position.
 
         Args:
             indices: of the closures.
@@ -153,12 +153,12 @@ class Mechanism:
         """Return per closure the power of 2 next to its rows' size, and their rounding beside 1.
 
         Their size in the mass metric, |L⁻¹ (J_a − J_b)ᵀ| of points over the length, of axes, or of
-        both, as the scene starts: 1 where D is singular there. Where next to nothing is left of
-        what both ends do, it is rounding, or may be anything elsewhere: the size is then that of
-        the largest other closure, or of what one end does.
+        both, as the scene starts: 1 where D is singular there. Where both ends' parts nearly
+        cancel, that is rounding, and may differ at other configurations: the size is then that of
+        the largest other closure, or of one end's part.
         """
         scales, rounding = np.ones(len(self.closures)), np.zeros(len(self.closures))
-        # Not the scratch data: this may be asked for in the middle of an evaluation.
+        # Not the scratch data: this may be called in the middle of an evaluation.
         model, data = self.model, self.model.createData()
         upper = np.triu(pin.crba(model, data, self._authored).reshape(self.nv, self.nv))
         try:
@@ -233,7 +233,7 @@ class Mechanism:
     def set_operational_point(self, point: OperationalPoint) -> None:
         """Put the operational point of that name elsewhere; ``scene`` has it there from now on.
 
-        Terms evaluated before are of the place before. The unit ``length`` stays what it was.
+        Earlier terms are for the earlier place. The unit ``length`` does not change.
         """
         index = self.point_index(point.name)
         points = list(self.scene.operational_points)
@@ -437,7 +437,7 @@ class Mechanism:
             q: (nq,) configuration.
             v: (nv,) rates, rad/s or m/s.
             active: which closures are closed.
-            closing: what :meth:`closing_terms` gave at the same q and closures, to save time.
+            closing: result of :meth:`closing_terms` at the same q and closures, to save time.
 
         Raises:
             SingularInertiaError: D is not positive definite.
@@ -469,7 +469,7 @@ class Mechanism:
         )
 
     def closing_terms(self, q: Array, active: Active) -> Closing:
-        """Return φ, W and the factorisation at q: what projections need.
+        """Return φ, W and the factorisation at q, for projections.
 
         Args:
             q: (nq,) configuration.
@@ -501,7 +501,7 @@ class Mechanism:
         return distance, float(rate) / distance if distance > 0.0 else 0.0
 
     def active_set(self, active: Active) -> ActiveSet:
-        """Return what a set of closures fixes; found once."""
+        """Return the constants of a set of closures; computed once."""
         found = self._sets.get(active)
         if found is None:
             numbered = zip(enumerate(self.closures), active, strict=True)

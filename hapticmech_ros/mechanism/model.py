@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tree of a scene as a Pinocchio model (loops cut open), and the frames the scene names in it.
 
-Joints are in depth-first order, whatever the order of the scene's links: Pinocchio's algorithms
-take it for granted that a subtree's joints follow each other, and give a wrong D where they do not.
-Links on fixed and locked joints are merged into the joint that carries them.
+Joints are in depth-first order, for any order of the scene's links: Pinocchio's algorithms take it
+for granted that a subtree's joints follow each other, and give a wrong D where they do not. Links
+on fixed and locked joints are merged into the joint that carries them.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class TreeModel:
     Attributes:
         pinocchio: the model; gravity as in the scene.
         joint_names: moving joints in model order.
-        joint_types: their types, as the scene says.
+        joint_types: their types in the scene.
         link_joint: link name -> (Pinocchio joint index, placement of the link in the joint).
         damping: (nv,) viscous damping, N m s/rad or N s/m.
         joints: moving joints, as the scene has them.
         links: the links that they carry.
-        carried: (j, 4) per joint of the model what ``gravcomp`` carries: mass, kg, and mass times
-            centre of mass in the joint's frame, kg m.
+        carried: (j, 4) per joint of the model the part that ``gravcomp`` carries: mass, kg, and
+            mass times centre of mass in the joint's frame, kg m.
     """
 
     pinocchio: pin.Model
@@ -47,7 +47,7 @@ class TreeModel:
     carried: Array
 
     def carried_force(self, data: pin.Data) -> Array:
-        """Return by how much gravity's joint forces (nv,), N m or N, are less for what is carried.
+        """Return the reduction of gravity's joint forces (nv,), N m or N, by ``gravcomp``.
 
         Args:
             data: of the model, with joint Jacobians.
@@ -60,7 +60,7 @@ class TreeModel:
         return force
 
     def carried_energy(self, data: pin.Data) -> float:
-        """Return by how much the potential energy of weights is less for what is carried, J.
+        """Return the reduction of the weights' potential energy by ``gravcomp``, J.
 
         Args:
             data: of the model, with joints placed.

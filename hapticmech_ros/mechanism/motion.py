@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into a step of a mechanism and what comes out; rates of a state by Eq. 1."""
+"""Inputs and results of a mechanism's step; rates of a state by Eq. 1."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class EarlierAccount(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where a step begins: a state on the closures, and what is known there already.
+    """The start of a step: a state on the closures, and the terms known there already.
 
     Attributes:
         q: (nq,) configuration.
@@ -65,7 +65,7 @@ class Start(NamedTuple):
 
 
 class ExternalWrenches(NamedTuple):
-    """What acts from outside, held during a step.
+    """Wrenches and forces from outside, held during a step.
 
     Attributes:
         wrenches: (points, 6) at the operational points, world axes, N and N m.
@@ -89,7 +89,7 @@ class Stepped(NamedTuple):
         closing: terms at q.
         work_in: work by wrenches and joint forces, without that of contacts, J.
         energy_lost: in damping, friction and stops, J.
-        surplus: energy beyond that account, J: what steps made from nothing, or lost if negative.
+        surplus: energy beyond that account, J: made from nothing by steps, or lost if negative.
         refined: steps that were done again in smaller ones, with care, or in parts for an impact.
         inaccurate: of these the ones whose account is still off by more than the tolerance, or
             whose impact would need more parts.
@@ -110,7 +110,7 @@ class Stepped(NamedTuple):
     moved: float = 0.0
 
     def after(self, before: Stepped) -> Stepped:
-        """Return this with what the steps before it did added to the accounts."""
+        """Return this with the accounts of the steps before it added."""
         return self._replace(
             work_in=before.work_in + self.work_in,
             energy_lost=before.energy_lost + self.energy_lost,
@@ -123,7 +123,7 @@ class Stepped(NamedTuple):
 
 
 class Took(NamedTuple):
-    """What a call of the kernel did: why it ended, how many steps, and their end if there are."""
+    """A kernel call's result: why it ended, the number of steps, and their end, if any."""
 
     code: int
     steps: int
@@ -143,7 +143,7 @@ def end_of(stepped: Stepped, start: Start) -> Start:
 
 
 class Rates(NamedTuple):
-    """What the equations of motion give at a state: v̇ (nv,), rad/s² or m/s²; three powers, W."""
+    """Solution of the equations of motion at a state: v̇ (nv,), rad/s² or m/s²; three powers, W."""
 
     acceleration: Array
     power_in: float
@@ -152,7 +152,7 @@ class Rates(NamedTuple):
 
 
 def rates_at(mechanism: Mechanism, state: Start, external: ExternalWrenches) -> Rates:
-    """Return what the equations of motion give at a state under external wrenches.
+    """Return the solution of the equations of motion at a state under external wrenches.
 
     Args:
         mechanism: that moves.
@@ -181,7 +181,7 @@ def rates_at(mechanism: Mechanism, state: Start, external: ExternalWrenches) -> 
 
 
 def check_external(external: ExternalWrenches, points: int, nv: int) -> None:
-    """Check what acts on a mechanism with so many operational points and degrees of freedom.
+    """Check the wrenches on a mechanism with so many operational points and degrees of freedom.
 
     Raises:
         InvalidInputError: a wrong shape, or joint forces that are NaN or infinite.

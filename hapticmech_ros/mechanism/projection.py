@@ -140,8 +140,8 @@ def project(
         q = mechanism.integrate(q, -correction)
     else:
         refuse_open(mechanism, worst, active)
-    # By more than half: the step ended nowhere near the closures, and what the projection found may
-    # be another assembly of the mechanism.
+    # By more than half: the step ended nowhere near the closures, and the projection may have found
+    # another assembly of the mechanism.
     if corrected > JUMP * stepped:
         raise jumped(corrected / stepped, mechanism.names_of(active))
     return Projected(q, space.closed_rates(v), worst, closing)
@@ -163,7 +163,7 @@ def refuse_open(mechanism: Mechanism, worst: float, active: Active) -> None:
 
 
 def refuse_flipped(mechanism: Mechanism, q: Array, worst: float, active: Active) -> None:
-    """Check that axes still point the same way at q.
+    """Check that axes still have the same direction at q.
 
     Args:
         mechanism: whose closures.

@@ -1,11 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which rows of the loop closures say nothing new, and what mobility they leave.
+"""Finds redundant rows of the loop closures, and the mobility that the others leave.
 
 Rows of A = W L⁻ᵀ, scaled to one unit and cut at the solver's rank tolerance, are taken in the
-scene's order: a row is redundant if what is left of it beside the rows before is nothing. The
-number of the others is the solver's rank r; which rows they are depends on the order (T9 of
-docs/derivations.md).
+scene's order: a row is redundant if it depends on the rows before. The number of the others is the
+solver's rank r; which rows they are depends on the order (T9 of docs/derivations.md).
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ _IN_METRES = frozenset((*POINT, "length"))
 
 @dataclass(frozen=True, slots=True)
 class ClosureRows:
-    """What one active closure adds.
+    """The rows of one active closure.
 
     Attributes:
         name: of the closure.
@@ -138,7 +137,7 @@ def independent(rows: Array) -> list[bool]:
     new = []
     for row in rows:
         left = row
-        # Twice: what rounding leaves in the first round would pass for a direction of its own.
+        # Twice: the first round's rounding would pass for a separate direction.
         for _ in range(2):
             left = left - basis[:found].T @ (basis[:found] @ left)
         size = float(np.linalg.norm(left))
@@ -150,7 +149,7 @@ def independent(rows: Array) -> list[bool]:
 
 
 def _scaled_rows(mechanism: Mechanism, closing: Closing, loops: list[LoopClosure]) -> Array:
-    """Return (m, r) rows of W L⁻ᵀ in units of their own, in coordinates of what the solver kept."""
+    """Return (m, r) scaled rows of W L⁻ᵀ, in coordinates of the directions that the solver kept."""
     if not loops:
         return np.zeros((0, 0))
     units = mechanism.row_units([mechanism.closures.index(loop) for loop in loops])

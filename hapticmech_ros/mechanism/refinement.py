@@ -1,17 +1,17 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A step that is done again in smaller ones, until its energy account closes.
+"""Repeats a step in smaller ones until its energy account closes.
 
-All of one length, in 2, 4, ... of them, as where the step is too long for the whole motion. An
-account that just closes is that of a step that was just wrong: where halving pays, steps are halved
-further, until the account closes to a hundredth of what it may be off by. If equal steps do not
-help, in the same number of steps of other lengths: short where the accounts of the equal ones are
-off, as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an error,
-see de Boor, "Good approximation by splines with variable knots II", 1974).
+First it tries 2, 4, ... equal steps, for a step that is too long for the whole motion. An account
+that just closes belongs to a step that is just accurate enough: where halving pays, steps are
+halved further, until the account closes to a hundredth of the tolerance. If equal steps do not
+help, it tries as many steps of other lengths: short where the accounts of the equal ones are off,
+as where a motion turns suddenly somewhere in the step (a mesh that equidistributes an error, see de
+Boor, "Good approximation by splines with variable knots II", 1974).
 
 If a kernel could not end a step at all, its reason becomes an error here.
 
-By how much the energy account of a step is off.
+It also judges the error of a step's energy account.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ def judged(
     tolerance: float,
     most: float,
 ) -> Stepped:
-    """Return a step with its account; without what was made from nothing, if that is too much.
+    """Return a step with its account; without energy made from nothing, if that is too much.
 
-    In the step, or in all since the start: then all of it is taken out of the motion.
+    If the step, or all since the start, made too much, all of it is taken out of the motion.
 
     Args:
         tree: the mechanism's.
         start: of the step.
-        stepped: what it did.
+        stepped: its result.
         balance: its account.
-        tolerance: share of what it exchanged by which it may be off.
-        most: share of what was exchanged that all steps may make from nothing.
+        tolerance: share of the energy exchanged by which it may be off.
+        most: share of the energy exchanged that all steps may make from nothing.
 
     Raises:
-        InaccurateStepError: it is off by a tenth of what it exchanged.
+        InaccurateStepError: it is off by a tenth of the energy exchanged.
     """
     within, made = balance.is_within(tolerance), 0.0
     if not within:
@@ -89,14 +89,14 @@ def judged(
 def drift(
     earlier: EarlierAccount, stepped: Stepped, surplus: float, balance: Balance, most: float
 ) -> float:
-    """Return what steps made from nothing since the start, J, or lost, if it is too much; 0 if not.
+    """Return the steps' surplus since the start, negative if lost, J, if it is too much; else 0.
 
     Args:
-        earlier: by the account before the step.
-        stepped: what it did.
+        earlier: account before the step.
+        stepped: its result.
         surplus: that is left of the step, J.
         balance: its account.
-        most: share of what was exchanged that is not too much.
+        most: largest share of the energy exchanged that is not too much.
     """
     work, lost = earlier.work_in + stepped.work_in, earlier.lost + balance.lost
     total = earlier.surplus + surplus
@@ -139,7 +139,7 @@ def step_error(
 
 
 def _diverged(mechanism: Mechanism, parts: SimpleNamespace) -> HapticMechError | None:
-    """Return the error of a step that went astray, if its start has what its stages lack."""
+    """Return the error of a step that diverged, if its start is regular."""
     none = tuple(False for _ in mechanism.closures)
     try:
         mechanism.closing_terms(parts.q0, none)
@@ -154,7 +154,7 @@ MESHES = 3
 # Steps whose account closes are halved until it closes to this share of the tolerance, as long as
 # that makes it so many times better, as it does in a rule of order 4 that resolves the motion.
 CLOSER, PAYS = 0.01, 8.0
-# An account that is off by E asks for steps shorter by this power of E, and this share of the steps
+# An account that is off by E requires steps shorter by this power of E, and this share of the steps
 # is spread evenly whatever the accounts are.
 GRADING, EVEN = 0.25, 0.25
 
@@ -165,7 +165,7 @@ class Ways(NamedTuple):
     Attributes:
         divided: returns the state after it, done in so many steps of equal length.
         part: returns the state after such a share of it, from any start.
-        balance: returns the energy account of what was done from a start.
+        balance: returns the energy account from a start.
     """
 
     divided: Callable[[int], Stepped]
@@ -178,9 +178,9 @@ def refined(start: Start, tolerance: float, most: int, ways: Ways) -> tuple[Step
 
     Args:
         start: of the step.
-        tolerance: share of what a step exchanges by which its account may be off.
-        most: steps in which it is done.
-        ways: of doing it.
+        tolerance: share of the energy exchanged by which a step's account may be off.
+        most: largest number of smaller steps.
+        ways: to do it.
 
     Raises:
         HapticMechError: it fails however small the steps are, as it does in one.
@@ -223,7 +223,7 @@ def least_off(outcomes: Sequence[tuple[Stepped, Balance]]) -> tuple[Stepped, Bal
 
 
 def _along(mesh: Array, start: Start, ways: Ways) -> tuple[Stepped, Array]:
-    """Return the state after steps between the points of a mesh, and what each is off by."""
+    """Return the state after steps between the points of a mesh, and each step's error."""
     now, ended, off = start, None, []
     for share in np.diff(mesh).tolist():
         stepped = ways.part(now, share)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules of integration by name, as numbers for kernels.
 
-Steps are of fixed length, on the configuration manifold; what drifts off the closures is put back
-(see :mod:`projection`). Runge–Kutta stages live in local coordinates θ around the step's start,
-q = q₀ ⊕ θ, whose rate is θ̇ = J_r(θ)⁻¹ v with J_r the right Jacobian of ⊕ (Munthe-Kaas); on
+Steps are of fixed length, on the configuration manifold; a projection removes drift off the
+closures (see :mod:`projection`). Runge–Kutta stages live in local coordinates θ around the step's
+start, q = q₀ ⊕ θ, whose rate is θ̇ = J_r(θ)⁻¹ v with J_r the right Jacobian of ⊕ (Munthe-Kaas); on
 vector-space joints θ̇ = v.
 
 * ``rk4``: classical Runge–Kutta of order 4;
@@ -29,15 +29,15 @@ the closures leave. Then one small system per stage is left: T5 to T7 of docs/de
 
 On the flyball governor at 1 ms, with this J, it is off by 2e-6 m after 10 s; Rosenbrock methods of
 order 2 by 9e-6 m (γ = 1 - √½) and 2e-4 m (γ = 1 + √½), generalised-α (spectral radius 0.8, exact
-Jacobian, iterated until it converged) by 2.5e-5 m. What turns faster than the step, such as a hard
-stop, loses its energy in it: shorter steps, or substeps, give it back.
+Jacobian, iterated until it converged) by 2.5e-5 m. Motions faster than the step, such as at a hard
+stop, lose their energy in it: shorter steps, or substeps, keep it.
 
 Tsitouras' explicit rule of order 5: Ch. Tsitouras, "Runge–Kutta pairs of order 5(4) satisfying only
 the first column simplifying assumption", Computers and Mathematics with Applications 62, 2011: the
 rule of order 5 of the pair (six stages; its seventh serves the estimate of order 4 alone, which is
 not used here: a step is watched by its energy account). The norm of its leading error's
-coefficients is 1/56 of rk4's, so that steps of smooth motion can be several times as long for half
-as many evaluations more.
+coefficients is 1/56 of rk4's: with half as many evaluations more, steps of smooth motion can be
+several times as long.
 """
 
 from __future__ import annotations
@@ -106,13 +106,13 @@ class Scheme(NamedTuple):
         history: whether later stages are reached from all those before, not from the last one.
         late: positions move with the rates at the step's end, not with the sum of θ̇.
         corrected: θ̇ of later stages is J_r(θ)⁻¹ v rather than v.
-        implicit: stages are those of :mod:`~hapticmech_ros.mechanism.schemes`.
+        implicit: stages are those of a Rosenbrock method, see the module.
         tolerance: of a step's energy account, see :mod:`~hapticmech_ros.mechanism.refinement`,
             if the scene names none; infinite for a rule of order 1, whose own error in a step from
-            rest is of the size of what is exchanged: it is counted, and steps are left as they are.
-        drift: share of what was exchanged that all steps together may make or lose. More for
-            the rule of order 1, whose energy swings by the order of the step, and comes back: to
-            take its crests out of the motion would leave it slower by as much.
+            rest is of the size of the energy exchanged: it is counted, and steps are kept.
+        drift: share of the energy exchanged that all steps together may make or lose. It is larger
+            for the rule of order 1, whose energy oscillates by the order of the step: removing its
+            crests would slow the motion by as much.
     """
 
     weights: tuple[float, ...]

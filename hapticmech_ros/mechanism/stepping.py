@@ -58,7 +58,7 @@ class Stepper:
     """Steps a mechanism by periods.
 
     Args:
-        mechanism: to step, as its scene's simulation says.
+        mechanism: to step, by its scene's ``simulation``.
 
     Attributes:
         work: see ``model.Work``.
@@ -85,7 +85,7 @@ class Stepper:
         self._work = work = Work(numbers, self.work)
         # Found once: each look at the work makes a view.
         self.parts = parts = SimpleNamespace(**{name: getattr(work, name) for name in Work.parts})
-        # What was set last, by ``prepare``.
+        # The last settings of ``prepare``.
         self._prepared: tuple[int, float, float] | None = None
         self._run = RunPlan()
         self._run.stages, self._run.implicit = len(scheme.weights), scheme.implicit
@@ -195,7 +195,7 @@ class Stepper:
     def _divided(
         self, start: Start, external: ExternalWrenches, single: SingleStep, count: int
     ) -> Stepped:
-        """Do a step in so many smaller ones, or in one, whatever their energy accounts are."""
+        """Do a step in so many smaller ones, or in one, without checking their accounts."""
         if count == 1:
             with self._unwatched():
                 return single(start, external)
@@ -204,7 +204,7 @@ class Stepper:
     def _smaller(
         self, start: Start, external: ExternalWrenches, times: float, steps: int
     ) -> Stepped:
-        """Do steps that are so many times shorter, whatever their energy accounts are."""
+        """Do steps that are so many times shorter, without a check of their energy accounts."""
         with self._unwatched(), self.divided(times):
             return self._steps(start, external, steps, _NO_SAMPLES, 0)
 
@@ -265,7 +265,7 @@ class Stepper:
         return self._substep(start, external)
 
     def _substep(self, start: Start, external: ExternalWrenches) -> Stepped:
-        """Do a step whatever it starts at, leaves, or passes."""
+        """Do a step even at, from, or past a singular position."""
         active_set = self._mechanism.active_set(start.active)
         took = self._call(active_set, start, external, 1, _NO_SAMPLES, 0, UNCHECKED)
         if took.code == NOT_DECIDED:
@@ -337,7 +337,7 @@ class Stepper:
         return start.packed(active_set)
 
     def prepare(self, heeded: int = EVERYTHING) -> None:
-        """Set what the kernel's steps heed.
+        """Set the kernel's checks of steps.
 
         Args:
             heeded: see ``run_kernels``.
@@ -354,7 +354,7 @@ class Stepper:
         self._prepared = wanted
 
     def took(self, code: int, active_set: ActiveSet, active: Active, end: Array) -> Took:
-        """Return what a kernel did.
+        """Return a kernel's result.
 
         Args:
             code: that it returned; a positive one that is no failure of ``settle`` ended it early,

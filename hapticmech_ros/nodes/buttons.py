@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Buttons of a device's handle: who tells them, and who obeys them."""
+"""Buttons of a device's handle: published by its driver, received by nodes that obey them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from hapticmech_ros.nodes.messages import LATCHED, STREAM_PUBLISHER, set_stamp
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.topics import DEVICE_BUTTONS
 
-# Drivers of other people latch nothing, and so nobody here expects it: whoever comes late hears of
-# the buttons within this time, ns.
+# Foreign drivers latch nothing, and so subscribers do not expect it: a late one receives the
+# buttons within this time, ns.
 REPEAT_NS = NANOSECONDS
 
 
 class ButtonOutput:
-    """Tells the buttons of a device when they change, and once a second.
+    """Publishes the buttons of a device when they change, and once a second.
 
     Args:
         actor: the device's.
@@ -34,7 +34,7 @@ class ButtonOutput:
         self._published_ns = 0
 
     def publish(self, pressed: tuple[bool, ...], time_ns: int) -> None:
-        """Tell which buttons are pressed, if it is time to; those that are gone are released.
+        """Publish which buttons are pressed, if due; buttons that are gone are released.
 
         Args:
             pressed: whether each button is.
@@ -50,7 +50,7 @@ class ButtonOutput:
 
 
 class ButtonInput:
-    """Hears which buttons of a device are pressed.
+    """Receives which buttons of a device are pressed.
 
     Args:
         actor: who obeys them.

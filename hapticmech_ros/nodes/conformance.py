@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What any driver of a haptic device must do, tested on its topics while nothing else commands it.
+"""Tests of any driver of a haptic device by its topics, while nothing else commands it.
 
-Somebody holds the device, or an arm does in simulation: a force acts on it for half a second.
+A person holds the device, or a simulated arm: a force acts on it for half a second.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from hapticmech_ros.wire.topics import (
 # s: until the first pose or a force, of each look, of a command, how long before a force ends it
 # was given, between commands, and how old a stamp may be.
 _PATIENCE, _LOOK, _PUSH, _BEFORE, _EVERY, _OLD = 10.0, 1.0, 0.5, 0.1, 0.002, 0.25
-# Hz that poses come at least with, a force that counts as none (N), and shares and slacks of what
-# is compared: of forces (N), and of velocities (m/s).
+# Lowest rate of poses, Hz, largest force that counts as none (N), and relative and absolute
+# tolerances: of forces (N), and of velocities (m/s).
 _SLOWEST, _NONE, _SHARE, _SLACK, _CRAWL = 50.0, 0.02, 0.1, 0.05, 0.003
 # How far, m, and how fast, m/s, a hand moves a device.
 _FARTHEST, _FASTEST = 2.0, Motion().speed
@@ -52,12 +52,12 @@ _Received = list[tuple[float, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One rule, and what was found.
+    """One rule, and its result.
 
     Attributes:
         rule: in words.
         found: in words.
-        kept: whether the rule is kept; None: it could not be looked at.
+        kept: whether the rule is kept; None: it could not be checked.
     """
 
     rule: str
@@ -93,7 +93,7 @@ class DriverTest:
         """Yield each check as it is done.
 
         Raises:
-            HapticMechError: there is no driver, or somebody else commands it.
+            HapticMechError: there is no driver, or another node commands it.
         """
         self._wait_for_driver()
         start = time.monotonic()
@@ -132,10 +132,10 @@ class DriverTest:
         while not self._poses or not self._commands.get_subscription_count():
             if time.monotonic() > end:
                 what = "subscribes to it" if self._poses else "publishes measured_cp beside it"
-                raise HapticMechError(f"{name}: nobody {what}")
+                raise HapticMechError(f"{name}: no node {what}")
             self._spin(0.05)
         if self._node.count_publishers(name) > 1:
-            raise HapticMechError(f"{name}: somebody else commands the device: end the controller")
+            raise HapticMechError(f"{name}: another node commands the device: end the controller")
 
     def _spin(self, seconds: float, each: Callable[[], None] | None = None) -> None:
         """Handle messages for a while, and do something every now and then."""
@@ -193,7 +193,7 @@ class DriverTest:
         return Check(rule, found, off < _CRAWL + _SHARE * speed)
 
     def _check_motion(self, start: float) -> Check:
-        """Tell whether it is where a hand can be and as fast as one, or in other units."""
+        """Check positions and speeds against a hand's, to detect other units."""
         rule = f"it moves within {_FARTHEST:g} m, at {_FASTEST:g} m/s at most"
         poses = np.array([_seven(m)[:3] for _, m in _since(self._poses, start)]).reshape(-1, 3)
         twists = [_three(message.twist.linear) for _, message in _since(self._twists, start)]
@@ -236,7 +236,7 @@ class DriverTest:
         return Check(rule, found, off < _SLACK + _SHARE * self._force)
 
     def _check_end(self) -> Check:
-        """Tell how long a force lasts when commands end."""
+        """Measure how long a force lasts when commands end."""
         self._push()
         end = time.monotonic()
         self._spin(_LOOK)
@@ -250,7 +250,7 @@ class DriverTest:
             self._spin(self._zero, lambda: self._command(self._force))
 
     def _given_lately(self) -> bool:
-        """Tell whether a force was heard of that is no older than one may be before an end."""
+        """Return whether a recent enough force was received."""
         if not self._forces:
             return False
         at, message = self._forces[-1]
@@ -276,7 +276,7 @@ class DriverTest:
         return found if answer.done() else Check(rule, "the service did not answer", False)
 
     def _ended(self, rule: str, end: float) -> Check:
-        """Tell whether a force that was given until a time has ended soon after it, for good."""
+        """Check that a force until a time has ended soon after it, for good."""
         received = [(at, _is_force(m)) for at, m in self._forces]
         before = [at for at, given in received if given and at < end]
         if not before or end - before[-1] > _BEFORE:

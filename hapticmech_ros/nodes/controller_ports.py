@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller gets from its device, and what it publishes.
+"""A controller's inputs from its device, and its outputs.
 
 Order, age and delay of samples; samples of CRTK only. Commands to both sides, how they depend on
 the hands' wrenches, and their account.
@@ -80,7 +80,7 @@ _PERIOD_NS = round(PERIOD_S * NANOSECONDS)
 
 
 class EngagementLog:
-    """Says when a controller engages and disengages.
+    """Logs when a controller engages and disengages.
 
     On a machine that stalls, rendering ends and resumes many times a second. Inputs that are lost
     within a second of the last logged are counted, and logged by :meth:`report_counts`.
@@ -96,10 +96,10 @@ class EngagementLog:
         self._unlogged, self._explained, self._reason, self._engaged = 0, 0, "", False
 
     def engaged(self, explanation: str = "") -> None:
-        """Say that the controller is engaged, unless it is told later why it was not.
+        """Log that the controller is engaged, unless losses are still to be logged.
 
         Args:
-            explanation: what explains the last loss, if that has become known since; else empty.
+            explanation: of the last loss, if that has become known since; else empty.
         """
         self._engaged = True
         if not self._unlogged:
@@ -108,10 +108,10 @@ class EngagementLog:
             self._explained, self._reason = self._explained + 1, f"{self._reason}: {explanation}"
 
     def lost(self, reason: str, explanation: str = "") -> None:
-        """Say that the controller is disengaged because of inputs, now or later.
+        """Log that the controller is disengaged because of inputs, now or later.
 
         Args:
-            reason: what is lost.
+            reason: the lost inputs.
             explanation: the pause of a process that explains it, if one is known; else empty.
         """
         self._engaged, now = False, self._now_ns()
@@ -125,17 +125,17 @@ class EngagementLog:
         self._logger().warning(f"disengaged: {reason}")
 
     def fault(self, reason: str) -> None:
-        """Say that the controller is disengaged because it must not render."""
+        """Log that the controller is disengaged because it must not render."""
         self._engaged = False
         self._logger().warning(f"disengaged: {reason}")
 
     def stopped(self, reason: str) -> None:
-        """Say that the controller is disengaged because somebody wants it so."""
+        """Log that the controller is disengaged on request."""
         self._engaged = False
         self._logger().info(f"disengaged: {reason}")
 
     def report_counts(self) -> None:
-        """Say what has not been said; to be called once in ``PERIOD_S``."""
+        """Log the counts not logged yet; to be called once in ``PERIOD_S``."""
         if not self._unlogged:
             return
         state = "engaged" if self._engaged else "disengaged"
@@ -147,7 +147,7 @@ class EngagementLog:
 
 
 NO_WRENCH = np.zeros(6)
-# A gain lapses after five times as long, and who sends gains is known by them.
+# A gain lapses after five times as long, and gains show who sends them.
 LONGEST_WITHOUT_GAIN_NS = NANOSECONDS // 50
 
 
@@ -157,13 +157,13 @@ class ControllerOutputs:
     Args:
         actor: the controller.
         axes: returns the device's axes in the world (3, 3), for drivers that are commanded in them;
-            None where they are not known, and nothing is then said in them.
+            None where they are not known: nothing is then published in them.
 
     Attributes:
         answers: commands sent to the device.
-        to_device, to_point, to_gain: what these, those to the mechanism, and how they depend on the
-            device, are published through.
-        gain_from_ns: from which stamp on, ns, that is due.
+        to_device, to_point, to_gain: publishers of these, of those to the mechanism, and of how
+            they depend on the device.
+        gain_from_ns: stamp, ns, from which the latter is due.
     """
 
     def __init__(self, actor: Actor[Any], axes: Callable[[], Array | None]) -> None:
@@ -205,7 +205,7 @@ class ControllerOutputs:
 
     @property
     def until_view(self) -> int:
-        """After how many more answers parts and energies are due; 0: nobody wants them."""
+        """After how many more answers parts and energies are due; 0: no subscriber."""
         if not any(one.wanted for one in (*self._publish_parts, self._publish_energy)):
             return 0
         return 1 + -self.answers % self._actor.view_every
@@ -235,7 +235,7 @@ class ControllerOutputs:
             self._publish_coupling.publish(self._coupling_encoder.encode(published))
 
     def device(self, wrench: Array, stamp_ns: int) -> None:
-        """Publish what the device is commanded.
+        """Publish the device's command.
 
         Args:
             wrench: (6,) N and N m, world axes at the point held.
@@ -282,7 +282,7 @@ class ControllerOutputs:
             self._publish_energy.publish(self._energy.encode(message.values))
 
     def mechanism(self, wrench: Array, stamp_ns: int) -> None:
-        """Publish what the mechanism is told.
+        """Publish the mechanism's command.
 
         Args:
             wrench: (6,) N and N m, world axes at the operational point.
@@ -291,7 +291,7 @@ class ControllerOutputs:
         self.to_point.publish(encode_wrench(wrench, stamp_ns, self._actor.wrenches))
 
     def zero(self, device_ns: int, mechanism_ns: int) -> None:
-        """Say zero to both sides, each by its own clock (ns), later than what it was told last."""
+        """Command zero to both sides, each by its own clock (ns), after the last command."""
         self.gain_from_ns = NEVER
         for outlet, time_ns in (
             (self.to_device, device_ns),
@@ -306,24 +306,24 @@ LATE_SHARE = 4
 
 
 class CrtkDevice:
-    """Makes a sample with each measured_cp, of that and of what else the driver says.
+    """Makes a sample with each measured_cp, from that and the driver's other topics.
 
-    Without measured_cv the twist is that of the poses. The hand's wrench is what the scene's
-    ``force_sensor`` says: heard on ``hand/measured_cf``; estimated from the motion and the wrench
-    of the actuators, which is measured_cf, or else what they were told; or zero.
+    Without measured_cv the twist is that of the poses. By the scene's ``force_sensor`` the hand's
+    wrench is received on ``hand/measured_cf``; estimated from the motion and the wrench of the
+    actuators, which is measured_cf, or else their command; or zero.
 
     Args:
         actor: that listens.
         bounds: of a twist.
-        timeout_ns: returns how long twist and wrenches stand, ns.
-        watch: returns what tells the publishers of a topic apart.
+        timeout_ns: returns how long twist and wrenches are valid, ns.
+        watch: returns the ``Sources`` that distinguish a topic's publishers.
         wanted: whether samples are wanted at a time, ns.
-        answer: gets each sample (19,), its stamp and the time, ns.
-        lost: gets the topics that are not fresh, instead.
+        answer: called with each sample (19,), its stamp and the time, ns.
+        lost: called with the topics that are not fresh, instead.
         commanded: returns the wrench (6,) that was commanded last, N and N m, world axes.
 
     Attributes:
-        streams: the topics, by their names on the lane, and who speaks on each.
+        streams: the topics, by their names on the lane, and the sources of each.
     """
 
     def __init__(
@@ -350,7 +350,7 @@ class CrtkDevice:
         self._listen(DEVICE_TWIST.name, TwistStamped, self._on_twist)
 
     def listen(self) -> None:
-        """Hear measured_cp, which comes last of a sample's messages."""
+        """Subscribe to measured_cp, which comes last of a sample's messages."""
         self._listen(DEVICE_POSE.name, PoseStamped, self._on_pose)
 
     def _listen(self, name: str, kind: Any, accept: Callable[[Any, int], None]) -> None:
@@ -368,14 +368,14 @@ class CrtkDevice:
         self._actor.input_stream(name, kind, CONTROL_SUBSCRIBER, receive, sources, self._wanted)
 
     def _check_frame(self, name: str, frame: str) -> None:
-        """Refuse a message in axes that nobody has told.
+        """Refuse a message in undeclared axes.
 
         Raises:
-            InvalidInputError: with what would have it accepted.
+            InvalidInputError: with the remedy.
         """
         declared = self._actor.parameters.device_frame
         if frame == declared or name == DEVICE_BODY_FORCE.name:
-            # Wrenches in the device's own axes: whatever the driver calls its own frame.
+            # Wrenches in the device's own axes may have any name of its frame.
             return
         rule = f"must be '{declared}'; if its axes are the world's, let device_frame be '{frame}'"
         if frame.strip("/") == declared:
@@ -391,13 +391,13 @@ class CrtkDevice:
         self._epoch_ns = self._stamp_ns = self._answered_ns = 0
         self._age = SampleAge()
         self._refusals: dict[str, tuple[str, int]] = {}
-        # Made when they are asked for.
+        # Made on access.
         self.__dict__.pop("_observer", None)
         self.__dict__.pop("_moving", None)
 
     @cached_property
     def _observer(self) -> HandObserver:
-        # Here, so that the controllers of most devices load no kernels of it.
+        # Imported here: the controllers of most devices load no kernels of it.
         from hapticmech_ros.device.real_device import HandObserver
 
         scene = self._actor.scene
@@ -410,7 +410,7 @@ class CrtkDevice:
         return TwistEstimate(self._actor.scene.device.velocity_filter)
 
     def lacking(self, now_ns: int) -> list[str]:
-        """Return the topics that a driver of which poses are heard lacks, by their full names.
+        """Return the full names of the topics that a driver with fresh poses lacks.
 
         Args:
             now_ns: present time, ns.
@@ -486,7 +486,7 @@ class CrtkDevice:
 
     @property
     def rotation(self) -> Array | None:
-        """Axes of the device's last pose in the world (3, 3); None before one was heard."""
+        """Axes of the device's last pose in the world (3, 3); None before the first."""
         pose = self._pose.value
         return None if pose is None else np.asarray(pose.rotation)
 
@@ -496,21 +496,21 @@ class CrtkDevice:
 
 
 class DevicePath(InOrder):
-    """What a controller knows of the way to its device.
+    """A controller's state of the path to its device.
 
-    Where a network is declared, samples are answered when the analysis comes, which it does evenly:
-    a bunch of samples is answered once, by its newest, and the mechanism is told every period. This
-    is what a simulated connection does, too.
+    Over a declared network, samples are answered when the analysis comes, at even times: a bunch of
+    samples gets one answer, for its newest, and the mechanism gets a command every period. A
+    simulated connection works alike.
 
     Args:
         scene: whose connection and device.
         log: called when gains change to those for another delay.
 
     Attributes:
-        round_trip: s, from the device's samples to their answers, as it says; 0: not known.
+        round_trip: s, from the device's samples to their answers, by its report; 0: not known.
         paced: whether samples are answered when the analysis comes.
-        obeyed: whether the device obeyed when it took its last sample; a driver that does not tell
-            counts as if it did.
+        obeyed: whether the device obeyed when it took its last sample; a driver without that report
+            counts as obeying.
     """
 
     def __init__(self, scene: Scene, log: Callable[[str], object]) -> None:
@@ -526,7 +526,7 @@ class DevicePath(InOrder):
         self._turn_ns = NEVER
 
     def received(self, reading: DeviceStateMessage, now_ns: int, limit_ns: int) -> bool:
-        """Return whether a sample is no older than those before it, and take what it tells.
+        """Return whether a sample is no older than those before it, and store its report.
 
         Raises:
             InvalidInputError: it is older than ``limit_ns``.
@@ -546,7 +546,7 @@ class DevicePath(InOrder):
 
     @property
     def is_settled(self) -> bool:
-        """Whether further samples that tell the same round trip change nothing."""
+        """Whether further samples with the same round trip change nothing."""
         return self.round_trip <= 0.0 or self._follower.is_settled(self.round_trip)
 
     @property
@@ -563,9 +563,9 @@ class DevicePath(InOrder):
 
         Args:
             control: whose gains.
-            gains: as parameters have them.
-            soften: whether they are made for what is measured, beyond what is declared.
-            time: s, of the gain ramp; None takes them at once.
+            gains: by the parameters.
+            soften: whether they are made for the measured delay, if above the declared one.
+            time: s, of the gain ramp; None sets them at once.
         """
         if time is not None and self._follower.delay != self._logged_delay:
             self._logged_delay = self._follower.delay
@@ -581,11 +581,11 @@ class DevicePath(InOrder):
             control.tune(time, gains, delay)
 
     def warning(self, gains: Controller, soften: bool) -> str:
-        """Return what is wrong with the way for gains (as parameters have them); empty if nothing.
+        """Return a warning that the path is too slow for gains; empty if it is not.
 
         Args:
-            gains: as parameters have them.
-            soften: whether they are made for what is measured.
+            gains: by the parameters.
+            soften: whether they are made for the measured delay.
         """
         if not self._follower.exceeded(self.round_trip):
             return ""
@@ -614,7 +614,7 @@ class DevicePath(InOrder):
         self._sample = sample, stamp_ns
 
     def take(self) -> tuple[Array, int] | None:
-        """Return the newest sample (19,) and what its answer is stamped with, ns.
+        """Return the newest sample (19,) and its answer's stamp, ns.
 
         That is its own stamp the first time; answers that follow are later by a nanosecond each, as
         far as this leaves the microsecond.
@@ -630,12 +630,12 @@ class DevicePath(InOrder):
         return now_ns - before
 
     def restart(self) -> None:
-        """Wait for samples anew: what was heard before counts no more."""
+        """Wait for samples anew: earlier ones do not count any more."""
         self.forget()
         self._sample, self._turn_ns, self.obeyed = None, NEVER, True
 
     def figures(self, gains: Controller, soften: bool, loop_warning: str) -> dict[str, str]:
-        """Return what diagnostics say; arguments as of :meth:`warning`, and what the scene says."""
+        """Return entries for diagnostics; arguments as of :meth:`warning`, and the scene's."""
         return {
             "loop_warning": self.warning(gains, soften) or loop_warning,
             "round_trip_ms": f"{1e3 * self.round_trip:.1f}",

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Executables of the package: what `ros2 run hapticmech_ros <name>` and `bin/<name>` start.
+"""Executables of the package, for `ros2 run hapticmech_ros <name>` and `bin/<name>`.
 
 Arguments are read before rclpy is imported: `--help` and a missing rclpy are answered at once.
 """
@@ -25,7 +25,7 @@ NODES = {
     "nullspace_analyser": "Λ_h⁻¹, its spectrum and its null space, at the mechanism's state",
     "teleoperation_controller": "impedance, joint-constraint and four-channel controllers (Fig. 3)",
 }
-# Drivers of real devices, by what they are called in the command line; in haptic_device's place.
+# Drivers of devices by their names in the command line; in haptic_device's place.
 DRIVERS = {"simulated": DEVICE, "haply": HAPLY, "relay": RELAY}
 # These look on; they are not part of the graph.
 PURPOSES = {
@@ -72,16 +72,16 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
         return 1
     # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Looking for plugins of pydantic, of which none is wanted here, takes a node 40 ms.
+    # The search for plugins of pydantic, which are not used, takes a node 40 ms.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     choose_discovery(os.environ)
-    # Whoever only looks on may come late.
+    # Viewers may start late.
     starting = QuickStart(["realtime:=off"] if list(names) in ([VIEWER], [PAGE]) else arguments)
     try:
         runtime = importlib.import_module("hapticmech_ros.nodes.runtime")
         return int(runtime.run(names, arguments, starting))
     except HapticMechError as error:
-        # Kernels are loaded, or compiled, by whoever imports them first.
+        # The first import of kernels loads, or compiles, them.
         sys.stderr.write(f"{error}\n")
         return 1
 

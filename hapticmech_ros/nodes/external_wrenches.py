@@ -1,13 +1,13 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wrenches that other people's nodes put on a body: any number of them at once, summed.
+"""Wrenches on a body by any other nodes: any number at once, summed.
 
 A body's wrenches come on ``external_cf`` below its name, where each expires after a timeout, and on
 ``external_cf/persistent``, where the last one stays until it is replaced, as in Gazebo's
 ``wrench/persistent``. Further publishers use names below these, such as ``external_cf/<who>`` and
-``external_cf/persistent/<who>``: one name for each, because a ROS subscriber is not told which
-publisher a message is from. Names are found in the graph as publishers appear, so that a body that
-nobody pushes costs nothing.
+``external_cf/persistent/<who>``: one name for each, because a ROS subscriber does not know a
+message's publisher. Names are found in the graph as publishers appear: a body without pushes costs
+nothing.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class ExternalWrenches:
         verb: name of the topic below a prefix; ``<verb>/persistent`` is the one of wrenches that
             stay until they are replaced.
         frames: frames whose axes a wrench may be given in, apart from ``world``.
-        root: relative name below which every body is; a publisher there that pushes none is named.
+        root: relative name below which every body is; a publisher there that matches no body is
+            logged.
     """
 
     def __init__(
@@ -98,12 +99,12 @@ class ExternalWrenches:
                 source.wrench.timeout_ns = timeout_ns
 
     def forget(self) -> None:
-        """Drop what was heard; who pushes on is heard again."""
+        """Drop all wrenches; publishers that go on are received again."""
         for source in self.sources.values():
             source.wrench.clear()
 
     def pushes(self, now_ns: int) -> bool:
-        """Return whether any wrench stands at a time, ns."""
+        """Return whether any wrench acts at a time, ns."""
         return any(source.wrench.stands(now_ns) for source in self.sources.values())
 
     def at(self, now_ns: int, rotation_of: Callable[[str], Array]) -> dict[str, Array]:
@@ -125,7 +126,7 @@ class ExternalWrenches:
         return total
 
     def scan(self) -> None:
-        """Listen to new publishers, drop those who left, name those who push nobody."""
+        """Subscribe to new publishers, drop those that left, log those that push no body."""
         node = self._actor.node
         for name, types in node.get_topic_names_and_types():
             if WRENCH_TYPE in types and name not in self.sources:

@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated haptic device driver: what a real device's ROS driver would be, with a hand on it.
+"""Simulated haptic device driver: like a real device's ROS driver, with a hand on it.
 
-It hears what others add to the hand's wrench: pushes, or in lockstep one for each sample.
+It subscribes to others' additions to the hand's wrench: pushes, or in lockstep one for each sample.
 """
 
 from __future__ import annotations
@@ -87,12 +87,12 @@ class HandWrenches:
             self._external.set_timeout(nanoseconds(parameters.hand_timeout))
 
     def forget(self) -> None:
-        """Drop what was heard."""
+        """Drop received wrenches."""
         if self._external is not None:
             self._external.forget()
 
     def ready(self, deadline_ns: int) -> bool:
-        """Return whether what a tick in lockstep needs is there."""
+        """Return whether the inputs of a tick in lockstep are there."""
         return self._external is not None or self._awaited.has(deadline_ns)
 
     def at(self, now_ns: int) -> Array:
@@ -102,7 +102,7 @@ class HandWrenches:
         return self._external.at(now_ns, self._rotation_of).get("hand", NO_WRENCH)
 
     def pushes(self, now_ns: int) -> bool:
-        """Return whether any wrench stands at a time, ns, or one is awaited."""
+        """Return whether any wrench acts at a time, ns, or one is awaited."""
         return self._external is None or self._external.pushes(now_ns)
 
     def figures(self, now_ns: int) -> dict[str, str]:
@@ -122,8 +122,8 @@ class DeviceTicks(PlainMessages):
 
     Args:
         actor: the driver's.
-        device: what is moved.
-        outlet: that samples are published through.
+        device: to move.
+        outlet: publisher of samples.
     """
 
     def __init__(self, actor: HapticDevice, device: ImpedanceDevice, outlet: Outlet) -> None:
@@ -148,7 +148,7 @@ class DeviceTicks(PlainMessages):
         self._out.obeys = True
 
     def ready(self) -> bool:
-        """Tell the kernel how the driver is; return whether it may do anything for it."""
+        """Give the kernel the driver's state; return whether it may do anything for it."""
         actor, device = self._driver, self._device
         if not actor.plainly(self.link, self._commands, self._state, self._model):
             return False
@@ -188,7 +188,7 @@ class DeviceTicks(PlainMessages):
         )
 
     def did(self, code: int, reads: int) -> None:
-        """Tell the driver what the kernel did."""
+        """Update the driver with the kernel's work."""
         actor, trips = self._driver, self._trips[: self.link.trips]
         actor.latency.extend(self.ages[:reads])
         if self.inputs[own.GAINS].reading.read:
@@ -199,7 +199,7 @@ class DeviceTicks(PlainMessages):
             actor.moved(self.link, self._commands, self._state, trips, code)
 
     def view(self) -> Callable[[], None]:
-        """Return what publishes the device's state for people."""
+        """Return a function that publishes the device's state for people."""
         actor, account = self._driver, copy(self._driver.side.passivity)
         account.account = DeviceAccount(account.account.values.copy())
         state, stamp_ns = DeviceState(self._state.copy()), self.link.next - self.link.period
@@ -247,7 +247,7 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         super()._publish(stamp_ns)
 
     def pushed(self, deadline_ns: int) -> Array:
-        """Return what others push with (6,), by topics, N and N m, world axes at the point held."""
+        """Return others' pushes (6,), by topics, N and N m, world axes at the point held."""
         return NO_WRENCH if self._hand is None else self._hand.at(deadline_ns)
 
     def apply_parameters(self, parameters: DeviceParameters) -> None:
@@ -257,7 +257,7 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
             self._hand.apply_parameters(parameters)
 
     def activate(self) -> None:
-        """Begin where the device is, held by nobody; in lockstep, held from the start."""
+        """Begin where the device is, without a hand; in lockstep, held from the start."""
         if self._hand is not None:
             self._hand.forget()
         super().activate()
@@ -269,10 +269,10 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         super().deactivate()
 
     def plainly(self, link: own.DeviceLink, commands: Array, state: Array, model: Array) -> bool:
-        """Return what :meth:`DeviceDriver.plainly` does, if nobody pushes.
+        """Return the result of :meth:`DeviceDriver.plainly`, if no wrench pushes.
 
         Args:
-            link: how things stand, to fill.
+            link: the driver's state, to fill.
             commands: (2, 6) to fill, N and N m.
             state: (107,) to fill, of the device.
             model: (108,) to fill: how commands depend on the device.
@@ -293,7 +293,7 @@ class HapticDevice(DeviceDriver[DeviceParameters]):
         return received and super().ready(deadline_ns)
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
-        """Return what holds the device, and who pushes, for diagnostics."""
+        """Return the hand, and the names of pushes, for diagnostics."""
         pushes = {} if self._hand is None else self._hand.figures(now_ns)
         return {"hand": self.parameters.hand, **pushes}
 

@@ -1,11 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Values that arrive by message: how old they are, and what they are worth after some time.
+"""Values from messages: their age, their expiry, and their order.
 
-And in which order: best-effort readers take messages as they come, and a network may swap them. A
-command that answers an older sample than the one obeyed would take the device back in time, with a
-step of the force. So what later ones have overtaken is told apart. Stamps are compared with each
-other only, never with a clock.
+Best-effort readers take messages as they come, and a network may swap them. A command that answers
+an older sample than the one obeyed would take the device back in time, with a step of the force. So
+overtaken messages are detected. Stamps are compared with each other only, never with a clock.
 
 Joint states are read by the names of joints, and lists of numbers in parameters by place.
 """
@@ -111,7 +110,7 @@ class InOrder:
         self._newest_ns, self._arrived_ns = stamps
 
     def forget(self) -> None:
-        """Take whatever comes next as the newest."""
+        """Take the next message as the newest."""
         self._newest_ns = self._arrived_ns = NEVER
 
 
@@ -121,7 +120,7 @@ NEVER = -(1 << 62)
 
 @dataclass(slots=True)
 class Latest(Generic[T]):
-    """The last accepted value of an input, and the time it stands for (ns of the node's clock)."""
+    """The last accepted value of an input, and its time (ns of the node's clock)."""
 
     value: T | None = None
     stamp_ns: int = NEVER
@@ -132,7 +131,7 @@ class Latest(Generic[T]):
         self.stamp_ns = stamp_ns
 
     def renew(self, stamp_ns: int) -> None:
-        """Let the value that is there, if one is, stand for another time."""
+        """Set another time of the present value, if there is one."""
         if self.value is not None:
             self.stamp_ns = stamp_ns
 
@@ -145,20 +144,20 @@ class Latest(Generic[T]):
 class Standing(Latest[T]):
     """A command, and the one before it that stood at the last sample.
 
-    Over a period acts what was known before it began. Samples that are caught up after a stall come
-    before what was received after it: for them, too, the command of the time counts, which may have
-    run out meanwhile.
+    Over a period the command known at its start acts. Samples that are caught up after a stall
+    precede messages received after it: for them, too, the command of their time counts, which may
+    have expired meanwhile.
     """
 
     before: T | None = None
     before_ns: int = NEVER
 
     def sampled(self) -> None:
-        """Note that a sample was taken under the value that stands."""
+        """Note that a sample was taken under the present value."""
         self.before, self.before_ns = self.value, self.stamp_ns
 
     def lapsed(self, now_ns: int, timeout_ns: int) -> bool:
-        """Return whether what stood at the last sample has run out by now, and forget it then.
+        """Return whether the last sample's value has expired by now, and forget it then.
 
         A process that stood still for so long has missed the end of it.
         """
@@ -168,7 +167,7 @@ class Standing(Latest[T]):
         return True
 
     def as_of(self, time_ns: int) -> tuple[T | None, int]:
-        """Return what was known at a time, and since when, ns."""
+        """Return the value known at a time, and since when, ns."""
         if self.stamp_ns > time_ns:
             return self.before, self.before_ns
         return self.value, self.stamp_ns
@@ -181,7 +180,7 @@ class Standing(Latest[T]):
 
 @dataclass(slots=True)
 class Stamped(Generic[T]):
-    """Values by the time they stand for (ns): lockstep takes exactly the one it needs."""
+    """Values by their time (ns): lockstep takes exactly the one it needs."""
 
     values: dict[int, T] = field(default_factory=dict)
 
@@ -225,11 +224,11 @@ class ExpiringWrench:
         self._latest.clear()
 
     def sampled(self) -> None:
-        """Note that a sample was taken under the command that stands."""
+        """Note that a sample was taken under the present command."""
         self._latest.sampled()
 
     def put_into(self, wrenches: Array) -> tuple[int, int]:
-        """Fill (2, 6) with what stands, and what stood at the last sample.
+        """Fill (2, 6) with the present command, and that of the last sample.
 
         Args:
             wrenches: (2, 6) to fill, N and N m, in the axes given.
@@ -243,7 +242,7 @@ class ExpiringWrench:
         return latest.stamp_ns, latest.before_ns
 
     def take_from(self, wrenches: Array, received_ns: int, before_ns: int) -> None:
-        """Take what a kernel has left of :meth:`put_into`.
+        """Take a kernel's changes of the values of :meth:`put_into`.
 
         Args:
             wrenches: (2, 6) likewise.
@@ -259,7 +258,7 @@ class ExpiringWrench:
         return self._latest.fresh(now_ns, self.timeout_ns)
 
     def stands(self, now_ns: int) -> bool:
-        """Return whether anything of a command is left at ``now_ns``."""
+        """Return whether a command still acts at ``now_ns``."""
         if self._latest.value is None:
             return False
         return self.timeout_ns == 0 or self._latest.fresh(now_ns, self.timeout_ns + self.ramp_ns)
@@ -286,9 +285,9 @@ SPAN_NS = 10 * NANOSECONDS
 class SampleAge:
     """Judges samples of a device, in order, without comparing two hosts' clocks.
 
-    What a stamp lacks to the time of arrival is the way here and the difference of the two clocks.
-    The least of it lately is the quickest way with the same difference: what a sample lacks beyond
-    that is how much longer it took.
+    The time of arrival less a stamp is the transit time plus the difference of the two clocks. The
+    recent minimum is the quickest transit with the same difference: a sample's excess over it is
+    its additional delay.
     """
 
     def __init__(self) -> None:
@@ -304,7 +303,7 @@ class SampleAge:
         """Refuse a sample that is too old.
 
         Args:
-            stamp_ns: of the sample; one before the last says that the sender's clock was set.
+            stamp_ns: of the sample; one before the last means that the sender's clock was set.
             limit_ns: how old it may be.
 
         Raises:
@@ -319,12 +318,12 @@ class SampleAge:
         """Return by how much longer, ns, a sample that comes now took than the quickest one.
 
         Args:
-            stamp_ns: of the sample; one before the last says that the sender's clock was set.
+            stamp_ns: of the sample; one before the last means that the sender's clock was set.
         """
         if stamp_ns < self._stamp_ns:
             self.forget()
         self._stamp_ns = stamp_ns
-        # Any clock does that nobody sets.
+        # Any clock works that is never set.
         arrived_ns = time.monotonic_ns()
         lacks = arrived_ns - stamp_ns
         if self._next_ns is None or arrived_ns - self._since_ns > SPAN_NS:

@@ -5,11 +5,9 @@
 A subscriber has a socket in a folder of this user's own; a publisher connects to it, gets the list
 of topics that are subscribed to there, and sends those.
 
-Connections of the lane: sockets, and what is written into them.
-
-Sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full one refuses
-instead of blocking, and the kernel ends a connection with the process at its other end, whatever
-killed it. User ids are those that the kernel tells of the peer.
+Connections are sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a
+full one refuses instead of blocking, and the kernel ends a connection with the process at its other
+end, however that ended. User ids of peers are from the kernel.
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ from hapticmech_ros.nodes.sources import INSIDE, Batch, BatchListener, Listener,
 from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
-# What decides whom the middleware finds, besides the network that the process is in.
+# Settings of the middleware's discovery, besides the network that the process is in.
 SETTINGS = (
     *("RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"),
     *("ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT"),
@@ -100,7 +98,7 @@ def _private(folder: Path) -> Path:
 
 
 def _is_private(folder: str) -> bool:
-    """Return whether a folder, which is no link, is this user's and nobody else's."""
+    """Return whether a folder, which is no link, is accessible to this user only."""
     try:
         found = os.lstat(folder)
     except OSError:
@@ -111,28 +109,28 @@ def _is_private(folder: str) -> bool:
 
 # Larger messages go through the middleware.
 MOST_BYTES = 1 << 16
-# Of all topics that a process hears, as it tells them.
+# Longest list of a process's subscribed topics, bytes.
 MOST_TOLD = 1 << 17
-# What a listener that wants every message may fall behind by, in messages: some ten seconds of a
-# node's topics at 1 kHz. A recorder on a busy machine gets little of the processors for as long.
+# Largest backlog of a listener that wants every message, in messages: some ten seconds of a node's
+# topics at 1 kHz. A recorder on a busy machine gets little of the processors for as long.
 MOST_BEHIND = 30_000
-# So many of those are sent at once, so that a sender's own work is not held up.
+# So many of those are sent at once: the sender's own work is not held up.
 MOST_AT_ONCE = 16
-# Whoever has taken nothing for so long stands still, and the middleware may soon count it no more:
-# others may then be the only ones who listen. Longer than a process goes without a processor where
-# those of the control rate take nearly all, since then the middleware, which costs more, would take
-# the rest; shorter than the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
+# A process that has taken nothing for so long is stalled, and the middleware may soon drop it from
+# its subscribers. The time is longer than a process waits for a processor where those of the
+# control rate take nearly all, since then the middleware, which costs more, would take the rest;
+# shorter than the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
 STALLED_NS = 5 * NANOSECONDS
 # How much a connection holds for such a listener, bytes; the system may grant less.
 KEPT_BYTES = 1 << 22
 # Of sockets that a process waits for with select.
 MOST_SOCKETS = 1024
-# Kind, whether the middleware carries the message too, topic as numbered by whoever hears it,
-# which of the sending process's outlets, number of its last message through the middleware, and
-# of this one among those over the lane; when it was sent, ns of the machine's clock.
+# Kind, whether the middleware carries the message too, the receiver's number of the topic, the
+# sending process's outlet, number of its last message through the middleware, and of this one among
+# those over the lane; when it was sent, ns of the machine's clock.
 HEADER = struct.Struct("<BBHIQQq")
 MESSAGE, TOPICS = 1, 2
-# By which a process that hears numbers its topics.
+# A receiver's numbers of its topics.
 MOST_CODES = 1 << 16
 _VERSION = 3
 _BACKLOG = 64
@@ -143,7 +141,7 @@ _MOST_LISTS = 16
 
 
 class BrokenRuleError(Exception):
-    """The other end does not keep to this module."""
+    """The other end breaks this module's protocol."""
 
 
 class Outgoing:
@@ -154,7 +152,7 @@ class Outgoing:
         connection: to it.
 
     Attributes:
-        topics: that it hears: the number by which it knows each, and how many listen there.
+        topics: subscribed to there: its number of each, and how many listeners.
         lost: messages that it missed because it was full.
         stalled: whether it has taken nothing for :data:`STALLED_NS`.
     """
@@ -166,7 +164,7 @@ class Outgoing:
         self.lost = 0
         self.stalled = False
         self._behind: deque[bytes] | None = None
-        # What people see is sent by another thread.
+        # Another thread sends views for people.
         self._lock = threading.Lock()
         # Since when it refuses messages; 0: it takes them.
         self._full_ns = 0
@@ -211,13 +209,13 @@ class Outgoing:
         return self._full_ns > 0
 
     def stalls_or_goes_on(self) -> bool:
-        """Look whether it stalls; return whether that has changed."""
+        """Check whether it stalls; return whether that has changed."""
         before, full = self.stalled, self._full_ns
         self.stalled = full > 0 and time.monotonic_ns() - full > STALLED_NS
         return self.stalled != before
 
     def flush(self) -> bool:
-        """Send of what is kept as much as it takes; return whether the connection is there."""
+        """Send as many kept messages as it takes; return whether the connection is there."""
         with self._lock:
             return not self._behind or self._flush(self._behind)
 
@@ -234,12 +232,12 @@ class Outgoing:
         return True
 
     def read_topics(self) -> None:
-        """Read what is heard at the other end now; of several lists the last one holds.
+        """Read the topics that the other end subscribes to; of several lists the last one is valid.
 
         Raises:
             BlockingIOError: all is read. Without it there may be more.
             OSError: the connection is gone.
-            BrokenRuleError: what it tells cannot be read.
+            BrokenRuleError: the list cannot be read.
         """
         for _ in range(_MOST_LISTS):
             frame = self.connection.recv(HEADER.size + MOST_TOLD)
@@ -268,14 +266,14 @@ class Outgoing:
 
 
 class Incoming:
-    """A connection from a process that speaks.
+    """A connection from a process that sends.
 
     Args:
         connection: to it.
         serial: number of the connection in this process.
 
     Attributes:
-        announced: which version of what is heard here it knows.
+        announced: version of this process's topics that it knows.
     """
 
     def __init__(self, connection: socket.socket, serial: int) -> None:
@@ -289,7 +287,7 @@ class Incoming:
         return int.from_bytes(there, sys.byteorder)
 
     def announce(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
-        """Tell it what is heard here, unless it knows: another time if its socket is full.
+        """Send it this process's topics, unless it knows them: later if its socket is full.
 
         Args:
             topics: name and type, number, how many listen, whether any of them wants all messages.
@@ -334,10 +332,10 @@ def listening(folder: Path, name: str) -> socket.socket:
 
 
 def connected(path: Path) -> socket.socket | None:
-    """Return a connection to whoever listens there; None: another time.
+    """Return a connection to the process that listens there; None: try again later.
 
     Raises:
-        ConnectionRefusedError: nobody is there any more.
+        ConnectionRefusedError: that process has ended.
     """
     try:
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -356,7 +354,7 @@ def connected(path: Path) -> socket.socket | None:
 
 
 def remove_socket(path: Path) -> None:
-    """Remove a socket that nobody answers at; anything else stays."""
+    """Remove a socket of an ended process; anything else stays."""
     try:
         if stat.S_ISSOCK(path.lstat().st_mode):
             path.unlink()
@@ -375,17 +373,17 @@ def is_ours(connection: socket.socket) -> bool:
     return False
 
 
-# Looks for new processes, and at what could not be sent, come so often.
+# Period of the search for new processes, and of sending again.
 LOOK_NS = NANOSECONDS // 10
 # A socket is made ready in less than this, s.
 UNREADY_S = 10.0
-# Whoever has found messages for so long without waiting for them is behind: of what has piled up,
-# it gets the newest. It has waited where it took longer than this to find them.
+# A process that has found messages for so long without waiting is behind: of piled-up messages it
+# gets the newest. It has waited where finding them took longer than the second number.
 BEHIND_NS, WAITED_NS = 3_000_000, 20_000
 
 
 class Arrived(NamedTuple):
-    """What has come, its origin, and the listener it is for: a message, or a batch of them."""
+    """A received message, or a batch, with its origin and its listener."""
 
     listener: Callable[..., None]
     message: bytes | Batch
@@ -409,7 +407,7 @@ class _Subscription:
 
 
 class Waits(Protocol):
-    """Waits for connections in place of ``select``, and does meanwhile what it can."""
+    """Waits for connections in place of ``select``, and works meanwhile."""
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Return whether it can wait now; see ``PlainMessages``."""
@@ -419,10 +417,10 @@ class Waits(Protocol):
 
     @property
     def settled(self) -> bool:
-        """Whether the node knows what was done so far."""
+        """Whether the node is up to date with that work."""
 
     def settle(self) -> None:
-        """Have the node know that; see there."""
+        """Update the node with that; see there."""
 
 
 class Lane:
@@ -433,8 +431,8 @@ class Lane:
 
     Attributes:
         refused: connections of other users, and messages that broke the rules.
-        copied: topic and message of all that came and the middleware brings too; for whoever
-            collects to take.
+        copied: topic and message of all received ones that the middleware delivers too; the caller
+            of :meth:`collect` takes them.
         wait: waits in place of ``select``, and does something meanwhile; see :class:`Waits`.
         worked: whether it waited the last time.
         turn: of the process's threads.
@@ -503,7 +501,7 @@ class Lane:
 
     @property
     def linked(self) -> bool:
-        """Whether another process is, or may be, speaking to this one."""
+        """Whether another process sends, or may send, to this one."""
         return bool(self._incoming)
 
     @property
@@ -512,7 +510,7 @@ class Lane:
         return sum(outgoing.lost for outgoing in self._outgoing.values())
 
     def listen(self, topic: str, listener: Listener) -> None:
-        """Hear the latest message of each publisher of a topic.
+        """Subscribe to the latest message of each publisher of a topic.
 
         Args:
             topic: full name and type.
@@ -522,7 +520,7 @@ class Lane:
         self._announce_anew()
 
     def listen_to_all(self, topic: str, listener: BatchListener) -> None:
-        """Hear all messages of a topic; those that have come together are handed over together.
+        """Subscribe to all messages of a topic; those received together are delivered together.
 
         Args:
             topic: full name and type.
@@ -543,7 +541,7 @@ class Lane:
         return subscription
 
     def silence(self, topic: str, listener: Listener) -> None:
-        """Hear the latest messages of a topic no more."""
+        """Unsubscribe from the latest messages of a topic."""
         subscription = self._subscriptions[topic]
         subscription.listeners.remove(listener)
         if not subscription.count:
@@ -555,7 +553,7 @@ class Lane:
         return self._readers.get(topic, 0)
 
     def send(self, topic: str, outlet: int, number: int, message: bytes, both: bool) -> None:
-        """Send a message to all who hear its topic; whoever's connection is full misses it.
+        """Send a message to all subscribers of its topic; those with a full connection miss it.
 
         Args:
             topic: full name and type.
@@ -603,11 +601,11 @@ class Lane:
         return self._sent.get(outlet, 0)
 
     def note_sent(self, outlet: int, count: int) -> None:
-        """Note that somebody else has sent messages of a publisher, and how many there are now."""
+        """Note the number of a publisher's messages after a kernel has sent some."""
         self._sent[outlet] = count
 
     def plain_hearers(self, topic: str) -> list[tuple[Outgoing, int]]:
-        """Return who hears a topic, with its number there, if all take what they are sent."""
+        """Return a topic's subscribers, with its number there, unless one is full or behind."""
         found = self._to.get(topic, [])
         return [] if any(one.is_full or one.stalled or one.is_behind for one, _ in found) else found
 
@@ -628,13 +626,13 @@ class Lane:
     def collect(
         self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0
     ) -> list[Arrived]:
-        """Return what has come, and look after connections.
+        """Return received messages, and maintain connections.
 
         Args:
             timeout_s: how long to wait for anything to come.
             longest_s: how long :attr:`wait` may, if that is longer.
-            whole: whether all that has come by now is wanted; else a message of each process, and
-                the rest comes with the next call, unless this process is behind.
+            whole: whether to return all messages received by now; else one of each process, and the
+                rest with the next call, unless this process is behind.
         """
         found: list[Arrived] = []
         asked = time.monotonic_ns()
@@ -685,7 +683,7 @@ class Lane:
             return select.select(self._waited, (), (), timeout_s)[0]
 
     def look(self) -> None:
-        """Look for processes that have come, and repeat what could not be sent; now and then."""
+        """Search for new processes, and send again what was refused; now and then."""
         now = time.monotonic_ns()
         if now - self._looked_ns < LOOK_NS:
             return
@@ -764,7 +762,7 @@ class Lane:
             self._announce(incoming)
 
     def _announce(self, incoming: Incoming) -> None:
-        """Tell a process that speaks which topics are subscribed to here."""
+        """Send a sending process the topics that are subscribed to here."""
         announced = [
             (
                 subscription.topic,
@@ -780,7 +778,7 @@ class Lane:
             self._close_incoming(incoming)
 
     def _read_topics(self, outgoing: Outgoing) -> None:
-        """Read what is subscribed to at the other end."""
+        """Read the other end's subscribed topics."""
         try:
             outgoing.read_topics()
             self._sort()
@@ -793,9 +791,9 @@ class Lane:
             self._drop(outgoing, for_good=True)
 
     def _sort(self) -> None:
-        """Find anew who hears what."""
+        """Find the subscribers of each topic anew."""
         self._to, self._readers = {}, {}
-        # Last, who wants every message: if it is behind, sending to it takes long.
+        # Receivers of every message come last: if one is behind, sending to it takes long.
         for outgoing in sorted(self._outgoing.values(), key=lambda one: one.wants_all):
             for topic, (code, listeners) in outgoing.topics.items():
                 self._to.setdefault(topic, []).append((outgoing, code))
@@ -805,8 +803,8 @@ class Lane:
     def _receive(self, incoming: Incoming, found: list[Arrived], whole: bool) -> None:
         """Take a message, or all that have come by now: others may come as fast as they are taken.
 
-        Of those of which not every one is wanted the latest is found. To ask for one more and be
-        told that there is none costs as much as a message.
+        Listeners that want only the latest message get that. One more read that finds nothing would
+        cost as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
         base = incoming.serial << 32
@@ -847,7 +845,7 @@ class Lane:
                 return
 
     def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
-        """Speak to a process no more, unless it is found again."""
+        """Send to a process no more, unless it is found again."""
         # A kernel that runs beside would send to a file that is closed.
         with self.turn.taken():
             if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
@@ -860,7 +858,7 @@ class Lane:
             self._sort()
 
     def _close_incoming(self, incoming: Incoming) -> None:
-        """Listen to a process no more."""
+        """Receive from a process no more."""
         if self._incoming.pop(incoming.connection.fileno(), None) is None:
             return
         incoming.connection.close()

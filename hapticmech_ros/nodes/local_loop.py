@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loops closed in the device: commands corrected by what it has done since their sample.
+"""Loops closed in the device: commands are corrected for its motion since their sample.
 
 Answers to its samples are taken in order, and timed by the device's own clock.
 """
@@ -32,7 +32,7 @@ from hapticmech_ros.wire.layouts import CouplingMatrices
 from hapticmech_ros.wire.messages import LocalFeedbackGain
 
 _HAND = DeviceSample.layout.slice("hand_wrench")
-# A gain older than this says nothing of where the mechanism is now.
+# An older gain does not fit the mechanism's present state.
 FRESH_NS = NANOSECONDS // 10
 # Samples that are remembered: a loop of so many periods can be corrected.
 REMEMBERED = 2048
@@ -55,11 +55,11 @@ class LocalLoop:
 
     Args:
         period: T, s, over which a command is held.
-        bounds: of the gains that it is told.
+        bounds: of the gains that it receives.
         paired: whether a gain comes with every command, as it does over a declared network. There a
-            command that has lost its gain would be corrected by one of another time for long:
-            the last command that has its own is obeyed instead, for a while.
-        others: what is known of other users' hands; None where nothing is to be.
+            command whose gain was lost would be corrected by an outdated one: the last command that
+            has its own is obeyed instead, for a while.
+        others: wrenches of other users' hands; None without others.
 
     Attributes:
         stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
@@ -67,8 +67,9 @@ class LocalLoop:
         gains, couplings: by stamp, in lockstep.
         others: as given.
         corrected_for_others: commands that were corrected for other hands.
-        uncorrected_for_others: that were not, because a hand, or the gain, was not heard.
-        order: of gains; what was overtaken is dropped.
+        uncorrected_for_others: that were not, because a hand's wrench, or the gain, was not
+            received.
+        order: of gains; overtaken ones are dropped.
     """
 
     def __init__(
@@ -94,7 +95,8 @@ class LocalLoop:
         self._unpaired: OrderedDict[int, LocalFeedbackGain] = OrderedDict()
         self.gains: Stamped[LocalFeedbackGain] = Stamped()
         self.order = InOrder()
-        # E_m as it was received, and from what on it counts, J; NaN while nobody sends it.
+        # E_m as received, and its value at the start of obeying, J; NaN while no controller sends
+        # it.
         self.energies = np.full(2, np.nan)
         self.from_ns = NEVER
         self._gain: Latest[LocalFeedbackGain] = Latest()
@@ -181,7 +183,7 @@ class LocalLoop:
 
         Args:
             model: (108,) how commands depend on the device.
-            taken_ns: when the gain that says that came, ns.
+            taken_ns: when the gain with that came, ns.
             newest: the newest gain's stamp, and when it came, ns.
         """
         gain = LocalFeedbackGain()
@@ -235,7 +237,7 @@ class LocalLoop:
         return None if math.isnan(received) else received - before
 
     def begin(self) -> None:
-        """Count from now on what the mechanism gets."""
+        """Count the mechanism's energy from now on."""
         self.energies[1] = self.energies[0]
 
     def forget(self, now_ns: int) -> None:
@@ -248,7 +250,7 @@ class LocalLoop:
     def correct(self, command: Array, answered_ns: int, now_ns: int) -> Array:
         """Return a command (6,) corrected by the gain that stands, if its sample is remembered.
 
-        What answers no sample, as a controller's last zero does, is obeyed as it is.
+        A command that answers no sample, such as a controller's last zero, is returned unchanged.
 
         Args:
             command: (6,) N and N m, world axes at the point held.
@@ -285,7 +287,7 @@ class LocalLoop:
         return self._corrected(command, gain, gain.answered_ns, others)
 
     def _for_others(self, matrices: CouplingMatrices | None, answered_ns: int) -> Array:
-        """Return (19,) what corrects a command for other hands; see ``control.other_hands``."""
+        """Return (19,) a command's correction for other hands; see ``control.other_hands``."""
         others, now_ns = self.others, self._newest_ns
         if others is None:
             return NO_OTHERS
@@ -358,15 +360,15 @@ class Answers(InOrder):
             self._estimate.add(trip)
 
     def lost(self, now_ns: int) -> str:
-        """Return what is lost of what it obeys, at a time (ns); empty if nothing is."""
+        """Return the input that is lost while it obeys, at a time (ns); empty if none is."""
         well = not self.obeys or self._loop.can_correct(self.answered_ns, now_ns)
         return "" if well else "local_feedback_gain is lost"
 
     def begin(self, answered_ns: int, now_ns: int) -> bool:
         """Return whether to obey a command from now on, or already.
 
-        What answers a sample from before the device let go was meant for a hand that was held.
-        Commands that answer no sample are those of somebody who closes no loop.
+        A command that answers a sample from before the device let go was meant for a hand that held
+        it. Commands that answer no sample are from a controller that closes no loop.
 
         Args:
             answered_ns: stamp of the sample that it answers, ns.
@@ -386,7 +388,7 @@ class Answers(InOrder):
         self._loop.forget(self._let_go_ns)
 
     def figures(self) -> dict[str, str]:
-        """Return what diagnostics say."""
+        """Return entries for diagnostics."""
         return {
             "round_trip_ms": f"{1e3 * self.round_trip:.1f}",
             "overtaken_commands": str(self.overtaken),

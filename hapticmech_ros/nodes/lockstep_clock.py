@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Paces a graph in lockstep: /clock goes on when every node has done its part, and not before.
+"""Paces a graph in lockstep: /clock advances only when every node has done its part.
 
-A tick is complete when all control topics have been heard for its time. That makes the graph as
-fast as it can be, and its results the same bits on every run, whatever the machine does. Recording
-happens here too: the graph waits for the recorder, which therefore loses nothing.
+A tick is complete when all control topics have been received for its time. The graph then runs as
+fast as possible, with the same bits on every run, on any machine. Recording happens here too: the
+graph waits for the recorder, which therefore loses nothing.
 
 Recorded inputs (a hand's wrenches, a device's samples or the environment's wrenches) are taken from
 the control-rate messages of a bag and published stamped for each tick, which waits for them. Where
@@ -127,7 +127,7 @@ class Feed:
         ]
 
     def publish(self, time_ns: int) -> None:
-        """Publish what belongs to the tick at a time."""
+        """Publish the inputs of the tick at a time."""
         for track, publisher in zip(self._tracks, self._publishers, strict=True):
             publisher.publish(track.encode(track.at(time_ns), time_ns))
 
@@ -161,7 +161,7 @@ def feed_from_bag(path: Path, scene: Scene, kinds: Sequence[str]) -> Feed:
         decoded = [layout.unpack(decode(data)) for data in states]
         if any((state.grasps != flat_grasps(scene)).any() for state in decoded):
             raise BagError(
-                f"bag {path}: held elsewhere than the scene says, so it cannot be replayed"
+                f"bag {path}: held elsewhere than in the scene, so it cannot be replayed"
             )
         times = [state.stamp_ns for state in decoded]
         for index, name in enumerate(mechanism.point_names):
@@ -194,9 +194,10 @@ def _wrench(value: Array, time_ns: int) -> WrenchStamped:
 
 
 CLOCK = "/clock"
-# /clock is heard best effort: whoever missed a tick's time is told again.
+# Subscriptions to /clock are best effort: a tick's time is published again for those that missed
+# it.
 RETELL_PERIOD_S = 0.05
-# It ends once nothing has come for so long, which it waits for so often at most.
+# It ends once no message has come for so long; it waits for that so often at most.
 QUIET_S, MOST_QUIET = 0.1, 20
 PROGRESS_PERIOD_S = 0.2
 
@@ -206,14 +207,14 @@ class LockstepError(HapticMechError):
 
 
 class LockstepClock(QuietEventsNode):
-    """Tells the time, tick by tick.
+    """Publishes the time, tick by tick.
 
     Args:
         scene: its period is the tick.
         points: operational points that controllers hold, with the namespace of each.
         start_ns: time of the first tick, ns; not zero, which ROS takes for "no time yet".
-        feed: what is published for every tick before its time is told.
-        writer: where everything heard is recorded; None for nowhere.
+        feed: inputs published for every tick before its time.
+        writer: of a recording of all received messages; None for none.
     """
 
     def __init__(
@@ -248,15 +249,15 @@ class LockstepClock(QuietEventsNode):
                     self._listen(topic, namespace, point)
 
     def begin(self) -> None:
-        """Tell the time of the first tick."""
+        """Publish the time of the first tick."""
         self._report()
 
     def retell(self) -> None:
-        """Tell the time once more, in case somebody missed it."""
+        """Publish the time once more, for nodes that missed it."""
         self._publisher.publish(self._message)
 
     def missing(self) -> list[str]:
-        """Return the topics that have not been heard for the present time."""
+        """Return the topics that have not been received for the present time."""
         return sorted(self._missing)
 
     def advance(self) -> None:
@@ -295,7 +296,7 @@ class LockstepClock(QuietEventsNode):
                 try:
                     self._awaited[name] = stamp_of(data)
                 except InvalidInputError:
-                    # Somebody else's: whoever it is for refuses it, and says so.
+                    # Another node's: its subscriber refuses and logs it.
                     return
                 self.last_received_s = time.monotonic()
                 if self._awaited[name] >= self.time_ns:

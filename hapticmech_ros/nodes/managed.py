@@ -6,9 +6,9 @@ An actor is built on configure and dropped on cleanup. A node that starts by its
 goes through both first steps at once.
 
 Parameters are declared with descriptors, validated as a whole and applied as a whole. Their
-callbacks and ticks run in one thread: a change comes between two ticks. Whole numbers are taken
-where numbers are wanted; a value that a parameter has already is no change, so that a node takes
-its own ``ros2 param dump``.
+callbacks and ticks run in one thread: a change comes between two ticks. Whole numbers are accepted
+where numbers are wanted; setting a parameter to its present value is no change: a node accepts its
+own ``ros2 param dump``.
 """
 
 from __future__ import annotations
@@ -65,13 +65,13 @@ class HostedParameters:
 
     Args:
         node: where they are declared.
-        model: what there is, and its rules.
-        configured: whether something is built from them, so that some can no longer change.
+        model: of the parameters, with their rules.
+        configured: whether the actor is built from them: some can then no longer change.
         checked: called with parameters that keep the model's rules; may refuse by HapticMechError.
         adopted: called with the parameters before, after a change.
 
     Raises:
-        ParameterError: what the node was started with breaks a rule.
+        ParameterError: a parameter given at the start breaks a rule.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class HostedParameters:
         return not known or given.value != getattr(self.values, given.name)
 
     def _name_unknown(self) -> None:
-        """Name what somebody gave and nobody has: most often a slip of the pen."""
+        """Log unknown parameters given at the start: most often typing errors."""
         for name in self._node._parameter_overrides:
             if not self._node.has_parameter(name) and not name.startswith("qos_overrides"):
                 known = ", ".join(self._names)
@@ -177,7 +177,7 @@ class HostedParameters:
 
 
 def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor:
-    """Return what `ros2 param describe` shows of a parameter."""
+    """Return a parameter's descriptor, for `ros2 param describe`."""
     changes = changes_of(model, name)
     rules = []
     if choices := choices_of(model, name):
@@ -203,7 +203,7 @@ def descriptor_of(model: type[NodeParameters], name: str) -> ParameterDescriptor
 
 
 E = TypeVar("E")
-# /clock may go on by so much at a time: what a clocked actor makes up for. More is a step.
+# Largest advance of /clock that a clocked actor catches up with. More is a step.
 CLOCK_STEP_NS = NANOSECONDS // 2
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -212,17 +212,17 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     """A lifecycle node that hosts an actor.
 
     Args:
-        actor_type: what it becomes on configure.
+        actor_type: of the actor built on configure.
         exchange: shared by the nodes of the process.
-        pauses: as well; None: it is alone.
+        pauses: likewise; None: it is the only one.
 
     Attributes:
-        actor: what it does; None while unconfigured.
-        active: whether it does it.
+        actor: the node's work; None while unconfigured.
+        active: whether the actor works.
         pauses: of its process.
         refused: messages refused so far.
-        in_sim_time: whether its time is what /clock says.
-        realtime: what its process has asked of the system; None: nothing yet.
+        in_sim_time: whether its time is /clock's.
+        realtime: requests of its process to the system; None: none yet.
     """
 
     def __init__(
@@ -267,7 +267,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._start_diagnostics()
 
     def _settled(self, callback: Callable[..., Any], may_act: bool = True) -> Callable[..., Any]:
-        """Return a callback that runs when no kernel does and the actor knows what it has done.
+        """Return a callback that runs while no kernel runs, with the actor up to date.
 
         Args:
             callback: of a subscription, service or timer.
@@ -351,11 +351,11 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         """Return the node's time, ns."""
         if self.in_sim_time:
             return int(self.get_clock().now().nanoseconds)
-        # What ROS's clock says then, without its objects: asked for with every message.
+        # The same as ROS's clock, without its objects: called for every message.
         return self._time.now_ns()
 
     def look_at_clock(self) -> None:
-        """Begin anew if the machine's clock was set; asked for with every message and deadline."""
+        """Begin anew if the machine's clock was set; called for every message and deadline."""
         self.pauses.look()
         self._looked_ns = self._time.now_ns()
         step = self._time.step_ns()
@@ -368,12 +368,12 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         return entity
 
     def drop(self, entity: object) -> None:
-        """Destroy what :meth:`keep` remembers."""
+        """Destroy an entity of :meth:`keep`."""
         self._kept.remove(entity)
         self._destroy(entity)
 
     def lane_kind(self, message_type: Any) -> str:
-        """Return what messages of a type are called on the lane; nothing: they do not go there."""
+        """Return a type's name on the lane; empty: its messages do not go there."""
         return message_type.__name__ if self._on_lane else ""
 
     def hand_over(
@@ -398,17 +398,17 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self.keep(self.create_timer(period_s, when_active, clock=self._steady))
 
     def refuse(self, topic: str, error: HapticMechError) -> None:
-        """Count a message that breaks a rule, and say so now and then."""
+        """Count a message that breaks a rule, and log that now and then."""
         self.refused += 1
         self.last_refusal = f"{topic}: {error}"
         super().refuse(topic, error)
 
     def report_status(self, last: bool = False) -> None:
-        """Tell whoever started this process how the node is."""
+        """Send the node's state to the parent process."""
         send_report(Report(self.get_fully_qualified_name(), *self._status(), last))
 
     def final_report(self) -> str:
-        """Return what is printed when the node ends."""
+        """Return the text printed when the node ends."""
         _, sentence, figures = self._status()
         shown = ", ".join(f"{key} {value}" for key, value in figures.items())
         return f"{self.get_name()}: {sentence}; {shown}"
@@ -455,14 +455,14 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         if isinstance(actor, ClockedActor):
             actor.backlog = Backlog()
             if self.in_sim_time:
-                # /clock does not wait for whoever is late: a step's periods are owed all at once.
+                # /clock does not wait for late nodes: a step's periods are due all at once.
                 actor.backlog.per_tick = actor.backlog.limit
                 actor.clock = None
             else:
                 actor.begin(self.now_ns())
 
     def _begin_anew(self, reason: str) -> None:
-        """Leave nobody under a force, forget what was heard, and act again from now on."""
+        """Put forces at zero, forget received messages, and act again from now on."""
         actor = self.actor
         if actor is None or not self.active:
             return
@@ -470,7 +470,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._clock_steps += 1
         self._last_step = reason
         self.get_logger().warning(f"{reason}: forces are zero, this node starts anew")
-        # Each, whatever becomes of the other: no stamp may be able to tell the time now.
+        # Each separately, as either may fail: stamps may not be able to represent the time now.
         actor.failures.run("clock", actor.deactivate)
         actor.failures.run("clock", self._activate, actor)
 
@@ -522,7 +522,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         super().destroy_node()
 
     def acknowledged(self) -> None:
-        """Wait for those who hear this node to have its last messages, unless others would too.
+        """Wait until subscribers have this node's last messages, if no node here is active.
 
         While it waits, no node of this process does anything.
         """
@@ -532,7 +532,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
     def _stop(self) -> None:
         if self.active and self.actor is not None:
             self.actor.failures.run("deactivation", self.actor.deactivate)
-            # The last ones say that all is at zero; their publishers may be gone soon.
+            # The last messages command zero; their publishers may be gone soon.
             self.exchange.publish_kept()
         self.active = False
         if self._jumps is not None:
@@ -570,7 +570,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         return None if deadline is None or kept else deadline - self.now_ns()
 
     def _look_for_clock(self) -> None:
-        """Look whether time is what /clock says; asked for once, since now_ns() is asked often."""
+        """Store whether time is /clock's: once, since now_ns() is called often."""
         self.in_sim_time = bool(self.get_parameter("use_sim_time").value)
 
     def _join_lane(self) -> None:
@@ -592,12 +592,12 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._jumps = self.get_clock().create_jump_callback(threshold, post_callback=self._jumped)
 
     def _jumped(self, jump: TimeJump) -> None:
-        """Act at the time that /clock has just told; begin anew when it was set."""
+        """Act at the time that /clock has just published; begin anew when it was set."""
         now, step = self.now_ns(), int(jump.delta.nanoseconds)
         actor = self.actor
         if actor is None or not self.active or now == 0:
             return
-        # From zero it does not go on, it begins; what was heard by then may be of that time.
+        # From zero the clock begins, without a step; messages received before may be of that time.
         if step != now and not 0 <= step <= CLOCK_STEP_NS:
             self._begin_anew(f"/{clock_step_text(step)}")
         if isinstance(actor, ClockedActor):
@@ -613,7 +613,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             self._start_diagnostics()
 
     def _start_diagnostics(self) -> None:
-        # By a steady clock: also when /clock stands still there is something to be said.
+        # By a steady clock: diagnostics are published also when /clock stands still.
         self._timer = super().create_timer(
             self.parameters.diagnostics_period, self._publish_diagnostics, clock=self._steady
         )
@@ -623,7 +623,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         if actor is None:
             reason = "" if self.failure is None else f": {self.failure}"
             return False, f"unconfigured{reason}", {}
-        # Of what follows nothing is the actor's: it may go on meanwhile.
+        # The next entries are not the actor's: it may go on meanwhile.
         with self.exchange.taken():
             well, sentence, figures = actor.failures.status(actor.status)
             figures = {**figures, **actor.ages.summary("message_age")}

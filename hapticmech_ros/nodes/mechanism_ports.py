@@ -67,9 +67,9 @@ class PointPort:
 
     Attributes:
         name: as given.
-        command: the controller's wrench, which runs out.
-        order: of commands; what was overtaken is dropped.
-        controllers: who commands.
+        command: the controller's wrench, which expires.
+        order: of commands; overtaken ones are dropped.
+        controllers: publishers of commands.
         since_ns: commands that answer no later sample count as zero.
         commands, awaited: the same, and ``external_cf``, by stamp, in lockstep.
     """
@@ -103,21 +103,21 @@ class PointPort:
         self.command.timeout_ns = self.command.ramp_ns = timeout_ns
 
     def received(self, now_ns: int) -> bool:
-        """Return whether one controller commands, and its commands are heard."""
+        """Return whether commands of one controller are received."""
         return self.command.received(now_ns) and not self.fault(now_ns)
 
     def fault(self, now_ns: int) -> str:
-        """Return which two command where one may; empty if none do."""
+        """Return a sentence that names two publishers of commands; empty if there are none."""
         return self.controllers.fault(now_ns)
 
     def forget(self) -> None:
-        """Forget what was commanded, and by whom."""
+        """Forget commands, and their publishers."""
         self.command.clear()
         self.order.forget()
         self.controllers.forget()
 
     def let_go(self, now_ns: int) -> None:
-        """Hold the mechanism no more where it was: what answers earlier samples is heard as zero.
+        """Release the mechanism: commands that answer earlier samples count as zero.
 
         Args:
             now_ns: the time of the mechanism's last sample.
@@ -128,7 +128,7 @@ class PointPort:
 
     @property
     def wants_joints(self) -> bool:
-        """Whether anybody reads the point's own copy of the joint states."""
+        """Whether the point's own copy of the joint states has subscribers."""
         return self._publish_joints.wanted
 
     def check(self, point: PointKinematics) -> None:
@@ -141,12 +141,12 @@ class PointPort:
         self._twist_bounds.check_output(point.twist.tolist())
 
     def publish(self, point: PointKinematics, force: Array, joints: bytes, time_ns: int) -> None:
-        """Publish what people and CRTK clients read.
+        """Publish the topics for people and CRTK clients.
 
         Args:
             point: its kinematics.
             force: (6,) F_c, N and N m, world axes at the operational point.
-            joints: joint states, serialized; empty if nobody reads them.
+            joints: joint states, serialized; empty without subscribers.
             time_ns: their stamp, ns.
         """
         if self._publish_force.wanted:
@@ -179,7 +179,7 @@ _NONE = np.zeros(6)
 
 
 class ContactPort:
-    """Publishes what touches, of a scene with contacts or without, to those who subscribe.
+    """Publishes contact points, in a scene with contacts, if there are subscribers.
 
     Args:
         actor: the mechanism's.
@@ -284,12 +284,12 @@ class OperationalPoints:
             actor.input(SET_OPERATIONAL_POINT.of(name), PoseStamped, COMMAND_SUBSCRIBER, accept)
 
     def announce(self) -> None:
-        """Tell where every operational point is."""
+        """Publish the place of every operational point."""
         for point in self._mechanism.scene.operational_points:
             self._announce(point)
 
     def moved(self, point: OperationalPoint) -> None:
-        """Tell everyone that an operational point is elsewhere."""
+        """Publish that an operational point has another place."""
         self.numbers = self.numbers.copy()
         self.numbers[self._mechanism.point_index(point.name)] = flat_grasp(
             self._mechanism.scene, point

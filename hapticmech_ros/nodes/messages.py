@@ -4,7 +4,7 @@
 
 Reading raises :class:`InvalidInputError` naming value and rule; writing fills a message in place.
 
-Quality of service of every topic, each with its reason; and waiting for what is reliable.
+Also the quality of service of every topic, with reasons; and waiting for reliable delivery.
 """
 
 from __future__ import annotations
@@ -58,17 +58,17 @@ STREAM_PUBLISHER = QoSProfile(
 CONTROL_SUBSCRIBER = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=5, reliability=ReliabilityPolicy.BEST_EFFORT
 )
-# Commands of other people's nodes: best effort connects to reliable and best-effort publishers.
+# Commands of other nodes: best effort connects to reliable and best-effort publishers.
 COMMAND_SUBSCRIBER = CONTROL_SUBSCRIBER
-# State that changes rarely: whoever comes late gets the last value.
+# State that changes rarely: a late subscriber gets the last value.
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-# In lockstep nothing of the control path may be lost, not even what was said before the reader was
-# discovered; at most two samples are ever on their way.
+# In lockstep nothing of the control path may be lost, not even messages from before a reader's
+# discovery; at most two samples are ever in flight.
 LOCKSTEP = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
@@ -86,10 +86,10 @@ WITHIN_S = 0.1
 
 
 def wait_until_acknowledged(entities: Iterable[object], within_s: float = WITHIN_S) -> bool:
-    """Wait until reliable subscribers have what publishers among the entities have sent.
+    """Wait until reliable subscribers have the messages of publishers among the entities.
 
-    The end of a publisher is announced another way than its messages go: a subscriber that hears of
-    it first drops what it has not received yet.
+    The end of a publisher is announced separately from its messages: a subscriber that receives it
+    first drops messages not received yet.
 
     Args:
         entities: of a node.
@@ -125,7 +125,7 @@ M = TypeVar("M")
 
 
 def deserialized(message: bytes, message_type: type[M]) -> M:
-    """Return the message in bytes that anybody may have sent.
+    """Return the message in untrusted bytes.
 
     Raises:
         InvalidInputError: cut short, or not such a message.
@@ -153,7 +153,7 @@ def set_stamp(stamp: Time, time_ns: int) -> None:
 
 
 def check_in_world(frame: str) -> None:
-    """Check a command's frame, which may be left empty: it then stands for ``world``.
+    """Check a command's frame, which may be left empty for ``world``.
 
     Raises:
         InvalidInputError: it is another one.
@@ -228,7 +228,7 @@ def read_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
 
 
 def read_framed_pose(message: PoseStamped, limits: Limits) -> pin.SE3:
-    """Return the pose in whatever frame the message names.
+    """Return the pose in the frame that the message names.
 
     Raises:
         InvalidInputError: a position beyond its limit, not finite, or a quaternion that is not of

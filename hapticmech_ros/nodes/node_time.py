@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node's time by the machine's clock: ROS time for stamps that never goes back by itself.
 
-Deadlines, freshness and timeouts must not follow a clock that somebody sets. So the time of a node
-is the monotonic clock plus a constant, which makes it ROS time. NTP slews both clocks alike, and
-the constant stays right; when the machine's clock is *set*, or the machine has slept, it is wrong
-from then on. That is an event: the constant is measured anew, and the node begins anew.
+Deadlines, freshness and timeouts must not follow a clock that may be set. So the time of a node is
+the monotonic clock plus a constant, which makes it ROS time. NTP slews both clocks alike, and the
+constant stays right; when the machine's clock is *set*, or the machine has slept, it is wrong from
+then on. That is an event: the constant is measured anew, and the node begins anew.
 
 Deadlines are absolute: next = previous + period, never "now + period".
 
@@ -78,7 +78,7 @@ class DurationHistogram:
 
 
 def processor_time() -> dict[str, str]:
-    """Return for diagnostics which process this is, and what it took of the processors until now.
+    """Return this process's number and processor time until now, for diagnostics.
 
     Returns:
         Its number, its processor time, s, and the time of the machine's monotonic clock, s.
@@ -92,12 +92,12 @@ def processor_time() -> dict[str, str]:
 
 # A smaller step changes nothing that is felt: poses are carried on over no more than this.
 STEP_NS = 5_000_000
-# Reads of both clocks, of which the closest pair counts: a process may be interrupted between two.
+# Reads of both clocks: the closest pair counts, as a process may be interrupted between two.
 _READS = 5
 
 
 class NodeTime:
-    """ROS time that goes on evenly, and notices when the machine's clock was set.
+    """ROS time that advances evenly, and detects when the machine's clock was set.
 
     Attributes:
         steps: how often the machine's clock was set since the start.
@@ -149,13 +149,13 @@ def wall_ahead_ns() -> int:
 
 @dataclass(slots=True)
 class PeriodClock:
-    """Counts periods on a fixed grid of time; the caller says what time it is.
+    """Counts periods on a fixed grid of time; the caller passes the time.
 
     Attributes:
         period_ns: length of a period, ns.
         next_ns: start of the next period that is not yet due.
         periods: periods begun so far.
-        missed: periods that had gone by when their turn came (deadlines missed).
+        missed: periods that had passed when their turn came (deadlines missed).
     """
 
     period_ns: int
@@ -167,7 +167,7 @@ class PeriodClock:
     def on_grid(cls, period_s: float, phase: float, now_ns: int) -> PeriodClock:
         """Return a clock whose deadlines are whole periods plus ``phase`` (a share of a period).
 
-        Nodes with the same period share the grid, and their phases say who goes first.
+        Nodes with the same period share the grid, and their phases give the order.
         """
         period_ns = nanoseconds(period_s)
         offset = round(phase * period_ns) % period_ns
@@ -198,8 +198,8 @@ class PeriodClock:
 class Backlog:
     """Steps that a simulation owes to the clock after a stall, paid back a few per tick.
 
-    Paying all at once would make the next tick late in turn; a debt beyond ``limit`` is forgotten,
-    and counted, so that an overloaded machine runs slow instead of standing still.
+    Paying all at once would make the next tick late in turn; a debt beyond ``limit`` is dropped and
+    counted: an overloaded machine then runs slow instead of standing still.
     """
 
     per_tick: int = 8

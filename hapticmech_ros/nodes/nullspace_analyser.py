@@ -87,7 +87,7 @@ class StateAnswers(PlainMessages):
         link.point, link.pause = actor.analyser.index, RESTART_PAUSE_NS
 
     def ready(self) -> bool:
-        """Tell the kernel how the analyser is; return whether it may do anything for it."""
+        """Give the kernel the analyser's state; return whether it may do anything for it."""
         actor, link = self._analyser, self.link
         link.first, link.last = actor.first_ns, actor.last_ns
         link.until_view = actor.until_view
@@ -125,12 +125,12 @@ class StateAnswers(PlainMessages):
         )
 
     def did(self, code: int, reads: int) -> None:
-        """Tell the analyser what the kernel did."""
+        """Update the analyser with the kernel's work."""
         if reads:
             self._analyser.answered(reads, self.link.last, int(self.answer[MODEL_COUNT]))
 
     def view(self) -> Callable[[], None]:
-        """Return what publishes the last analysis for people."""
+        """Return a function that publishes the last analysis for people."""
         actor, numbers, count = self._analyser, self._observation.copy(), self.answer[MODEL_COUNT]
         found = Observation(numbers, actor.analyser.rows, actor.mechanism.nv)
         return lambda: actor.publish_view(found.analysis, int(count))
@@ -202,7 +202,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.wait_by(None)
 
     def reset(self) -> None:
-        """Forget what was found of states so far."""
+        """Forget the results of states so far."""
         self.past.forget()
         self._model = self._new_model()
         self.activate()
@@ -219,7 +219,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     @property
     def until_view(self) -> int:
-        """After how many more analyses one is to be seen; 0 for never."""
+        """After how many more analyses one is to be published for people; 0 for never."""
         views = (self._publish_inertia, self._publish_projector, self._publish_wrenches)
         wanted = (*views, self._publish_spectrum, self._publish_count)
         if not any(outlet.wanted for outlet in wanted):
@@ -238,7 +238,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.last_ns, self._count = last_ns, count
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return what was analysed and how often."""
+        """Return the last count, and the number and rate of analyses."""
         now = self.now_ns()
         fault = self._mechanisms.fault(now)
         fresh = now - self.last_ns < RESTART_PAUSE_NS and not fault
@@ -285,7 +285,7 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.analyses += 1
 
     def _transmit(self, state: WireState, found: OperationalAnalysis) -> None:
-        """Publish what other hands do to the point."""
+        """Publish the transmission of other hands' wrenches to the point."""
         if self._publish_transmission is None:
             return
         mechanism, own = self.mechanism, self.analyser.index
@@ -303,15 +303,15 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         )
 
     def _place(self, name: str, grasp: Array) -> None:
-        """Let another operational point be where the mechanism says that it is."""
+        """Move another operational point to the place published by the mechanism."""
         point = grasp_of(self.mechanism.scene, name, grasp)
         if self.mechanism.scene.operational_point(name) != point:
             self.mechanism.set_operational_point(point)
 
     def _fall_silent(self, fault: str) -> None:
-        """Tell the controller at once that no mechanism hears it, and then say nothing.
+        """Publish once that no mechanism receives commands, and then nothing.
 
-        Of two mechanisms neither is the one that the hand holds.
+        With two mechanisms, neither is known to be the one that the hand holds.
         """
         if self._silenced:
             return
@@ -320,12 +320,12 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self.node.get_logger().warning(f"{fault}: no operational model is published")
         message = self._model.message
         if not message.stamp_ns:
-            return  # nobody was told anything
+            return  # nothing was published before
         message.commanded = False
         self._publish_model.publish(self._encoder.encode(message.values))
 
     def _follow(self, grasp: Array) -> None:
-        """Analyse the point where the mechanism says that it is from now on."""
+        """Analyse the point at the place published by the mechanism from now on."""
         self.mechanism.set_operational_point(grasp_of(self.mechanism.scene, self.point, grasp))
         self.analyser = Analyser(self.mechanism, self.point, self._compensated_delay)
         self._model = self._new_model()

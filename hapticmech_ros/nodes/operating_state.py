@@ -31,7 +31,7 @@ class OperatingState:
     """Publishes an actor's operating state when it changes, and obeys commands in any state.
 
     An inactive node is DISABLED, one that must not obey is in FAULT. A command is answered by the
-    state, changed or not: CRTK's clients ask for one and wait, and do not hear what was latched.
+    state, changed or not: CRTK's clients request one and wait, and do not receive latched messages.
 
     Args:
         actor: whose.
@@ -100,7 +100,7 @@ class OperatingState:
         return PAUSED if self._paused else ENABLED
 
     def _on_command(self, message: bytes) -> None:
-        # Heard in every state: what enables comes while the node is inactive.
+        # Received in every state: ``enable`` comes while the node is inactive.
         self._actor.failures.run(self._name, self._obey, message)
 
     def _obey(self, message: bytes) -> None:
@@ -140,7 +140,7 @@ class OperatingState:
 
     def _refuse_in_lockstep(self, word: str) -> None:
         if self._actor.lockstep:
-            rule = "cannot be told in lockstep, whose runs repeat"
+            rule = "cannot be commanded in lockstep, whose runs repeat"
             raise InvalidInputError("state_command", word, rule)
 
     def _stop(self) -> None:

@@ -1,11 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a device hears of other users' devices on the same mechanism, and of what they do to it.
+"""A device's inputs from other users' devices on the same mechanism.
 
-Each of these topics has one publisher. Of two nobody knows which one is right, so that neither is
-used. That costs no more than the correction: other hands are felt two periods late, as behind a
-connection. The force is not set to zero, as it is for two who command, or who tell how commands
-depend on the device itself: somebody else's second device must not stop this one.
+Each of these topics must have one publisher. If there are two, neither is used, as the right one is
+unknown. Then only the correction is missing: other hands are felt two periods late, as over a
+connection. The force is not set to zero, as it is for two publishers of commands or of their
+dependence on the device itself: another user's second device must not stop this one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CouplingGuard:
     """Watches topics, each of which has one publisher.
 
     Args:
-        actor: that hears them.
+        actor: that subscribes to them.
     """
 
     def __init__(self, actor: Actor[Any]) -> None:
@@ -39,16 +39,16 @@ class CouplingGuard:
         self._warned = False
 
     def watch(self, topic: str) -> Sources | None:
-        """Return what is told whom a topic's messages come from.
+        """Return the ``Sources`` of a topic, to be notified of its messages' origins.
 
-        None in lockstep, where nothing is dropped that is waited for.
+        None in lockstep, where awaited messages are never dropped.
         """
         if self._actor.lockstep:
             return None
         return self._watched.setdefault(topic, self._actor.sources(topic))
 
     def doubtful(self, now_ns: int) -> list[str]:
-        """Return the topics that must not be used now, and say so when the first of them comes."""
+        """Return the topics that must not be used now, and log when the first of them comes."""
         found = [topic for topic, one in self._watched.items() if one.fault(now_ns)]
         if found and not self._warned:
             text = f"{self.fault(now_ns)}: commands are not corrected for other hands by it"
@@ -61,7 +61,7 @@ class CouplingGuard:
         return next((text for one in self._watched.values() if (text := one.fault(now_ns))), "")
 
     def forget(self) -> None:
-        """Forget who spoke."""
+        """Forget the publishers."""
         for one in self._watched.values():
             one.forget()
 
@@ -86,12 +86,12 @@ class Transmissions:
             actor.input_array(name, qos, self._on_message, self._wire.fields, sources)
 
     def activate(self) -> None:
-        """Forget the last message, and who spoke."""
+        """Forget the last message, and the publishers."""
         self._latest = Latest()
         self._guard.forget()
 
     def reset(self) -> None:
-        """Forget what came in lockstep."""
+        """Forget messages of lockstep."""
         self._stamped = Stamped()
 
     def take(self, stamp_ns: int) -> bool:
@@ -104,7 +104,7 @@ class Transmissions:
         return True
 
     def at(self, stamp_ns: int, now_ns: int) -> Mapping[str, Array]:
-        """Return Y_ij (6, 6) by operational point; none where nobody, or more than one, says them.
+        """Return Y_ij (6, 6) by operational point; none without exactly one publisher.
 
         Args:
             stamp_ns: of the device's sample for which they are, ns.
@@ -117,7 +117,7 @@ class Transmissions:
         return matrices.by_point if matrices is not None and fresh else {}
 
     def fault(self, now_ns: int) -> str:
-        """Return which two say what one may; empty if none do."""
+        """Return a sentence that names two publishers of one topic; empty if there are none."""
         return self._guard.fault(now_ns)
 
     def _on_message(self, values: Array, now_ns: int) -> None:
@@ -134,7 +134,7 @@ class OtherUsers:
     """Listens to devices in the namespaces of other points, and to ``device/coupling_gain``.
 
     Each user's nodes are in a namespace of the point's name, side by side; a device in another one
-    hears of nobody.
+    receives nothing of others.
 
     Args:
         actor: the device.
@@ -151,7 +151,7 @@ class OtherUsers:
         self._guard = CouplingGuard(actor)
 
     def begin(self) -> OtherHands | None:
-        """Return what will be known of their hands; None if there is nobody to hear of."""
+        """Return the store of their hands' wrenches; None without other users."""
         self._guard.forget()
         if not self._names:
             return None
@@ -161,7 +161,7 @@ class OtherUsers:
         """Subscribe.
 
         Args:
-            loop: returns what corrects commands now.
+            loop: returns the present corrector of commands.
         """
         if not self._names:
             return
@@ -181,7 +181,7 @@ class OtherUsers:
             )
 
     def drop_doubtful(self, loop: LocalLoop, now_ns: int) -> None:
-        """Forget what must not be used now (ns), since two say it."""
+        """Forget inputs that have two publishers now (ns)."""
         for topic in self._guard.doubtful(now_ns):
             if topic == DEVICE_COUPLING.name:
                 loop.forget_coupling()
@@ -189,11 +189,11 @@ class OtherUsers:
                 loop.others.forget(self._names[topic])
 
     def fault(self, now_ns: int) -> str:
-        """Return which two say what one may; empty if none do."""
+        """Return a sentence that names two publishers of one topic; empty if there are none."""
         return self._guard.fault(now_ns)
 
     def figures(self, loop: LocalLoop, now_ns: int) -> dict[str, str]:
-        """Return what diagnostics say, where there are other users."""
+        """Return entries for diagnostics, where there are other users."""
         if not self._names:
             return {}
         return {

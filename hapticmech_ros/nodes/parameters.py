@@ -24,8 +24,8 @@ from hapticmech_ros.system.discovery import Transport
 Changes = Literal["never", "unconfigured", "any"]
 RealtimeMode = Literal["auto", "on", "off"]
 P = TypeVar("P", bound="NodeParameters")
-# What keeps a device safe, of its own node and of its controller's, and what keeps that as it was
-# when the node started.
+# Safety parameters of a device's node and of its controller's, and the one that locks them at the
+# node's start.
 LOCK = "lock_safety"
 # A prefix of frames like that of topics.
 FROM_NAMESPACE = "auto"
@@ -96,7 +96,7 @@ def count(default: int, description: str, low: int, high: int, changes: Changes 
 
 
 def gain(description: str, unit: str, high: float) -> Any:
-    """Return a field for a gain, which passes to another without a bump."""
+    """Return a field for a gain, which changes gradually."""
     return number(SCENES, f"{description}; -1: the scene's own", unit, SCENES, high)
 
 
@@ -105,8 +105,8 @@ class NodeParameters(BaseModel):
 
     Attributes:
         place: where there are few CPUs, the one to run on by itself: the first, the last (-1), or
-            any (None). Who sends and who receives are apart: a receiver does not have to wait until
-            its sender has also done what people see.
+            any (None). Senders and receivers run apart: a receiver need not wait until its sender
+            has also published for people.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -255,8 +255,8 @@ class MechanismParameters(NodeParameters):
     )
     held_points: str = text(
         "",
-        "points with a controller, comma-separated: those that lockstep waits for, and whose "
-        "buttons are heard; empty: operational_point",
+        "points with a controller, comma-separated: lockstep waits for those, and their "
+        "buttons are received; empty: operational_point",
     )
     grasp: str = text(
         "",
@@ -326,7 +326,7 @@ class ControllerParameters(NodeParameters):
 
 
 class SceneSubscriberParameters(NodeParameters):
-    """Parameters of who looks on, and has no deadlines to keep."""
+    """Parameters of a node that subscribes to a scene's topics, without deadlines."""
 
     realtime: RealtimeMode = text("off", "as for the other nodes", "never")
     held_points: str = text(
@@ -353,9 +353,7 @@ class LiveParameters(SceneSubscriberParameters):
     """Parameters of the live page."""
 
     transport: Transport = text("middleware", "as for the other nodes", "never")
-    host: str = text(
-        "127.0.0.1", "address that is served; 0.0.0.0: to everybody in the network", "never"
-    )
+    host: str = text("127.0.0.1", "address that is served; 0.0.0.0: to the whole network", "never")
     port: int = count(8080, "of the page; the next free one if it is taken", 1, 65535, "never")
 
 

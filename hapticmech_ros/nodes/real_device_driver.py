@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of real devices have in common: a device that may not be there."""
+"""The common part of the nodes of real devices: the device may be absent."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class RealDeviceDriver(DeviceDriver[D]):
             self._real.silence = self.command_timeout
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
-        """Yield one step, however many periods have gone by: a real device cannot catch up."""
+        """Yield one step, after any number of periods: a real device cannot catch up."""
         del periods
         yield deadline_ns - self.period_ns - 1, max(deadline_ns, self.now_ns())
 
@@ -74,7 +74,7 @@ class RealDeviceDriver(DeviceDriver[D]):
         """Exchange a command for a sample, and publish it; without a device, look for one."""
         is_there = self._real.look()
         if is_there and not self._was_there:
-            # Where it is now, and without a force: whoever held it may have moved it meanwhile.
+            # At its present place, and without a force: a hand may have moved it meanwhile.
             self._motion.restart()
             self.activate()
         elif self._was_there and not is_there:
@@ -94,7 +94,7 @@ class RealDeviceDriver(DeviceDriver[D]):
         super().put_at_zero()
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
-        """Return what diagnostics say of the device."""
+        """Return the device's entries for diagnostics."""
         return {**self._real.figures(), "motion_faults": str(self._motion.faults)}
 
     def close(self) -> None:

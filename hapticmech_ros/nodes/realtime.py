@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node's process asks of Linux to keep its deadlines, and what it was granted.
+"""A node's process requests real-time settings from Linux, to keep its deadlines.
 
-Real-time scheduling, memory that stays in place, processors, and short idle states; each where this
-user may have it. What is refused is told, with the line of configuration that would allow it.
+These are real-time scheduling, locked memory, processors, and short idle states; each where this
+user may have it. Refusals are logged, with the line of configuration that would allow them.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ ENOUGH_CPUS = 4
 # one's turn, ns: a thread with a shorter slice preempts others as it wakes up (from Linux 6.12 on),
 # which a nice value alone does not do. 0.1 ms is the shortest.
 NICE, SLICE_NS = -20, 100_000
-# Of a node that is being made: after nodes that act, before what is ordinary.
+# Of a node that is starting: after nodes that act, before ordinary threads.
 STARTING = 1
 # Idle states that take longer to leave are not entered, us: C1 takes up to 2, C1E about 10. In a
 # virtual machine even the shallowest one gives the processor back to the host, though it claims to
 # take 1: there, none is entered.
 LONGEST_IDLE_EXIT_US = 2
 VIRTUAL_IDLE = "haltpoll"
-# Where that is asked for: in force as long as the file is open.
+# Where that is requested: in force as long as the file is open.
 DMA_LATENCY = Path("/dev/cpu_dma_latency")
 IDLE_DRIVER = Path("/sys/devices/system/cpu/cpuidle/current_driver")
 
@@ -80,7 +80,7 @@ NOT_REQUESTED = "not requested"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a process asks for.
+    """A process's requests.
 
     Attributes:
         mode: ``off``: nothing; ``auto``: what is granted, and real-time scheduling only with
@@ -98,9 +98,9 @@ class Request:
 
     @classmethod
     def of(cls, nodes: Iterable[NodeParameters], in_sim_time: bool) -> Request:
-        """Return what a process with nodes of these parameters asks for.
+        """Return the requests of a process with nodes of these parameters.
 
-        The most that one of them asks for. Nodes that follow /clock have no deadlines to keep.
+        They are the largest of any node. Nodes that follow /clock have no deadlines to keep.
         """
         asking = [node for node in nodes if node.realtime != "off" and not in_sim_time]
         if not asking:
@@ -114,12 +114,12 @@ class Request:
 
 
 class Realtime:
-    """What this process has asked for, and how that went.
+    """This process's requests, and their results.
 
     Threads begun later and processes started from here are ordinary ones, on the same processors.
 
     Args:
-        request: what to ask for, now.
+        request: to make now.
 
     Attributes:
         refusals: a sentence for each thing that was refused.
@@ -140,7 +140,7 @@ class Realtime:
         self.refusals = [one for one in found if one not in ("", NOT_REQUESTED)]
 
     def figures(self) -> dict[str, str]:
-        """Return what diagnostics say: how things are, and why what was asked for is not so."""
+        """Return entries for diagnostics: the present settings, and why requests were refused."""
         return {
             "scheduling": _joined(scheduling(), self._scheduling),
             "cpu_affinity": _joined(listed(os.sched_getaffinity(0)), self._pinning),
@@ -170,7 +170,7 @@ class Realtime:
         return "; ".join(filter(None, (sentence, ask_for_share())))
 
     def _keep_awake(self) -> str:
-        """Ask for short idle states; return why that was refused, or nothing."""
+        """Request short idle states; return why that was refused, or nothing."""
         try:
             self._latency = os.open(DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
             os.write(self._latency, struct.pack("i", longest_idle_exit_us()))
@@ -182,12 +182,12 @@ class Realtime:
 
 
 class QuickStart:
-    """Runs what makes a node before everything ordinary, and after every node that acts.
+    """Runs a node's start before all ordinary threads, and after every node that acts.
 
-    Beside nodes in real time an ordinary thread gets what they leave of the processor that it is
-    on, though another one may be free: a restart would take seconds. Nothing changes where the
-    priority is not granted, or whoever started the process has chosen its scheduling, nor with
-    fewer than :data:`ENOUGH_CPUS`: nodes that act do not come before all else there.
+    Beside nodes in real time an ordinary thread gets only the rest of its own processor, though
+    another one may be free: a restart would take seconds. Nothing changes where the priority is not
+    granted, or the parent has chosen the process's scheduling, nor with fewer than
+    :data:`ENOUGH_CPUS`: nodes that act do not come before all else there.
 
     Args:
         arguments: of the process; ``realtime:=off`` among them declines it, ``realtime:=on``
@@ -234,7 +234,7 @@ def ask_for_share() -> str:
     """Request nice :data:`NICE` for all threads; return why it was refused, or nothing.
 
     Such a thread runs as soon as it wakes up, where the system knows slices, and leaves others a
-    share all the same. The slice is asked for also where the nice value is refused: it needs no
+    share all the same. The slice is requested also where the nice value is refused: it needs no
     permission. Processes started from here, and threads begun later, have the nice value and the
     slice that all have.
     """
@@ -270,7 +270,7 @@ def pin(cpus: Iterable[int]) -> str:
 def lock_memory() -> str:
     """Request that pages stay in memory once used; return why it was refused, or nothing.
 
-    Not where there is a limit: memory asked for later would be refused when it is reached.
+    Not where there is a limit: memory requested later would be refused when it is reached.
     """
     _, most = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if most != resource.RLIM_INFINITY and not _has_capability(_CAP_IPC_LOCK):
@@ -336,7 +336,7 @@ def scheduling() -> str:
     """Return how the system schedules the process's main thread, which is the loop's.
 
     Returns:
-        Policy, and priority or nice value; the slice where it is the one that is asked for here.
+        Policy, and priority or nice value; the slice where it is the one requested here.
     """
     main = os.getpid()
     policy = os.sched_getscheduler(main) & ~os.SCHED_RESET_ON_FORK

@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder of an experiment: once it hears every topic of a graph it lets waiting hands start.
+"""The recorder of an experiment: it starts waiting hands once it receives every topic of a graph.
 
-Its parent reads how it goes in lines of JSON on its standard output: ready, what it waits for
+Its parent reads its progress in lines of JSON on its standard output: ready, what it waits for
 (twice a second), started (a hand pushes), progress, done or failed.
 """
 
@@ -35,8 +35,8 @@ from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import DeviceStateMessage
 from hapticmech_ros.wire.topics import DEVICE_STATE, START_HAND, TOPICS, Topic, users_of
 
-# Nodes publish diagnostics once a second: recording goes on this long so that the last are in. The
-# hands start once nothing is missing for so long: by then it is known what the graph costs.
+# Nodes publish diagnostics once a second: recording goes on this long, to include the last. The
+# hands start once nothing is missing for so long: by then the graph's load is steady.
 TAIL_S, SETTLE_S = 1.2, 2.2
 PROGRESS_PERIOD_S = 0.1
 # It may be behind by so long at the end.
@@ -52,7 +52,7 @@ class RecorderNode(BagRecorderNode):
         spool: of the bag.
         options: of the recording.
         points: the operational points held.
-        exchange: brings what comes over the lane.
+        exchange: delivers messages from the lane.
 
     Attributes:
         started_ns: when the first hand started, ns of the machine's clock; None: not yet.
@@ -84,13 +84,13 @@ class RecorderNode(BagRecorderNode):
         self.started_ns: int | None = None
 
     def start_hands_when_ready(self) -> None:
-        """Let the hands start once every topic of the graph is heard, for :data:`SETTLE_S`."""
+        """Let the hands start once every topic of the graph is received, for :data:`SETTLE_S`."""
         now = time.monotonic()
         if self._asked or self.waits_for():
             self._whole_s = now
         elif now - self._whole_s >= SETTLE_S:
             self._asked = True
-            # What comes from now on is the experiment.
+            # Messages from now on are the experiment's.
             for topic in self.received.values():
                 topic.forget_losses()
             for client in self._start_hands:
@@ -141,7 +141,7 @@ def main(arguments: Sequence[str]) -> int:
             recording = RecordOptions(options.out, storage=options.storage)
             node = RecorderNode(spool, recording, points, exchange)
             failure = _record_until_done(node, spool, exchange, stop, options)
-            # First, so that others do not count on who is about to leave.
+            # First: other processes then expect no more from this one.
             exchange.close()
             node.finish()
             node.destroy_node()
@@ -200,10 +200,10 @@ def _record_until_done(
 
 
 def _in_vain(missing: Sequence[str], timeout_s: float) -> str:
-    """Return what was waited for in vain, in words."""
+    """Return a sentence on the missing topics or hand."""
     if missing:
         return f"for {timeout_s:g} s nothing came from {', '.join(missing)}"
-    return f"the hand did not start within {timeout_s:g} s after it was told to"
+    return f"the hand did not start within {timeout_s:g} s after the request"
 
 
 def _expected() -> list[Topic]:

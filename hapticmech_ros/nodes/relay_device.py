@@ -36,9 +36,9 @@ class AxesDevice(RealDevice):
     """A device of three or six axes.
 
     Args:
-        scene: what is felt; its ``device`` describes the device.
+        scene: to render; its ``device`` describes the device.
         mounting: (3, 3) axes of the base in the world.
-        send: takes efforts (3,) or (6,), N and N m, axes of the base.
+        send: called with efforts (3,) or (6,), N and N m, axes of the base.
         has_torques: whether there are six efforts.
         silence: s without joint states after which the device counts as lost.
         clock: s.
@@ -78,7 +78,7 @@ class AxesDevice(RealDevice):
             now: by the clock, s.
 
         Returns:
-            That it was sent, and what was measured; None without a sample.
+            That it was sent, and the measurement; None without a sample.
         """
         self._send(wrench[: self._efforts])
         measured = self._last if self._is_new else None

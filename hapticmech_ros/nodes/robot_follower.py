@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot behind ros2_control that follows an operational point of the mechanism.
 
-Joint states in, commands of joints out, in one of the forms that ros2_control's own controllers
-take. What the robot touches is put on the mechanism, so that the hand feels it.
+It receives joint states, and publishes commands of joints in a form of ros2_control's controllers.
+The robot's contact wrench acts on the mechanism, and the hand feels it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 # Name below external_cf under which the robot's contact is put on the mechanism.
 WHO = "robot"
-# Service that takes what the wrench sensor measures as nothing.
+# Service that tares the wrench sensor.
 TARE_SENSOR = "robot/tare_wrench"
 NO_TWIST = np.zeros(6)
 # Parameters that may be -1: by R8 and R9.
@@ -123,7 +123,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             node.keep(node.create_service(Trigger, TARE_SENSOR, self._on_tare))
 
     def activate(self) -> None:
-        """Follow when joints and target are heard from now on."""
+        """Follow once joints and target are received from now on."""
         if self._follower is not None:
             self._follower = self._new_follower(self.parameters)
             self._port.begin()
@@ -131,7 +131,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             sources.forget()
 
     def deactivate(self) -> None:
-        """Leave the robot with what carries its weight, or at rest, and the mechanism alone."""
+        """Leave the robot with its weight compensated, or at rest, and the mechanism without it."""
         if self._follower is None:
             return
         order = self._follower.last()
@@ -144,7 +144,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         return False
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Tell the robot's controller what to do, and the mechanism what the robot touches."""
+        """Command the robot's controller, and put the robot's contact on the mechanism."""
         del periods, deadline_ns
         if self._follower is None:
             return
@@ -198,7 +198,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         return OperationalLaw(self._mechanism, parameters.robot_point, torque_limits=limits)
 
     def _tuning(self, parameters: FollowerParameters) -> Tuning:
-        """Return the rates that parameters ask for, those of -1 by R8 and R9.
+        """Return the rates of parameters, those of -1 by R8 and R9.
 
         Raises:
             InvalidInputError: a rate that is none, or a rule without a delay.
@@ -214,7 +214,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             if parameters.interface != "effort":
                 rule = f"must be 0 or more with interface {parameters.interface}: R8 is of torques"
                 raise InvalidInputError("linear_rate", linear, rule)
-            # Both rates share what the delay allows.
+            # Both rates share the sum that the delay allows.
             if observer not in (0.0, BY_RULE):
                 rule = "must be 0 or -1 with linear_rate -1"
                 raise InvalidInputError("observer_rate", observer, rule)
@@ -231,7 +231,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
         return Tuning(gains, observer)
 
     def _inertia_ratio(self, parameters: FollowerParameters) -> float:
-        """Return R of the payload that nobody tells, in the robot's initial state."""
+        """Return R of the unknown payload, in the robot's initial state."""
         place = numbers_in("payload_centre", parameters.payload_centre)
         if place.size != 3:
             rule = "must be three numbers"
@@ -344,7 +344,7 @@ class RobotFollower(ClockedActor[FollowerParameters]):
             self._follower.tare()
 
     def _refuse_two(self, topic: str, now_ns: int) -> None:
-        """Refuse what comes from two publishers where one may speak: the robot stops."""
+        """Refuse a topic with two publishers where one is allowed: the robot stops."""
         if fault := self._speakers[topic].fault(now_ns):
             raise InvalidInputError(topic, fault, "must have one publisher")
 

@@ -9,15 +9,15 @@ from typing import Literal
 from hapticmech_ros.nodes.parameters import NodeParameters, flag, number, text, timeout
 from hapticmech_ros.nodes.timeouts import ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH
 
-# Stands for a rate that follows by a rule.
+# Value of a rate that follows by a rule.
 BY_RULE = -1.0
 
 
 class JointParameters(NodeParameters):
-    """Parameters of what is on either side of a robot's joints."""
+    """Parameters common to a robot's controller and a simulated robot."""
 
     interface: Literal["effort", "velocity", "position"] = text(
-        "effort", "what the robot's controller takes: torques, rates or positions of joints"
+        "effort", "commands of the robot's controller: torques, rates or positions of joints"
     )
     command_type: Literal["array", "trajectory"] = text(
         "array",
@@ -67,7 +67,7 @@ class FollowerParameters(JointParameters):
     )
     swing_speed: float = number(
         0.05,
-        "speed about the target whose reversals are a swing, which slows the robot down; 0: none",
+        "speed about the target whose reversals are an oscillation, which lowers rates; 0: none",
         "m/s",
         0.0,
         10.0,
@@ -108,7 +108,7 @@ class FollowerParameters(JointParameters):
         1.0,
     )
     unknown_payload: float = number(
-        0.0, "largest mass at the tool that nobody tells, for rates of -1", "kg", 0.0, 1000.0
+        0.0, "largest unmodelled mass at the tool, for rates of -1", "kg", 0.0, 1000.0
     )
     payload_centre: str = text("0 0 0", "where it is, from robot_point in its axes, m")
     gain_ramp: float = number(
@@ -120,7 +120,7 @@ class FollowerParameters(JointParameters):
     feedback_force: float = number(20.0, "largest force of it", "N", 0.0, 1000.0)
     feedback_torque: float = number(2.0, "largest torque of it", "N m", 0.0, 100.0)
     feedback_passivity: bool = flag(
-        True, "hold what the contact gives to the mechanism to the allowance", "any"
+        True, "limit the energy that the contact gives the mechanism", "any"
     )
     feedback_allowance: float = number(
         0.0005, "that a contact may give beyond what the mechanism gave it", "J", 0.0, 10.0

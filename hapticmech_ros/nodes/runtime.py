@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from hapticmech_ros.nodes.actor import Actor
     from hapticmech_ros.nodes.managed import ManagedNode
 
-# What ROS says of arguments, names and parameter files, and the system of files.
+# Errors of ROS on arguments, names and parameter files, and of the system on files.
 REFUSALS = (
     NameValidationException,
     OSError,
@@ -111,7 +111,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     except ExternalShutdownException:
         return 0
     finally:
-        # First, so that others do not count on who is about to leave.
+        # First: other processes then expect no more from this one.
         exchange.close()
         for node in nodes:
             node.destroy_node()
@@ -132,7 +132,7 @@ def _check_parameter_files(arguments: Sequence[str]) -> None:
 
 
 def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
-    """Ask the system for what nodes that are made need: importing them was not urgent."""
+    """Request real-time settings for nodes once they are made: importing them was not urgent."""
     in_sim_time = any(node.in_sim_time for node in nodes)
     realtime = Realtime(Request.of([node.parameters for node in nodes], in_sim_time))
     for node in nodes:
@@ -145,8 +145,8 @@ def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
 def _early_node() -> Node:
     """Return a hidden node, with which the middleware begins to look for the other processes.
 
-    It does so in threads of its own and takes half a second, as what a node imports does too. It
-    has no services: rclpy leaves that of type descriptions to the middleware when a node ends.
+    It does so in its own threads and takes half a second, as a node's imports do too. It has no
+    services: rclpy leaves that of type descriptions to the middleware when a node ends.
     """
     return rclpy.create_node(
         "_starting",
@@ -158,7 +158,7 @@ def _early_node() -> Node:
 
 
 def actor_type(name: str) -> type[Actor[Any]]:
-    """Return what a node of this name becomes.
+    """Return the actor's class for a node's name.
 
     Only its module is imported: the others' kernels would make a restart a second longer.
     """

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A robot in MuJoCo behind the topics of ros2_control: what robot_follower drives without one."""
+"""A robot in MuJoCo behind the topics of ros2_control, for robot_follower without a real one."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         self.input(parameters.joint_command_topic, kind, CONTROL_SUBSCRIBER, accept)
 
     def activate(self) -> None:
-        """Go on where the robot is; what was commanded before counts no more."""
+        """Go on where the robot is, without earlier commands."""
         self._command = Latest()
 
     def ready(self, deadline_ns: int) -> bool:
@@ -78,7 +78,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         return False
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Move the robot, and tell its joints and its contact."""
+        """Move the robot, and publish its joints and its contact."""
         for _ in self.steps(periods, deadline_ns):
             self._robot.advance(self._torque(deadline_ns), STEPS)
         message = JointState(name=self._names)
@@ -112,7 +112,7 @@ class SimulatedRobot(ClockedActor[SimulatedRobotParameters]):
         return servo_torque(robot, value, self._rates)
 
     def _contact(self, time_ns: int) -> WrenchStamped:
-        """Return what a sensor at the tool measures: in the axes of the tool."""
+        """Return the wrench of a sensor at the tool, in the axes of the tool."""
         wrench, turn = self._robot.contact_wrench(), self._robot.pose.rotation.T
         message = WrenchStamped()
         message.header.frame_id = self.point

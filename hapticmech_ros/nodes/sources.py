@@ -1,14 +1,15 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whom messages come from: a topic that one node may speak on, and how to notice a second.
+"""Origins of messages: detects a second publisher on a topic that one node may publish on.
 
-A ROS subscriber is not told which publisher sent a message, but each publisher counts its messages.
-Numbers of one publisher go up; those of two interleave. A publisher that only exists, or has died
-without saying so, says nothing and is no second one.
+A ROS subscriber does not know a message's publisher, but each publisher counts its messages.
+Numbers of one publisher increase; those of two interleave. A publisher that is idle, or has died
+unnoticed, sends nothing and is no second one.
 
-What the middleware brings may be late: of a publisher that has gone over to the lane, it may bring
-what was said seconds ago, where its own threads get no processor. Such a message is somebody
-else's only if the middleware lists two publishers, or if it has brought that number already.
+Messages from the middleware may be late: after its publisher has changed to the lane, the
+middleware may deliver seconds-old messages, if its own threads get no processor. Such a message is
+another publisher's only if the middleware lists two publishers, or has delivered that number
+already.
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ from typing import Any, NamedTuple, Protocol
 
 from hapticmech_ros.numerics.times import NANOSECONDS
 
-# By the middleware, which does not tell which publisher sent a message.
+# By the middleware, which does not identify a message's publisher.
 MIDDLEWARE = 0
 # From a node of this process.
 WITHIN = -1
-# Of what stands for a publisher on the lane, the part that is its number in its process; the rest
-# is its process's connection.
+# Bits of a lane publisher's id for its number in its process; the others are its process's
+# connection.
 OUTLETS = (1 << 32) - 1
 
 
 class Origin(NamedTuple):
-    """The way of a message, and its publisher where that is known.
+    """The path of a message, and its publisher where that is known.
 
     Attributes:
-        via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the one publisher on the lane that this stands
-            for in this process.
-        number: by which its publisher counts what it sends through the middleware.
-        sent: by which it counts what it sends over the lane; 0: it came another way.
+        via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the id of one publisher on the lane in this
+            process.
+        number: of its publisher's messages through the middleware.
+        sent: number of its messages over the lane; 0: it did not come over the lane.
         sent_ns: when it was sent, ns of the sending machine's clock; 0: that is not known.
     """
 
@@ -69,7 +70,7 @@ class WithInfo:
     ``publication_sequence_number``, which each publisher counts up by one.
     """
 
-    # What rclpy sees: two arguments. What may come: a message and its info, or a pair of them.
+    # rclpy sees two arguments, but may pass a message and its info, or a pair of them.
     __signature__ = inspect.Signature(
         [inspect.Parameter(name, _POSITIONAL) for name in ("message", "info")]
     )
@@ -83,24 +84,25 @@ class WithInfo:
         self._function(message, info)
 
 
-# What a middleware that counts no messages gives for a number (rmw: UINT64_MAX).
+# The number from a middleware that counts no messages (rmw: UINT64_MAX).
 UNNUMBERED = (1 << 64) - 1
-# Somebody who spoke so long ago may still be there; or so many of his own periods, if they are
+# A publisher counts as alive for so long after a message; or for so many of its own periods, if
 # longer, but no longer than the last of these.
 ALIVE_NS = NANOSECONDS // 10
 ALIVE_PERIODS = 3
 LONGEST_ALIVE_NS = NANOSECONDS // 2
-# What a publisher gave to the middleware before it sent another way has come after so long.
+# Messages sent through the middleware before a change of path have arrived after so long.
 ARRIVED_NS = NANOSECONDS // 20
-# A message that was sent so long ago is late: while a topic brings strange messages, the middleware
-# is looked at more often.
+# A message that was sent so long ago is late: while a topic has suspicious messages, the middleware
+# is checked more often.
 LATE_NS = 3_000_000
-# Two are two until one of them has been silent for so long: a process may stand still for a while.
+# Two publishers count as two until one of them has been silent for so long: a process may stall for
+# a while.
 FORGET_NS = NANOSECONDS
-# Names are asked for anew so often: messages may come before the middleware lists their publisher
-# or knows its node, and the dead stand in its list for a while.
+# Names are requested anew so often: messages may come before the middleware lists their publisher
+# or knows its node, and its list keeps dead ones for a while.
 NAMED_NS = NANOSECONDS // 10
-# Numbers of one publisher go up by no more than this, whatever is lost.
+# Numbers of one publisher increase by no more than this, even with losses.
 LONGEST_GAP = 100_000
 # A network may deliver numbers in another order, as far apart as this; but none twice.
 REORDERED = 16
@@ -108,7 +110,7 @@ _MASK = (1 << REORDERED) - 1
 
 
 class KnowsPublishers(Protocol):
-    """What is needed of a node to name publishers."""
+    """The part of a node used to name publishers."""
 
     @property
     def get_publishers_info_by_topic(self) -> Any:
@@ -117,10 +119,9 @@ class KnowsPublishers(Protocol):
 
 @dataclass(slots=True)
 class _Source:
-    """One publisher: its way, highest number, which of it and those below were brought, and when.
+    """One publisher: its path, highest number, which of the last ones were delivered, and when.
 
-    Numbers count what goes through the middleware. What comes another way tells how many there
-    have been.
+    Numbers count messages through the middleware. Messages on other paths carry that count.
     """
 
     via: int
@@ -131,11 +132,11 @@ class _Source:
     gap_ns: int = 0
     still: int = 0
     moved_ns: int = -1
-    # Of the highest number and those below, which should not be under way any more.
+    # Of the highest number and those below, which should not be in flight any more.
     over: int = 0
 
     def takes(self, number: int) -> bool:
-        """Return whether what the middleware brings can be this publisher's next, or a late one."""
+        """Return whether a middleware's message can be this publisher's next, or a late one."""
         if self.via < MIDDLEWARE:
             return False
         ahead = number - self.last
@@ -144,9 +145,10 @@ class _Source:
         return -ahead < REORDERED and not (self.recent | self.over) >> -ahead & 1
 
     def may_be_before(self, origin: Origin) -> bool:
-        """Return whether a message on a new way of the lane can be this publisher's next.
+        """Return whether a message on a new path of the lane can be this publisher's next.
 
-        It can if the middleware brought it until now, or if its connection was made anew.
+        It can if the middleware delivered its messages until now, or if its connection was made
+        anew.
         """
         if not 0 <= origin.number - self.last <= LONGEST_GAP:
             return False
@@ -164,7 +166,7 @@ class _Source:
             self.recent |= 1 << max(-ahead, 0)
         else:
             self.sent = origin.sent
-            # So many messages and so long after, nothing that the middleware carried is under way.
+            # After so many messages and so long, none is in flight in the middleware any more.
             if ahead or self.moved_ns < 0:
                 self.still, self.moved_ns = 0, now_ns
             self.still += ahead == 0
@@ -174,7 +176,7 @@ class _Source:
         self.received_ns = now_ns
 
     def copied(self, number: int) -> bool:
-        """Note that the middleware brought a number too; return whether it had done so before."""
+        """Note that the middleware delivered a number too; return whether it had done so before."""
         behind = self.last - number
         if not 0 <= behind < REORDERED:
             return False
@@ -183,7 +185,7 @@ class _Source:
         return before
 
     def alive(self, now_ns: int, least_ns: int = ALIVE_NS) -> bool:
-        """Return whether it may speak again; whoever spoke within ``least_ns`` may."""
+        """Return whether it counts as alive; it does for ``least_ns`` after a message."""
         longest = max(least_ns, min(ALIVE_PERIODS * self.gap_ns, LONGEST_ALIVE_NS))
         return now_ns - self.received_ns <= longest
 
@@ -213,21 +215,22 @@ class Sources:
         """Note a message.
 
         Args:
-            origin: whom it comes from.
+            origin: of the message.
             now_ns: time of its arrival, ns.
         """
         self._received_ns = now_ns
         self.latest = origin
         via, number = origin.via, origin.number
         if via == MIDDLEWARE and number == UNNUMBERED:
-            # There is only the middleware's list, in which the dead stand for a while.
+            # There is only the middleware's list, which keeps dead publishers for a while.
             self._two = len(self._node.get_publishers_info_by_topic(self._topic)) > 1
             return
         source = self._nearest(number) if via == MIDDLEWARE else self._known(origin, now_ns)
         if source is None:
             if self._is_late(origin, now_ns):
                 return
-            # What it said before through the middleware was for others: none of it can come late.
+            # Its earlier messages through the middleware were not for this subscriber: none can
+            # come late.
             recent = _MASK if via == MIDDLEWARE else 0
             self._add(_Source(via, number, recent, now_ns, origin.sent), now_ns)
         else:
@@ -244,7 +247,7 @@ class Sources:
         return self.latest if alone else None
 
     def copied(self, number: int, now_ns: int) -> None:
-        """Note that the middleware brought what had come another way.
+        """Note that the middleware delivered a message received on another path.
 
         Args:
             number: by which its publisher counts it.
@@ -252,12 +255,12 @@ class Sources:
         """
         on_lane = [one for one in self._sources if one.via > MIDDLEWARE]
         if len(on_lane) == 1 and on_lane[0].copied(number):
-            # Somebody else's has been taken for it.
+            # Another publisher's message was taken for it.
             self._add(_Source(MIDDLEWARE, number, _MASK, now_ns), now_ns)
             self._two = len(self._sources) > 1
 
     def _nearest(self, number: int) -> _Source | None:
-        """Return whose number it can be; the closest below: of two that both can, it lost least."""
+        """Return the publisher whose number it can be; of two, the one that lost least."""
         source, least = None, LONGEST_GAP + 1
         for one in self._sources:
             apart = abs(number - one.last)
@@ -266,7 +269,7 @@ class Sources:
         return source
 
     def _is_late(self, origin: Origin, now_ns: int) -> bool:
-        """Return whether a message that seems strange is a late one of the only publisher."""
+        """Return whether a suspicious message is a late one of the only publisher."""
         late = origin.via == MIDDLEWARE and 0 < origin.sent_ns < now_ns - LATE_NS
         if not late or len(self._sources) != 1 or self._sources[0].via == MIDDLEWARE:
             return False
@@ -275,17 +278,17 @@ class Sources:
         return len(self._node.get_publishers_info_by_topic(self._topic)) < 2
 
     def _known(self, origin: Origin, now_ns: int) -> _Source | None:
-        """Return a publisher that is known by the way of its messages, or was by their numbers."""
+        """Return a publisher that is known by the path of its messages, or was by their numbers."""
         via, number = origin.via, origin.number
         for one in self._sources:
             if one.via != via:
                 continue
             if number < one.last:
-                # It has not sent so many through the middleware: those were somebody else's.
+                # It has not sent so many through the middleware: those were another publisher's.
                 self._add(_Source(MIDDLEWARE, one.last, one.recent, now_ns), now_ns)
                 one.last, one.recent, one.over = number, 0, 0
             return one
-        # Until now it was heard another way, as long as it was one.
+        # Until now its messages came on another path, if it is only one.
         found = [one for one in self._sources if one.may_be_before(origin)]
         if via < MIDDLEWARE or len(found) != 1:
             return None
@@ -296,7 +299,7 @@ class Sources:
         self._sources = [*(one for one in self._sources if one.alive(now_ns)), source]
 
     def forget(self) -> None:
-        """Forget who spoke."""
+        """Forget the publishers."""
         self._sources.clear()
         self._two = False
         self._named = ""
@@ -312,7 +315,7 @@ class Sources:
         return self._named
 
     def _names(self) -> str:
-        """Return the names of all publishers, two at least; the same ones are told apart."""
+        """Return the names of all publishers, two at least; equal ones get a suffix."""
         found = [
             (f"{info.node_namespace.rstrip('/')}/{info.node_name}", bytes(info.endpoint_gid))
             for info in self._node.get_publishers_info_by_topic(self._topic)
@@ -322,7 +325,7 @@ class Sources:
             name if names.count(name) == 1 else f"{name} ({gid[4:16].hex()})"
             for name, gid in sorted(found)
         ]
-        # Two have spoken, whatever the middleware lists.
+        # Two have published, whatever the middleware lists.
         if len(distinct) < 2:
             distinct.append("one without a name" if distinct else "two without a name")
         return " and ".join(distinct)
@@ -332,7 +335,7 @@ STOPPED = "emergency stop"
 
 
 class CommandGuard:
-    """Watches who commands a device.
+    """Watches the publishers of a device's commands.
 
     Args:
         sources: of each topic by which it is commanded; none may have a second publisher.
@@ -343,7 +346,7 @@ class CommandGuard:
         self.stopped = False
 
     def forget(self) -> None:
-        """Forget who commanded; an emergency stop lasts."""
+        """Forget the publishers; an emergency stop lasts."""
         for one in self._sources:
             one.forget()
 

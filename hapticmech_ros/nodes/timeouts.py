@@ -1,19 +1,17 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Timeouts of the control loop, in periods: at each rate it is as far from breaking off. No ROS.
+"""Timeouts of the control loop, in periods: the margin is the same at each rate. No ROS.
 
-What is waited for comes once a period. A time that suits 1 kHz is a few periods of a slow loop, and
-a machine's shortest pause would end it.
+Inputs come once a period. A time that suits 1 kHz is a few periods of a slow loop, and a machine's
+shortest pause would end it.
 
-What an actor loses because nothing comes in time, and whether a pause explains it.
+It also counts an actor's losses of late inputs, and whether a pause explains them: if pauses make
+up half of the silence.
 
-Pauses do if they make up half of the silence.
-
-When a process had no processor: by its own clocks, and what a sender's messages show of that.
-
-A process that wanted to wait until a deadline at the longest, and went on later, without having
-computed meanwhile, had none: others had them all, or it was stopped. Of a sender its messages show
-that it paused; why is not to be seen in them.
+Pauses are found by a process's own clocks, and from a sender's messages. A process that wanted to
+wait until a deadline at the longest, and went on later, without having computed meanwhile, had no
+processor: others had them all, or it was stopped. A sender's messages show that it paused, but not
+why.
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ class Pauses:
     """Pauses of a process.
 
     Attributes:
-        looked_ns: when it was looked at last, ns.
+        looked_ns: time of the last check, ns.
     """
 
     def __init__(self) -> None:
@@ -65,14 +63,14 @@ class Pauses:
 
 
 class Remedy:
-    """Says what helps where pauses are no accident; once a minute in a process."""
+    """Advises where pauses are no accident; once a minute in a process."""
 
     def __init__(self) -> None:
         self._lately: deque[tuple[int, int]] = deque(maxlen=1000)
         self._logged_ns: int | None = None
 
     def after(self, length_ns: int, rate_hz: float, now_ns: int) -> str:
-        """Return what to say after a loss that a pause explains; mostly nothing.
+        """Return advice after a loss that a pause explains; mostly empty.
 
         Args:
             length_ns: of the pause, ns.
@@ -103,9 +101,9 @@ class OwnPauses(Pauses):
         computed_ns: returns for how long this process has computed, ns.
 
     Attributes:
-        remedy: says what helps.
-        waits: return how long each node would still wait now, ns, less than nothing if it wanted to
-            go on before; None: for ever.
+        remedy: advises.
+        waits: return how long each node would still wait now, ns, negative if it wanted to go on
+            before; None: for ever.
     """
 
     def __init__(
@@ -120,7 +118,7 @@ class OwnPauses(Pauses):
         self._computed = 0
 
     def look(self) -> None:
-        """Note that the process goes on; asked for with every message and deadline, before it."""
+        """Note that the process goes on; called before every message and deadline."""
         before, computed = self.looked_ns, self._computed
         self.looked_ns = now = self._clock_ns()
         self._computed = self._computed_ns()
@@ -161,7 +159,7 @@ class SenderPauses(Pauses):
 
         Args:
             stamp_ns: its stamp, ns.
-            origin: whom it comes from, and by which number.
+            origin: its publisher and number.
             now_ns: time of its arrival, ns.
         """
         count = origin.sent or origin.number
@@ -172,13 +170,13 @@ class SenderPauses(Pauses):
             self._note(stamp_ns - before_ns - periods * self._period_ns)
 
     def went_on(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
-        """Note a message before which there was no pause; arguments as of :meth:`heard`."""
+        """Note a message before which there was no pause; arguments as of :meth:`received`."""
         self.looked_ns = now_ns
         self._via, self._count = origin.via, origin.sent or origin.number
         self._stamp_ns = stamp_ns
 
 
-# What comes once a period is sometimes late by one, and sometimes lost: a shorter timeout than so
+# A periodic message is sometimes late by a period, and sometimes lost: a timeout shorter than so
 # many periods cannot hold.
 LEAST_PERIODS = 3
 # Of a period: the rounding of a rate's period is no reason to refuse.
@@ -215,7 +213,7 @@ ZERO_FORCE = ByRate(20, 0.02)
 
 
 class HasLockstep(Protocol):
-    """Parameters of a node, as far as they say whether timeouts count."""
+    """The parameter of a node that disables timeouts."""
 
     @property
     def lockstep(self) -> bool:
@@ -258,7 +256,7 @@ def timeout_of(
 
 
 class Losses:
-    """Counts an actor's losses, and says what explains them.
+    """Counts an actor's losses, and explains them.
 
     Args:
         own: pauses of this process.
@@ -274,7 +272,7 @@ class Losses:
     def __init__(self, own: OwnPauses, rate_hz: float, log: Callable[[str], None]) -> None:
         self._own, self._rate_hz, self._log = own, rate_hz, log
         self.count = self.without_processor = self.sender_paused = 0
-        # What is not explained yet: who was silent since when, and the timeout.
+        # A loss not explained yet: the silent sender, since when, and the timeout.
         self._open: tuple[SenderPauses, int, int] | None = None
 
     def explained(
@@ -284,14 +282,14 @@ class Losses:
         now_ns: int,
         sender: SenderPauses | None = None,
     ) -> str:
-        """Count a loss, and return what explains it; empty if nothing does, or not yet.
+        """Count a loss, and return its explanation; empty if none, or none yet.
 
         Args:
-            silence_ns: how long nothing has come, ns; None: that is not known, and a pause explains
-                losses for two timeouts.
-            timeout_ns: how long nothing may come, ns.
+            silence_ns: time without a message, ns; None: not known, and a pause explains losses for
+                two timeouts.
+            timeout_ns: longest time without a message, ns.
             now_ns: present time, ns.
-            sender: pauses of who was silent, if they can be known.
+            sender: pauses of the silent sender, if they can be known.
         """
         self.count += 1
         self._open = None
@@ -305,7 +303,7 @@ class Losses:
         return self.explained_now(now_ns)
 
     def explained_now(self, now_ns: int) -> str:
-        """Return what has come to explain the last loss, ns; empty if nothing has."""
+        """Return a later explanation of the last loss, ns; empty if there is none."""
         if self._open is None:
             return ""
         sender, received_ns, timeout_ns = self._open
@@ -318,7 +316,7 @@ class Losses:
         return f"{sender.name} had paused for {paused / 1e6:.0f} ms"
 
     def figures(self) -> dict[str, str]:
-        """Return what diagnostics say."""
+        """Return entries for diagnostics."""
         return {
             "losses": str(self.count),
             "lost_without_processor": str(self.without_processor),

@@ -39,7 +39,7 @@ class LoopResidual:
 
     Attributes:
         name: of the closure or coupling.
-        kind: as the scene says.
+        kind: in the scene.
         distance: largest of the rows of points, m; None without any.
         angle: largest of the rows of axes, rad to first order; None without any.
     """
@@ -69,7 +69,7 @@ class Assembled:
 
 @dataclass(frozen=True, slots=True)
 class AssemblySearch:
-    """What was found.
+    """Result of a search.
 
     Attributes:
         written: how far each loop is open at the start as it is written.
@@ -233,7 +233,7 @@ class _Seeker:
                 return _Attempt(self._close(q), 0.0)
             except ClosureError:
                 q = self._nearest(q)
-        # A closure whose axes point the other way has no residual either.
+        # A closure whose axes are reversed has no residual either.
         worst = max(float(np.abs(self._scaled(q)).max()), np.finfo(float).tiny)
         return _Attempt(q, worst)
 

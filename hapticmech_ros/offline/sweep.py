@@ -22,7 +22,7 @@ from hapticmech_ros.operational.observation import rigid_count
 from hapticmech_ros.scene import Scene
 from hapticmech_ros.system.workers import WorkerPool, Workers
 
-# Longest step of prescribed joints (rad or m), so that loops stay on their branch.
+# Longest step of prescribed joints (rad or m) that keeps loops on their branch.
 LONGEST_STEP = 0.02
 # Largest closure error, as a fraction of the mechanism's length.
 CLOSED, ROUNDS = 1e-12, 20

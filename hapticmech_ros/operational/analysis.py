@@ -10,17 +10,14 @@ neither on units nor on axes. A link that moves in a plane is held in it: the ro
 I_ℓ in the plane remain. A link that is held by a ball joint turns about it: ((I_ℓ⁻¹)_tt)⁻¹ remains,
 with t the rows of positions.
 
-F_c at the operational points of a mechanism, of what acts on it elsewhere.
+F_c at the operational points of a mechanism, from forces that act on it elsewhere. These are its
+contacts', and the other hands' where there are several; see :mod:`.observe_kernels`.
 
-That is what its contacts do, and the other hands where there are several; see
-:mod:`.observe_kernels`.
+Response of an operational point to another hand's wrench.
 
-How what one hand does to a mechanism moves another one's operational point.
-
-F_j, by the hand at point j, accelerates point i by X_ij F_j: part of the F_c of point i, of which
-its device gives as much as it gives of a contact. The last F_j that the mechanism knows answers a
-sample taken a period ago; what has changed since is added in the device, see
-:mod:`~hapticmech_ros.control.other_hands`.
+F_j, by the hand at point j, accelerates point i by X_ij F_j: part of the F_c of point i, which its
+device renders as it renders a contact. The last F_j that the mechanism knows answers a sample taken
+a period ago; the device adds the change since, see :mod:`~hapticmech_ros.control.other_hands`.
 """
 
 from __future__ import annotations
@@ -69,7 +66,7 @@ def coupling(terms: Evaluation) -> Array:
 
 
 def by_others(terms: Evaluation, wrenches: Array) -> Array:
-    """Return joint forces (points, nv), N m or N: for each point, what acts at all the others.
+    """Return joint forces (points, nv), N m or N: for each point, of the wrenches at all others.
 
     Row i is the sum of J_jᵀ F_j over all j ≠ i. The point's acceleration by it is the sum of
     X_ij F_j, with X_ij of :func:`coupling`.
@@ -124,7 +121,7 @@ def contact_wrench(analyser: Analyser, terms: Evaluation, joint_force: Array) ->
 
 
 class ContactWrenches:
-    """What acts elsewhere on a mechanism, as a wrench at each of its operational points.
+    """Converts forces elsewhere on a mechanism to a wrench at each of its operational points.
 
     Args:
         mechanism: whose.
@@ -138,8 +135,8 @@ class ContactWrenches:
 
         Args:
             terms: of the mechanism at a state.
-            joint_forces: (points, nv), N m or N: what each point is to feel, such as the sum of
-                J_cᵀ λ of the contacts.
+            joint_forces: (points, nv), N m or N: to be felt at each point, such as the sum of J_cᵀ
+                λ of the contacts.
         """
         found = np.zeros((len(self._analysers), 6))
         for index, (analyser, force) in enumerate(zip(self._analysers, joint_forces, strict=True)):
@@ -237,8 +234,8 @@ class Analyser:
             q: (nq,) configuration.
             v: (nv,) rates, rad/s or m/s.
             active: which closures are closed.
-            closing: what ``Mechanism.closing_terms`` gave at the same q and closures, to save time.
-            before: (1 + nv,) how long ago, s, and the rates that were, rad/s or m/s; see
+            closing: result of ``Mechanism.closing_terms`` at the same q and closures, to save time.
+            before: (1 + nv,) a time ago, s, and the rates then, rad/s or m/s; see
                 :mod:`.observe_kernels`.
 
         Raises:
@@ -279,7 +276,7 @@ class Analyser:
     def observe_terms(
         self, terms: Evaluation, compensated_delay: float = 0.0, before: Array | None = None
     ) -> Observation:
-        """Return what :meth:`observe` does, from terms at a state.
+        """Return the same as :meth:`observe`, from terms at a state.
 
         Args:
             terms: of Eq. 1.

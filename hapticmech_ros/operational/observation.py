@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the analysis of an operational point finds at a state, as one array.
+"""Result of the analysis of an operational point at a state, as one array.
 
 Beside it: the number of joint constraints reported to the user, by a Schmitt trigger with dwell on
 each s_i; and rates of a mechanism's last states, for the delay compensation of the next one.
@@ -34,7 +34,7 @@ from hapticmech_ros.scene.controller import Perception
 
 
 class Observation:
-    """An operational point at a state; what is asked for are views of one array.
+    """An operational point at a state; its parts are views of one array.
 
     Args:
         numbers: all of it; see :func:`~hapticmech_ros.operational.observe_kernels.observe_point`.
@@ -62,7 +62,7 @@ class Observation:
 
     @cached_property
     def analysis(self) -> OperationalAnalysis:
-        """Λ_h⁻¹ at the state, and what follows from it."""
+        """Λ_h⁻¹ at the state, and its analysis."""
         head, details = self._head, self._details
         return OperationalAnalysis(
             inverse_inertia=head.now.inverse_inertia,
@@ -129,13 +129,13 @@ def rigid_count(s: Array, perception: Perception) -> int:
     return int(np.count_nonzero(s <= perception.s_on))
 
 
-# Rates as much longer ago than wanted, in periods wanted, say nothing of now; and so much of a
-# period may be missing.
+# Rates from this many times longer ago than wanted are not used; and so much of a period may be
+# missing.
 FARTHEST, MISSING = 2.0, 0.25
 
 
 class PastRates:
-    """Remembers rates, and tells those of a number of periods ago.
+    """Remembers rates, and returns those of a number of periods ago.
 
     Args:
         periods: how many, see :func:`~hapticmech_ros.control.loop_delay.periods_before`; 0
@@ -177,7 +177,7 @@ class PastRates:
         remember_state(*self.arrays, stamp_ns, rates)
 
     def before(self, stamp_ns: int, active: Active) -> Array:
-        """Return (1 + nv,) how long before a time, s, and the rates that were.
+        """Return (1 + nv,) how long before a time, s, and the rates then.
 
         They are the newest ones of so many periods ago or longer, of the same closures; zeros where
         there are none.

@@ -3,8 +3,8 @@
 """Kernel of all that rendering needs of an operational point: terms, analysis, delay, motion.
 
 Beside it: the number of joint constraints, by a Schmitt trigger with dwell on each s_i; rates of a
-mechanism's last states, by their stamps; and what contacts do at an operational point, in the
-dynamically consistent sense.
+mechanism's last states, by their stamps; and the contacts' dynamically consistent wrench at an
+operational point.
 
     F_c = J̄ᵀ Σ J_cᵀ λ,      J̄ = D⁻¹ P J_hᵀ X⁺
 
@@ -15,9 +15,9 @@ Parts of kernels: the analysis at an operational point: X, its spectrum, P_c, Π
 
 Delay compensation: X_τ and a_τ of an operational point, its X and a_0 for a loop with a delay τ.
 
-What springs, dampers and weight do at a state reaches the hand after τ; a force takes effect during
-that time. So the state is predicted: q' is where the mechanism will be after τ at its rates, and
-with the accelerations v̇ of then, rates v_b a time τ_b ago, and r = τ / τ_b,
+The forces of springs, dampers and weight at a state reach the hand after τ; a force takes effect
+during that time. So the state is predicted: q' is where the mechanism will be after τ at its rates,
+and with the accelerations v̇ of then, rates v_b a time τ_b ago, and r = τ / τ_b,
 
     v(τ) = v + r² / (1 + 2 r) (v - v_b) + h v̇,      h = τ (1 + r) / (1 + 2 r)
     q(τ) = q' ⊕ k v̇,                                k = τ² / 2
@@ -30,19 +30,19 @@ damping C of springs and dampers
 
 where v̇_0 are the accelerations at zero hand wrench, and closures hold on as they do in X. That is
 a step of length τ, implicit in springs and dampers: X_τ F + a_τ is the acceleration by then, also
-if F varies meanwhile, with an error of third order in τ, but for what Coriolis forces change as v
-does, and for what X does on the way. Where v_b is not known, as at the start or after a closure has
-closed, r is 0 and k is τ², and the error is of second order. Both are found in the directions of X
-alone: with rows ζ_i = n_iᵀ J D⁻¹ / s_i, closures kept, which are orthonormal in the mass metric,
-and B = 1 + ζ (h C + k K) ζᵀ, which is never smaller than 1,
+if F varies meanwhile, with an error of third order in τ, except for changes of Coriolis forces with
+v, and of X during τ. Where v_b is not known, as at the start or after a closure has closed, r is 0
+and k is τ², and the error is of second order. Both are found in the directions of X alone: with
+rows ζ_i = n_iᵀ J D⁻¹ / s_i, closures kept, which are orthonormal in the mass metric, and B = 1 + ζ
+(h C + k K) ζᵀ, which is never smaller than 1,
 
     X_τ = Z B⁻¹ Zᵀ,  a_τ = a_0(q', v) - Z B⁻¹ ζ ((h C + k K) v̇_0(q', v) + ...)
 
-with columns I_ℓ⁻¹ n_i s_i in Z. What joints that move without the point add to it is left out of
-B, which is exact to first order too; and B being no smaller than 1, no gain is larger than X's.
+with columns I_ℓ⁻¹ n_i s_i in Z. B leaves out joints that move without the point, which is exact to
+first order too; and B being no smaller than 1, no gain is larger than X's.
 
 To second order q' = q ⊕ (τ v - ½ τ² D⁻¹Wᵀ(W D⁻¹Wᵀ)⁺ Ẇv) is on the closures. Next to a singular
-position, where what is left of φ there turns free rates by more than 1 %, q' is q.
+position, where the remaining φ turns free rates by more than 1 %, q' is q.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class PointResponse(Record):
 
 
 class Observed(OperationalModelSample):
-    """What an observation of a point begins with: the model for a loop with delay.
+    """The first part of an observation of a point: the model for a loop with delay.
 
     Attributes:
         now: X and a_0 without delay compensation.
@@ -107,7 +107,7 @@ MODEL_SIZE, _OBSERVED = OperationalModelSample.layout.size, Observed.layout.size
 
 
 class Details(NamedTuple):
-    """What follows in an observation; t rows of the task space.
+    """The second part of an observation; t rows of the task space.
 
     Attributes:
         weights: (t,) w(s_i).
@@ -186,7 +186,7 @@ def predict(
 ) -> None:
     """Replace v̇_0 and a_0 by those at the configuration after τ, where it can be trusted.
 
-    The model's workspace, what moves and forces there, is of that configuration afterwards.
+    The model's workspace, with motions and forces, is of that configuration afterwards.
 
     Args:
         model: the mechanism's.
@@ -340,7 +340,7 @@ def compensate(
 
 
 class Metric(NamedTuple):
-    """What is constant in the analysis of a point; t rows of the task.
+    """Constants of the analysis of a point; t rows of the task.
 
     Attributes:
         mass: reference mass of the metric, kg.
@@ -627,7 +627,7 @@ class ConstraintTrigger(Record):
         dwell: for so long, s.
         begun: 1 once s has been seen.
         rigid: 1 for each direction that is reported as rigid.
-        since: time since when s says otherwise, s; NaN if it does not.
+        since: time since when s disagrees with that, s; NaN if it does not.
     """
 
     s_on = Number()

@@ -1,14 +1,14 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Λ_h⁻¹ of an operational point at a state, and what follows from it.
+"""Λ_h⁻¹ of an operational point at a state, and its analysis.
 
 The constrained directions are chosen smoothly, for control:
 
     P_c = Σ w(s_i) n_i n_iᵀ / m_ℓ,       Π = Σ w(s_i) n_i n_iᵀ I_ℓ⁻¹
 
 w falls smoothly from 1 at s_on to 0 at s_off, with continuous first and second derivative, so both
-are continuous through changes of rank, whatever the sign and order of singular vectors. m_ℓ is
-the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
+are continuous through changes of rank, independent of the sign and order of singular vectors. m_ℓ
+is the metric's mass: a stiffness k multiplied by P_c is k N/m against pure translation of the link,
 and the link's own mix of N/m and N m/rad in other directions.
 
 The mass felt at an operational point in every direction.
@@ -97,7 +97,7 @@ class CompensatedResponse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class OperationalAnalysis:
-    """Λ_h⁻¹ and what follows from it; world axes, origin at the operational point, force first.
+    """Λ_h⁻¹ and its analysis; world axes, origin at the operational point, force first.
 
     Attributes:
         inverse_inertia: (6, 6) X; 1/kg, 1/(kg m), 1/(kg m²); zero in rows a planar scene lacks.

@@ -1,3 +1,3 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plan of a scene: what is computed for it, as data."""
+"""Plan of a scene: its computations, as data."""

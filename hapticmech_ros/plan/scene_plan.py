@@ -45,7 +45,8 @@ NEAR_SINGULAR = 1e-2
 FAR = 1e-3
 # In scene lengths, from which shorter steps make a difference that can be felt.
 COARSE = 1e-3
-# Of what turns and moves freely, from which a link turns as it is moved.
+# Largest entry of X between force and rotation, over its diagonal's, above which a push turns a
+# link.
 TURNS = 1e-3
 
 
@@ -110,10 +111,10 @@ def check_scene(
     """Return the properties of a scene at its start.
 
     Args:
-        scene: what to look at.
-        is_over: whether the time is up, so that what is not known yet of the steps' accuracy is
-            left out; never if None.
-        show: called with what is done now.
+        scene: to check.
+        is_over: whether the time is up: the rest of the steps' accuracy is then left out; never if
+            None.
+        show: called with a description of the present work.
 
     Raises:
         SingularInertiaError: a joint moves no mass.
@@ -248,7 +249,7 @@ class Choice:
     """Choice of a method.
 
     Attributes:
-        about: what is computed.
+        about: the computed quantity.
         taken: the chosen method.
         why: reason of the choice.
     """

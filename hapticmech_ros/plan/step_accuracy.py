@@ -31,7 +31,7 @@ Runs = tuple[Run, ...]
 
 @dataclass(frozen=True, slots=True)
 class StepAccuracy:
-    """What ten times shorter steps change, and the energy account of the scene's own.
+    """Change of results by ten times shorter steps, and the energy account of the scene's own.
 
     Attributes:
         duration_s: of the experiment.
@@ -40,10 +40,10 @@ class StepAccuracy:
         force_n: of the force on the hand.
         surplus_j: energy that steps made from nothing, or lost if negative.
         exchanged_j: work done on the mechanism, and losses.
-        refined: steps that were done again in smaller ones, or with care.
+        refined: steps that were repeated in smaller ones, or with higher accuracy.
         inaccurate: of these, how many were off by more than the tolerance all the same.
         failed: why one of the two ended early; empty if neither did.
-        left_out: what there was no time for; empty if there was.
+        left_out: part that there was no time for; empty if there was.
     """
 
     duration_s: float
@@ -73,8 +73,8 @@ def step_accuracy(
 
     Args:
         scene: whose experiment.
-        is_over: whether the time is up, so that what is not yet done is left out; never if None.
-        show: called with what is done now.
+        is_over: whether the time is up: the rest is then left out; never if None.
+        show: called with a description of the present work.
     """
     finer = scene.stepped(substeps=scene.simulation.substeps * FINER)
     duration, what, share = scene.experiment.duration, "", 0.0
@@ -160,7 +160,8 @@ def experiment_run(
 
     Args:
         scene: whose experiment; all its users take part.
-        watch: called with the share that is done, now and then; what it raises ends the experiment.
+        watch: called with the share that is done, now and then; an exception from it ends the
+            experiment.
     """
     start = min(scene.held_at(point).hand.start_delay for point in scene.held_points)
     ticks = max(1, round((start + scene.experiment.duration) / scene.simulation.period))
@@ -181,7 +182,7 @@ def experiment_run(
     return tuple(runs), session.mechanism.account
 
 
-# What others are compared with: twice, so that its own error is known.
+# References for the others: two, to know their own error.
 REFERENCES: tuple[tuple[IntegratorName, int], ...] = (("tsit5", 16), ("rk4", 32))
 # Share of a wanted error that the reference may be off by.
 KNOWN = 0.1
@@ -211,10 +212,10 @@ class StepChoice:
 
 @dataclass(frozen=True, slots=True)
 class StepChoices:
-    """What was tried for a scene.
+    """Step settings tried for a scene.
 
     Attributes:
-        wanted_m: the error that was asked for.
+        wanted_m: the requested error.
         reference_m: by which two references differ.
         tried: of each integrator the first number of steps that was accurate enough, or the last
             that was tried.
@@ -226,7 +227,7 @@ class StepChoices:
 
     @property
     def best(self) -> StepChoice | None:
-        """What takes the least time of what is accurate enough; None if nothing is."""
+        """The fastest one of those that are accurate enough; None if none is."""
         enough = [one for one in self.tried if one.error_m <= self.wanted_m]
         return min(enough, key=lambda one: one.time_s, default=None)
 
@@ -243,7 +244,7 @@ def step_choices(
         scene: whose experiment; its period is kept.
         wanted_m: largest error of the operational point, m.
         clock: CPU time, s.
-        show: called with what is being tried.
+        show: called with the setting being tried.
 
     Returns:
         Errors and times of all, with the number of steps that each needs.

@@ -1,40 +1,40 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A robot that follows a point whose samples come now and then, and what it does without them.
+"""A robot that follows a point by irregular samples, and stops safely without them.
 
 Time is an argument, s. As long as joint states, target and, where there is a sensor, wrenches are
-fresh, the robot follows by the law through a clutch: what moves the target moves the robot by as
-much, from where both were when they came together. Otherwise it fails closed:
+fresh, the robot follows by the law through a clutch: it makes the same motion as the target,
+relative to their poses at the engagement. Otherwise it fails closed:
 
-    joint states stale:      effort: what carries the weight where the joints were last
+    joint states stale:      effort: the weight's, at the joints' last positions
     target or wrench stale:  effort: that, and a brake
-    either:                  velocity: zero;  position: where the joints were at that time
+    either:                  velocity: zero;  position: the joints' at that time
 
-and comes together with the target anew when all is back.
+and engages with the target anew when all inputs are back.
 
-A robot that swings about its target carries more than its rates bear. From
-then on it has slower ones (:mod:`.law`), and the observer begins with what it observed on
-average. After `SLOWEST` such steps the robot brakes and does not follow any more.
+A robot that oscillates about its target carries a payload too large for its rates. It then gets
+slower ones (:mod:`.law`), and the observer restarts from its mean estimate. After `SLOWEST` such
+steps the robot brakes and does not follow any more.
 
-The observer of R6 makes a loop that bears no more than some multiple of the inertia it knows
-(:mod:`.law`); beyond that it swings, and swings grow. What tells a swing from a target that
-moves, a contact or a blocked robot is that the speed relative to the target turns round, again and
-again. A reversal is a relative twist with a part of at least `speed` against the largest one since
-the last reversal, which was as large. `REVERSALS` within `WINDOW` / ω are a swing: three periods of
-what a loop with κ = ω does with ρ = 50 times its inertia, which turns at about √3/2 ω / ∛ρ.
+The loop with the observer of R6 is stable up to some multiple of the modelled inertia
+(:mod:`.law`); beyond that it oscillates, with growing amplitude. Repeated reversals of the speed
+relative to the target distinguish an oscillation from a moving target, a contact or a blocked
+robot. A reversal is a relative twist with a part of at least `speed` against the largest one since
+the last reversal, which was as large. `REVERSALS` within `WINDOW` / ω are an oscillation: three
+periods of a loop with κ = ω and ρ = 50 times its inertia, whose frequency is about √3/2 ω / ∛ρ.
 
-Friction, a payload and wrong masses move joints in ways that the model does not know. With the
-momentum p = D v, ṗ = τ + Cᵀ v - g + Jᵀ F_c + d, and d is what is left over. Its estimate follows it
-at a rate κ, and needs no accelerations:
+Friction, a payload and wrong masses are not in the model. With the momentum p = D v, ṗ = τ + Cᵀ v -
+g + Jᵀ F_c + d, and d is their disturbance. Its estimate follows it at a rate κ, and needs no
+accelerations:
 
     r = κ (p - ∫ (τ + Cᵀ v - g + Jᵀ F_c + r) dt),      ṙ = κ (d - r)                         (R6)
 
 (A. De Luca, R. Mattone: Actuator failure detection and isolation using generalized momenta, IEEE
-ICRA 2003). h - r in place of h in R3 then balances friction and payload as well. Contacts that are
-measured are no disturbance; those that are not are balanced like one, so that a robot without a
-wrench sensor pushes harder and harder against what it touches: it needs a rate of 0.
+ICRA 2003). h - r in place of h in R3 then balances friction and payload as well. Measured contacts
+are no disturbance; others are balanced like one: a robot without a wrench sensor would push ever
+harder against a contact, and needs a rate of 0.
 
-The arm in the file of a robot: its weight, and a gripper whose fingers stand still.
+It also loads the arm of a robot's file: with gravity, and a gripper whose fingers are locked.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def load_arm(file: str, gravity: Array = NO_GRAVITY) -> Scene:
     if gravity.size == 0:
         if Path(file).suffix.lower() != ".urdf":
             return scene
-        # URDF does not say where down is; by convention z is up.
+        # URDF does not define gravity; by convention z is up.
         gravity = EARTH
     if gravity.shape != (3,) or not np.isfinite(gravity).all():
         raise InvalidInputError("gravity", gravity, "must be three numbers")
@@ -103,8 +103,8 @@ def load_arm(file: str, gravity: Array = NO_GRAVITY) -> Scene:
 def arm_of(scene: Scene) -> Scene:
     """Return a scene without couplings, whose joints are locked where they start.
 
-    Their motors have a controller of their own, and what little they move changes the arm's
-    inertia by less than a payload does.
+    Their motors have their own controller, and their motion changes the arm's inertia less than a
+    payload does.
 
     Args:
         scene: of a robot.
@@ -139,7 +139,7 @@ class DisturbanceObserver:
 
     Args:
         mechanism: of the robot.
-        rate: κ, 1/s; 0: an estimate stays what it is.
+        rate: κ, 1/s; 0: an estimate stays constant.
         period: s.
 
     Raises:
@@ -219,7 +219,7 @@ def checked_rate(rate: float, period: float) -> float:
 
 
 def balanced(state: RobotState, observed: Observed) -> RobotState:
-    """Return the state with h - r in place of h, so that the law balances what was observed.
+    """Return the state with h - r in place of h: the law then balances the disturbance.
 
     Args:
         state: of the robot.
@@ -286,17 +286,17 @@ class FollowerSettings:
     """How a robot follows.
 
     Attributes:
-        interface: what its controller takes.
+        interface: commands that its controller accepts.
         period: s, between commands.
         joint_timeout, target_timeout, wrench_timeout: s, after which samples count as lost.
         has_sensor: whether its contact wrench is measured.
         observer_rate: rate of the observer of disturbances, 1/s; 0: none.
-        largest_error: m, between target and robot, beyond which the clutch slips: a target that
-            jumps, or a robot that is blocked, is no reason to pull harder.
+        largest_error: m, between target and robot, beyond which the clutch slips: it then does not
+            pull harder after a target that jumps, or when blocked.
         leash: of the virtual robot, rad or m; see :class:`.interfaces.VirtualRobot`.
-        swing_speed: m/s about the target that count as a swing of a robot that has an observer;
-            0: none does.
-        gain_ramp: s, over which gains pass to others.
+        swing_speed: m/s about the target that count as an oscillation of a robot with an observer;
+            0: none.
+        gain_ramp: s, of a change of gains.
 
     Raises:
         InvalidInputError: an unknown interface, or a time that is not positive.
@@ -329,7 +329,7 @@ class FollowerSettings:
 
 
 class Order(NamedTuple):
-    """What a robot's controller is told.
+    """A command to a robot's controller.
 
     Attributes:
         values: (nv,) torques, rates or positions, by the interface.
@@ -347,16 +347,16 @@ class Order(NamedTuple):
 
 @dataclass(slots=True)
 class Counts:
-    """What has happened so far.
+    """Counts of events so far.
 
     Attributes:
         orders: given.
         followed: of these, in which the robot followed.
-        engagements: times that robot and target came together.
+        engagements: of robot and target.
         joints_stale, target_stale, wrench_stale: orders without fresh samples.
         slipped: times that the target was too far away.
-        swings: times that the robot swung about its target, and was slowed down.
-        saturated: orders in which torque limits took something away.
+        swings: oscillations about the target, each of which slowed the robot down.
+        saturated: orders in which torque limits acted.
         leashed: orders in which the virtual robot was held back.
     """
 
@@ -383,10 +383,10 @@ class Follower:
     Args:
         law: of the robot.
         settings: of it.
-        sensor: what its wrenches are corrected by; None: by nothing.
+        sensor: corrects its wrenches; None: uncorrected.
 
     Attributes:
-        counts: what has happened so far.
+        counts: of events so far.
     """
 
     def __init__(
@@ -423,10 +423,10 @@ class Follower:
         return self._tuning.slowed(self.counts.swings)
 
     def tune(self, tuning: Tuning, now: float) -> None:
-        """Let gains pass to others, over ``gain_ramp``; those of a robot that swung stay slowed.
+        """Change gains gradually, over ``gain_ramp``; a slowed robot stays slowed.
 
         Args:
-            tuning: that is asked for.
+            tuning: requested.
             now: s.
 
         Raises:
@@ -435,17 +435,17 @@ class Follower:
         """
         self.check_change(tuning)
         if tuning == (self._tuning if self._ramp is None else self._ramp.new):
-            # Another ramp to where it goes already would let the watch forget what it counted.
+            # A ramp to the present goal would reset the oscillation watch.
             return
         self._ramp = TuningRamp(now, self._settings.gain_ramp, self._tuning, tuning)
 
     def check_change(self, tuning: Tuning) -> None:
-        """Check that gains can pass to others while the robot follows.
+        """Check that gains can change while the robot follows.
 
-        An estimate of friction and payload that ended would let go of what it carries.
+        Without its estimate of friction and payload the robot would drop its load.
 
         Args:
-            tuning: that is asked for.
+            tuning: requested.
 
         Raises:
             InvalidInputError: an observer that begins or ends, or a rate that the period does not
@@ -462,7 +462,7 @@ class Follower:
         Args:
             q: (nv,) positions, rad or m.
             v: (nv,) rates, rad/s or m/s.
-            time: that it stands for, s.
+            time: of the sample, s.
 
         Raises:
             InvalidInputError: wrong size, NaN or infinity.
@@ -471,12 +471,12 @@ class Follower:
         self._joints_at = time
 
     def update_target(self, pose: pin.SE3, twist: Array, time: float) -> None:
-        """Take a sample of what is followed.
+        """Take a sample of the target.
 
         Args:
             pose: in its world.
             twist: (6,) m/s and rad/s, world axes at its point.
-            time: that it stands for, s.
+            time: of the sample, s.
         """
         self._pose, self._twist, self._target_at = pose, twist, time
 
@@ -485,9 +485,9 @@ class Follower:
 
         Args:
             wrench: (6,) as measured, on the robot, N and N m.
-            time: that it stands for, s.
+            time: of the sample, s.
             frame: whose axes it is given in: the point's if empty, or those of a link or of the
-                robot's world. Samples in these are dropped until joints were heard.
+                robot's world. Samples in these are dropped until joint states were received.
 
         Raises:
             InvalidInputError: the robot has no such frame.
@@ -503,10 +503,10 @@ class Follower:
         self._sensor.record(wrench)
 
     def tare(self) -> None:
-        """Take what the sensor measures now as nothing: no tool's weight and no contact.
+        """Set the sensor's offset: its present measurement, less the tool's weight, is no contact.
 
         Raises:
-            HapticMechError: joints were not heard, too few samples, or a robot that moves.
+            HapticMechError: no joint states, too few samples, or a robot that moves.
         """
         if self._joints_at == _NEVER:
             raise HapticMechError("no joint states have come")
@@ -518,13 +518,13 @@ class Follower:
         self._clutch, self._before, self._held = None, None, None
 
     def last(self) -> Order | None:
-        """Return what the robot's controller is told for good, or None before joints were heard."""
+        """Return the robot's last command, or None before joint states were received."""
         if self._joints_at == _NEVER:
             return None
         return self._stop("it has ended", self._law.resting(self._q))
 
     def order(self, now: float) -> Order | None:
-        """Return what the robot's controller is to be told, or None before joints were heard.
+        """Return the robot's command, or None before joint states were received.
 
         Args:
             now: s.
@@ -558,11 +558,11 @@ class Follower:
         return self._follow(state, target)
 
     def _swings(self, state: RobotState, target: Target, now: float) -> bool:
-        """Return whether the robot has swung too often; slow down when it does."""
+        """Return whether the robot has oscillated too often; slow it down when it does."""
         settings = self._settings
         if self.counts.swings > SLOWEST:
             return True
-        # Without an observer no payload makes it swing.
+        # Without an observer no payload makes it oscillate.
         if 0.0 in (settings.swing_speed, self._tuning.observer_rate):
             return False
         if not self._watch.swings(state.point.twist - target.twist, now):
@@ -605,7 +605,7 @@ class Follower:
         return SwingWatch(self._settings.swing_speed, self._law.lever, WINDOW / rate)
 
     def _engage(self, state: RobotState) -> Clutch:
-        """Come together with the target where both are."""
+        """Engage with the target at both present poses."""
         self.counts.engagements += 1
         self._held = None
         self._clutch = clutch = engage(0.0, self._pose, state.point.pose)
@@ -660,7 +660,7 @@ class Follower:
         self._before = state
 
     def _estimated(self, state: RobotState) -> Array:
-        """Return the contact wrench (6,) that explains what was observed: Λ⁺ J D⁻¹ r."""
+        """Return the contact wrench (6,) that explains the disturbance: Λ⁺ J D⁻¹ r."""
         moving = dtrsv(state.factor, self._observed.disturbance, lower=1)
         moving = dtrsv(state.factor, moving, lower=1, trans=1)
         return np.asarray(state.shaped.inverse @ (state.point.jacobian @ moving))

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What controllers of robots accept: torques, or positions and velocities of a virtual robot.
+"""Commands to controllers of robots: torques, or a virtual robot's positions and velocities.
 
 Most robots take no torques. The same law then drives a virtual robot with the real one's inertia,
 on which the measured contact wrench acts as on the real one, and the real robot's own controller
@@ -8,30 +8,30 @@ follows it:
 
     D v̇_c = τ - h + Jᵀ F_c,      v_c ← v_c + T v̇_c,      q_c ← q_c + T v_c                   (R5)
 
-with all terms at (q_c, v_c). What is felt at the operational point is the law's dynamics whatever
-the joints' controllers are, if they follow. The virtual robot is on a leash: no joint of it is
-farther from the real one than that.
+with all terms at (q_c, v_c). The operational point then has the law's dynamics with any joint
+controllers that follow. A leash limits the distance between joints of the virtual and the real
+robot.
 
-What a wrench sensor at a robot's tool measures beside the contact: its offset, and the tool.
+A wrench sensor at a robot's tool also measures its offset, and the tool:
 
     measured = F_c + offset + (m Rᵀ g, c × m Rᵀ g)
 
-in the sensor's axes R, with the mass m of what is beyond the sensor and its centre of mass c. What
-the tool's acceleration adds is not modelled.
+in the sensor's axes R, with the mass m beyond the sensor and its centre of mass c. The tool's
+acceleration is not modelled.
 
-Time-domain passivity of what a robot's contact does to the mechanism that leads it.
+Time-domain passivity of a robot's contact wrench on the mechanism that leads it:
 
     W = Σ T F · (v + v') / 2      energy that the contact has given to the mechanism, net of what
                                   it took; v and v' at the ends of the period in which F acts
 
-An environment that is passive, felt without delay, never makes W positive: what it gives is what
-the mechanism gave it. Delays and joints' servos do. As the account of the mechanism's own port
-(:mod:`~hapticmech_ros.control.account_kernels`), W is held to an allowance: a wrench that would
-give more in the coming period is changed by the least damper -λ M v that gives no more, with M of
-1 kg and a lever of 0.1 m. At rest there is no power, and nothing is changed.
+A passive environment, felt without delay, never makes W positive: it only returns the mechanism's
+energy. Delays and joints' servos do. As in the account of the mechanism's own port
+(:mod:`~hapticmech_ros.control.account_kernels`), an allowance limits W: a wrench that would give
+more in the coming period is changed by the least damper -λ M v that gives no more, with M of 1 kg
+and a lever of 0.1 m. At rest there is no power, and nothing is changed.
 
-A wrench acts from the next sample of the mechanism on. What it gives is known two samples later,
-with what it has itself added to v; until then T F · v of the last sample stands for it.
+A wrench acts from the mechanism's next sample on. The energy it gives is known two samples later,
+with its own effect on v; until then T F · v of the last sample is used.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ _METRIC = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
 
 @dataclass(frozen=True, slots=True)
 class FeedbackSettings:
-    """What of a contact acts on the mechanism.
+    """Share and limits of a contact on the mechanism.
 
     Attributes:
         period: T, s, for which a wrench is given.
         share: of the contact, 0 to 1.
         force: the largest, N.
         torque: the largest, N m.
-        passive: whether W is held to the allowance.
+        passive: whether the allowance limits W.
         allowance: J that the contact may give beyond what it took.
 
     Raises:
@@ -132,7 +132,7 @@ class FeedbackPort:
         """Return a wrench that keeps W within the allowance, if the twist stays."""
         period = self.settings.period
         power = float(wrench @ twist)
-        # What acts by now is not counted yet.
+        # The acting wrench is not counted yet.
         under_way = max(float(self._acting @ twist), 0.0)
         most = (self.settings.allowance - self.given) / period - under_way
         if power <= max(most, 0.0):
@@ -182,7 +182,7 @@ class WrenchSensor:
         self._recent: deque[Array] = deque(maxlen=MOST)
 
     def weight(self, rotation: Array) -> Array:
-        """Return what the tool's weight adds (6,), N and N m, in the sensor's axes.
+        """Return the tool's weight (6,), N and N m, in the sensor's axes.
 
         Args:
             rotation: (3, 3) R, from the sensor's axes to the world's.
@@ -245,7 +245,7 @@ class VirtualState(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """What a controller of joints is given beside q_c.
+    """Inputs of a controller of joints besides q_c.
 
     Attributes:
         velocity: (nv,) v_c, with a correction towards q_c, rad/s or m/s.
@@ -293,7 +293,7 @@ class VirtualRobot:
     def next(
         self, state: VirtualState, measured: Array, target: Target, contact: Array
     ) -> tuple[Setpoint, VirtualState]:
-        """Return setpoints for the coming period, and the state at its end, of which q is q_c.
+        """Return setpoints for the coming period, and the state at its end, whose q is q_c.
 
         Args:
             state: of the virtual robot.
@@ -325,14 +325,14 @@ RATE = 100.0
 
 
 def servo_torque(robot: MujocoRobot, position: Array | None, velocity: Array | None) -> Array:
-    """Return torques (nv,) that make joints go where they are told, by the robot's own terms.
+    """Return torques (nv,) of a joint servo, by the robot's own terms.
 
     v̇ = ω² (q_c - q) + 2 ω (v_c - v) with position and velocity; with one of them, its part alone
     and rest for the other.
 
     Args:
         robot: in MuJoCo.
-        position: (nv,) q_c, rad or m; None: no position is told.
+        position: (nv,) q_c, rad or m; None: no commanded position.
         velocity: (nv,) v_c, rad/s or m/s; None: rest.
     """
     inertia, bias, _ = robot.terms()

@@ -9,37 +9,36 @@ A robot with D v̇ + h = τ + Jᵀ F_c and the torques
     τ   = Jᵀ F + h + L Σ y_i u_i + Nᵀ τ_0
 
 accelerates its operational point by ẍ_c + X F_c in poses that are not singular, and elsewhere along
-all directions that are not rigid, with Λ⁺ and Nᵀ as below (R1, R2). Along directions that
-are joints are led by a limited rate, with y_i of R7. On the way there, with
-weights w_i between 0 and 1, an error asks for no more than that rate either: of ω n_iᵀ e / (2 ζ)
-what is beyond s_i joint_rate / |L⁻ᵀ u_i| is left out, by the share √w_i.
-Where all directions are free this is O. Khatib's operational-space formulation (A unified approach
-for motion and force control of robot manipulators, IEEE J. Robotics and Automation 3(1), 1987);
-derived in docs/robots.md.
+all directions that are not rigid, with Λ⁺ and Nᵀ as below (R1, R2). Along rigid directions a
+limited rate leads the joints, with y_i of R7. In between, with weights w_i between 0 and 1, an
+error commands no more than that rate either: of ω n_iᵀ e / (2 ζ), the share √w_i of the excess over
+s_i joint_rate / |L⁻ᵀ u_i| is left out. Where all directions are free this is O. Khatib's
+operational-space formulation (A unified approach for motion and force control of robot
+manipulators, IEEE J. Robotics and Automation 3(1), 1987); derived in docs/robots.md.
 
-Along a controlled force n the motion's command is replaced by its own decay, and the force is
-commanded ahead, with an integral of its error:
+Along a controlled force n a decay replaces the motion's command, and the force is fed forward, with
+an integral of its error:
 
     nᵀ ẍ_c = -κ nᵀ ẋ,      F += n (f_d + ∫ ρ (f_d + nᵀ F_c) dt) - c F_t                       (R4)
 
 with F_t the contact wrench without its part along n. Against a wall, nᵀ ẍ = 0, all other terms of
 R3 give no acceleration along n, so the wall's force is -n (f_d + ∫): it depends neither on the
 motion along the wall, nor, with c = 1, on the wall's friction, which X couples to n. F_t is
-balanced up to f_d, its torques over the metric's lever included: a tool that is caught on something
-would be pushed harder and harder otherwise.
+balanced up to f_d, its torques over the metric's lever included: otherwise the robot would push a
+caught tool ever harder.
 
 τ_0 = D (a_p - r v) returns joints to a posture, with a_p = ω_p² (q_p ⊖ q) limited per joint. Forces
 of springs, dampers and stops that the scene has in joints are not compensated.
 
-The inverse of Λ_h⁻¹ leaves out what is rigid: X = Λ_h⁻¹ = Σ μ_i d_i d_iᵀ with the pairs n_i, d_i =
-I_ℓ⁻¹ n_i of the spectrum, n_iᵀ d_j = δ_ij, so its inverse is Σ n_i n_iᵀ / μ_i. With the weights w_i
-= w(s_i) by which joints count as rigid,
+The inverse of Λ_h⁻¹ leaves out rigid directions: X = Λ_h⁻¹ = Σ μ_i d_i d_iᵀ with the pairs n_i, d_i
+= I_ℓ⁻¹ n_i of the spectrum, n_iᵀ d_j = δ_ij, so its inverse is Σ n_i n_iᵀ / μ_i. With the weights
+w_i = w(s_i) by which joints count as rigid,
 
     Λ⁺ = Σ (1 - w_i) / μ_i n_i n_iᵀ                                                          (R1)
 
 is that inverse, to rounding, where all s_i ≥ s_off; directions with s_i ≤ s_on have no part in it.
-In between w falls smoothly, so Λ⁺ is as smooth as s. It asks for bounded torques in any pose:
-L⁻¹ Jᵀ n_i has the length s_i, and s_i (1 - w_i) / μ_i ≤ 1 / s_on.
+In between w falls smoothly, so Λ⁺ is as smooth as s. Its torques are bounded in any pose: L⁻¹ Jᵀ
+n_i has the length s_i, and s_i (1 - w_i) / μ_i ≤ 1 / s_on.
 
 With the unit vectors of the mass metric u_i = L⁻¹ J_hᵀ n_i / s_i, D = L Lᵀ, torques of the null
 space pass
@@ -50,57 +49,57 @@ and accelerate the point by X-consistent parts only: n_iᵀ J D⁻¹ Nᵀ τ = k
 along directions that the law controls. Where all w_i = 0 it is 1 - Jᵀ Λ J D⁻¹. Derivation:
 docs/robots.md.
 
-What joints do along directions in which their point is rigid: a limited rate, and coasting.
+Joint motion along directions in which the point is rigid: a limited rate, and coasting.
 
 Along u_i = L⁻¹ Jᵀ n_i / s_i, a unit vector of the mass metric, joints move with the rate
-u̇_i = u_iᵀ Lᵀ v, and the point with n_iᵀ ẋ = s_i u̇_i. Where s_i is small joints cannot have the
-acceleration that the point is asked for. They are given a rate that they can have:
+u̇_i = u_iᵀ Lᵀ v, and the point with n_iᵀ ẋ = s_i u̇_i. Where s_i is small joints cannot make the
+point's commanded acceleration. They get a feasible rate:
 
-    p   = ẋ_d + ω e / 2                                     the twist that is asked of the point
+    p   = ẋ_d + ω e / 2                                     the twist commanded to the point
     u_i' = σ(s_i n_iᵀ p / (s_i² + ε_i²)),      ε_i² = |n_iᵀ e · n_iᵀ J̇(w_i) w_i|              (R7)
     y_i = w_i (ω b_i (u_i' - u̇_i) + σ_a(s_i n_iᵀ (ẍ_d - J̇ v) / (s_i² + ε_i² + λ²)))
     b_i = (s_i² + ε_i²) / (s_i² + ε_i² + λ²),       λ = s_on / 10
 
-With the joint motion w_i = L⁻ᵀ u_i, n_iᵀ x changes by s_i u + n_iᵀ J̇(w_i) w_i u² / 2 over a way
-u, so that s_i² ± ε_i² is the second derivative of (n_iᵀ e)² / 2: u_i' is a step of Newton's method
-with the sign that lets it go downhill. It is exact for a motion that the robot can make, whatever
-s_i is, and pulls less where the point is at the end of what it can reach. Errors along other
-directions say nothing about u_i, and do not damp it.
-The smooth saturations σ keep it within a rate of the joints, and σ_a within what changes that in
-1/ω. Next to the singular pose itself, s_i < λ, where a target that is reached says nothing about
-u̇_i, joints coast: they are neither driven nor braked. Derivation: docs/robots.md.
+With the joint motion w_i = L⁻ᵀ u_i, n_iᵀ x changes by s_i u + n_iᵀ J̇(w_i) w_i u² / 2 over a
+displacement u, and s_i² ± ε_i² is the second derivative of (n_iᵀ e)² / 2: u_i' is a step of
+Newton's method with the sign that lets it go downhill. It is exact for a feasible motion at any
+s_i, and pulls less at the end of the point's reach. Errors along other directions do not affect
+u_i, and do not damp it. The smooth saturations σ keep it within a rate of the joints, and σ_a
+within the acceleration to that rate in 1/ω. Next to the singular pose itself, s_i < λ, where a
+reached target does not determine u̇_i, joints coast: they are neither driven nor braked.
+Derivation: docs/robots.md.
 
-Torques are kept within the motors' limits: what is given up, in which order, is reported.
+Torques are kept within the motors' limits: the parts given up, in their order, are reported.
 
-Gains of a robot that follows, with the rate of its observer, and how they pass to others.
+Gains of a robot that follows, with the rate of its observer, change linearly to others. A robot
+that has oscillated about its target (:mod:`.follower`) gets slower ones: each time the law has 1/√2
+of its rates, and the observer 1/16 of its own at the first time; from the second on its estimate
+stays constant.
 
-They pass in a straight line. A robot that has swung about its target (:mod:`.follower`) has
-slower ones: each time the law has 1/√2 of its rates, and the observer 1/16 of its own at the first
-time; from the second on its estimate stays as it is.
+Rates of the law and of its observer follow from a loop's delay and from the largest unmodelled
+payload.
 
-Rates of the law and of its observer from a loop's delay and from the payload it may not know.
-
-Along a direction in which the robot has ρ times the inertia that the law knows, its loop with
-the observer of R6 is, but for a delay θ,
+Along a direction in which the robot has ρ times the modelled inertia, its loop with the observer of
+R6 is, without its delay θ,
 
     L(s) = ((2 ω + κ) s² + (ω² + 2 ω κ) s + ω² κ) / (ρ s³)
 
-High up it is (2 ω + κ) / (ρ s). A loop of that kind with a delay θ is as fast as it can be with
-good margins at half of 1 / θ (S. Skogestad: Simple analytic rules for model reduction and PID
+At high frequencies it is (2 ω + κ) / (ρ s). The fastest rate with good margins of such a loop with
+a delay θ is half of 1 / θ (S. Skogestad: Simple analytic rules for model reduction and PID
 controller tuning, J. Process Control 13, 2003), which a payload, ρ > 1, only makes slower:
 
     2 ω + κ = 1 / (2 θ)                                                                      (R8)
 
 Without an observer this is his rule for 1 / s² with a delay. With one the loop has three
-integrators and bears no more inertia than Routh's condition allows, ρ < (2 + x)(1 + 2 x) / x with
-x = κ / ω. With a gain margin of 3/2 at the largest ratio R that is to be borne, of which the delay
-takes a part, and x = 1 at most, where ω² κ is largest,
+integrators and is stable up to Routh's limit of inertia, ρ < (2 + x)(1 + 2 x) / x with x = κ / ω.
+With a gain margin of 3/2 at the largest ratio R, of which the delay takes a part, and x = 1 at
+most, where ω² κ is largest,
 
     (2 + x)(1 + 2 x) / x = 3 R / 2                                                           (R9)
 
 For a payload m at a place with the Jacobian J_p, R = 1 + m λ_max(J_p D⁻¹ J_pᵀ).
 
-What a robot is to do at its operational point: a motion, and along one direction a force.
+A robot's task at its operational point is a motion, and along one direction a force.
 """
 
 from __future__ import annotations
@@ -161,7 +160,7 @@ class Gains:
         angular_rate: ω of its orientation, 1/s.
         damping_ratio: ζ of both, and of the posture.
         posture_rate: ω with which joints return to their posture in the null space, 1/s.
-        posture_acceleration: most that the posture asks for, of each joint, rad/s² or m/s².
+        posture_acceleration: largest one towards the posture, of each joint, rad/s² or m/s².
         joint_rate: with which joints are led at most along a direction in which they have an error,
             or which is rigid, rad/s or m/s.
         rest_rate: rate at which motion of the null space decays, 1/s.
@@ -202,7 +201,7 @@ class Gains:
         return np.repeat((self.linear_rate, self.angular_rate), 3)
 
 
-# How far from 1 the length of a direction may be: what is left of one written with six digits.
+# Tolerance of a direction's length of 1: the rounding of six digits.
 _UNIT = 1e-5
 
 
@@ -247,7 +246,7 @@ class Target:
         pose: x_d, in the world of the robot's scene.
         twist: (6,) ẋ_d, m/s and rad/s, world axes, at the point.
         acceleration: (6,) ẍ_d, m/s² and rad/s², likewise.
-        force: what is controlled instead of motion along one direction; None: nothing.
+        force: controlled instead of motion along one direction; None: none.
     """
 
     pose: pin.SE3
@@ -269,10 +268,10 @@ class Tuning:
     observer_rate: float = 0.0
 
     def towards(self, other: Tuning, share: float) -> Tuning:
-        """Return what is so far from this one to another.
+        """Return an interpolation between this one and another.
 
         Args:
-            other: where it goes.
+            other: at share 1.
             share: 0 to 1.
         """
 
@@ -286,7 +285,7 @@ class Tuning:
         return Tuning(Gains(**values), between(self.observer_rate, other.observer_rate))
 
     def slowed(self, swings: int) -> Tuning:
-        """Return what a robot that has swung has.
+        """Return the slower tuning of a robot that has oscillated.
 
         Args:
             swings: how often.
@@ -384,7 +383,7 @@ def inertia_ratio(state: RobotState, payload: float, place: Array) -> float:
 
 
 class ShapedInertia(NamedTuple):
-    """Λ⁺ and what Nᵀ is made of, at a state; world axes at the operational point.
+    """Λ⁺ and the directions of Nᵀ, at a state; world axes at the operational point.
 
     Attributes:
         inverse: (6, 6) Λ⁺, kg, kg m and kg m²; zero in rows that the task does not have.
@@ -405,11 +404,11 @@ class ShapedInertia(NamedTuple):
             most: rad/s or m/s.
         """
         moved = np.linalg.norm(self.joints, axis=0)
-        # A direction that is not known moves nothing, whatever its rate is.
+        # An unknown direction moves nothing at any rate.
         return np.asarray(most / np.where(moved > 0.0, moved, 1.0))
 
     def null(self, motion: Array, passed: Array) -> Array:
-        """Return L⁻¹ Nᵀ L m (nv,): what R2 leaves of a motion of joints in the mass metric.
+        """Return L⁻¹ Nᵀ L m (nv,): a motion of joints in the mass metric, projected by R2.
 
         Args:
             motion: (nv,) m = L⁻¹ τ.
@@ -429,7 +428,7 @@ def shaped_inertia(analysis: OperationalAnalysis, jacobian: Array, factor: Array
     rows, found = analysis.rows, analysis.spectrum
     # The weights' polynomial may exceed 1 by rounding just above s_on.
     free = np.maximum(1.0 - analysis.weights, 0.0)
-    # Of directions with w = 1 s may be 0; they have no part in what is divided by it.
+    # s may be 0 in directions with w = 1; these have no part in the quotient.
     safe = np.where(free > 0.0, found.s, 1.0)
     inverse = np.zeros((6, 6))
     inverse[np.ix_(rows, rows)] = (found.wrenches * (free / safe**2)) @ found.wrenches.T
@@ -487,13 +486,12 @@ def checked_limits(limits: Array, nv: int) -> Array:
 def limited_torque(bias: Array, task: Array, null: Array, limits: Array) -> Limited:
     """Return bias + α task + β null within limits, with the largest α, then the largest β ≤ 1.
 
-    The task's torques keep their ratios, so that a force keeps its direction, and weight is
-    carried as long as any limit allows it.
+    The task's torques keep their ratios, and so a force its direction; weight has priority.
 
     Args:
-        bias: (nv,) what compensates for weight and speed, N m or N.
-        task: (nv,) what moves the operational point.
-        null: (nv,) what moves joints in its null space.
+        bias: (nv,) compensating weight and velocity terms, N m or N.
+        task: (nv,) moving the operational point.
+        null: (nv,) moving joints in its null space.
         limits: (nv,) largest torques.
     """
     held = np.clip(bias, -limits, limits)
@@ -542,7 +540,7 @@ class RobotState(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What the law asks for at a state.
+    """The law's command at a state.
 
     Attributes:
         torque: (nv,) τ within limits, N m or N.
@@ -550,7 +548,7 @@ class Command(NamedTuple):
         wrench: (6,) F, N and N m, world axes at the point, before limits.
         asked: (6,) ẍ_c, m/s² and rad/s².
         error: (6,) e, m and rad.
-        limited: what the limits left of the torques.
+        limited: shares of the torques within the limits.
     """
 
     torque: Array
@@ -612,7 +610,7 @@ class OperationalLaw:
 
     @property
     def lever(self) -> float:
-        """Lever, m, with which the metric weighs angles against ways; 0 without angles."""
+        """Lever, m, with which the metric weighs angles against displacements; 0 without angles."""
         metric = self._analyser.metric
         angular = metric.rows >= 3
         if not angular.any():
@@ -666,7 +664,7 @@ class OperationalLaw:
         return Command(limited.torque, acceleration, wrench, asked, error, limited)
 
     def pushing(self, force: ForceTask, contact: Array, integral: float) -> Array:
-        """Return what a controlled force adds to F (R4), (6,), N and N m, world axes at the point.
+        """Return a controlled force's part of F (R4), (6,), N and N m, world axes at the point.
 
         Args:
             force: that is controlled.
@@ -674,7 +672,7 @@ class OperationalLaw:
             integral: of the force's error, N; see :meth:`next_integral`.
         """
         beside, lever = force.without(contact), self.lever
-        # A point without angles has no lever: its torques are nobody's.
+        # A point without angles has no lever, and no torques.
         beside[3:] *= lever > 0.0
         size = float(np.linalg.norm(np.r_[beside[:3], beside[3:] / (lever or 1.0)]))
         most = abs(force.force)
@@ -702,7 +700,7 @@ class OperationalLaw:
     def led(
         self, state: RobotState, error: Array, twist: Array, ahead: Array
     ) -> tuple[Array, Array]:
-        """Return what joints do along rigid directions (R7).
+        """Return the joints' motion along rigid directions (R7).
 
         Args:
             state: of the robot.
@@ -735,13 +733,13 @@ class OperationalLaw:
         return np.asarray(shaped.units @ (rigid * (towards + driven))), rigid * bent / damped
 
     def _too_fast(self, state: RobotState, target: Target, error: Array) -> Array:
-        """Return what of ẍ_c (6,) is due to errors that ask for more than joints may do (R3)."""
+        """Return the part of ẍ_c (6,) by errors beyond the joints' rate (R3)."""
         if target.force is not None:
             error = target.force.without(error)
         gains, rows, found = self.gains, state.analysis.rows, state.analysis.spectrum
         rates = gains.rates
         damped = 2.0 * gains.damping_ratio * rates
-        # Without a damper there is no rate that an error asks for.
+        # Without a damper an error commands no rate.
         pull = rates**2 * error / np.where(damped > 0.0, damped, np.inf)
         along = found.wrenches.T @ pull[rows]
         most = found.s * state.shaped.rates(gains.joint_rate)
@@ -771,7 +769,7 @@ class OperationalLaw:
     ) -> float:
         """Return the integral of a force's error a period later, N; 0 without a force.
 
-        It stays within the commanded force, so that a wall that is not there winds up no more.
+        It stays within the commanded force, which prevents windup without a wall.
 
         Args:
             integral: so far, N.

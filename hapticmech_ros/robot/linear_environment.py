@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a robot's tool is fixed to: a spring and damper, or a mass on them behind a contact."""
+"""Environments of a robot's tool: a spring and damper, or a mass on them behind a contact."""
 
 from __future__ import annotations
 

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot in MuJoCo that takes joint torques, with a ball at its tool and a wall to press on.
 
-What a controller that computes with our dynamics drives here is somebody else's: MuJoCo's own
-dynamics and contacts. Friction at the wall is μ times MuJoCo's contact force, against the slip, of
-each step: MuJoCo's own friction lifts what slips off a stiff wall by μ times its speed, since its
-contacts are a convex problem, so that the tool would bounce whatever controls it.
+It tests a controller, which computes with our dynamics, against MuJoCo's dynamics and contacts.
+Friction at the wall is μ times MuJoCo's contact force, against the slip, of each step: MuJoCo's own
+friction lifts a slipping body off a stiff wall by μ times its speed, since its contacts are a
+convex problem, and the tool would bounce with any controller.
 
 A scene's tree becomes a model of MuJoCo: bodies, joints and inertias, one to one.
 
@@ -166,7 +166,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Unmodelled:
-    """What the real robot has and its controller does not know.
+    """The real robot's differences from its controller's model.
 
     Attributes:
         payload: mass, kg.
@@ -183,10 +183,10 @@ class Unmodelled:
 
 @dataclass(frozen=True, slots=True)
 class Around:
-    """What is around a robot.
+    """Surroundings of a robot.
 
     Attributes:
-        wall: None: nothing to touch.
+        wall: None: no contact.
         tool_radius: m, of the ball at the operational point that touches the wall.
         unmodelled: of the robot.
     """
@@ -202,7 +202,7 @@ class MujocoRobot:
     Args:
         scene: of the robot.
         point: operational point, at which its tool is; the first one if empty.
-        around: what is around it.
+        around: its surroundings.
         step: s, of MuJoCo.
 
     Attributes:

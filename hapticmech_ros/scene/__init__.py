@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is modelled: documents become a validated, frozen :class:`Scene`."""
+"""Scenes: documents become a validated, frozen :class:`Scene`."""
 
 from hapticmech_ros.scene.scene import Scene, document_of, scene_from_document
 

@@ -23,7 +23,7 @@ def not_zero(value: float) -> float:
     return value
 
 
-# m; what is smaller or larger than anything that touches is a mistake of units.
+# m; a size outside these is a mistake of units.
 Length = Annotated[Positive, Field(ge=1e-6, le=1e6)]
 Size3 = tuple[Length, Length, Length]
 NotZero = Annotated[Real, AfterValidator(not_zero)]
@@ -119,7 +119,7 @@ class Shape(Part):
         name: of the shape, unique in the scene.
         link: that carries it, or ``world``.
         origin: of its frame in the link's.
-        geometry: what it is.
+        geometry: its kind and size.
     """
 
     name: Name
@@ -129,13 +129,13 @@ class Shape(Part):
 
 
 class ContactPair(Part):
-    """Two shapes that may touch, and what then acts at each point of contact.
+    """Two shapes that may touch, and the force law at each point of contact.
 
     Attributes:
         name: of the pair, unique in the scene.
         a: one shape.
         b: the other.
-        law: what the push along the normal is made of.
+        law: of the push along the normal.
         stiffness: N/m, of each point.
         damping: N s/m, of each point, while it pushes; never less than stiffness times the step.
             Of Kelvin and Voigt's law.

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gains of the controllers of Fig. 3, and of what guards them.
+"""Gains of the controllers of Fig. 3, and of passivity control.
 
 Joint-constraint gains of a scene that gives none: the same rule for every device.
 
@@ -8,12 +8,12 @@ Joint-constraint gains of a scene that gives none: the same rule for every devic
 
 Along a constrained direction a hand feels the device's own mass m, on a spring that is closed after
 τ: a period of sampling and hold, the lag of the velocity filter where encoders are stepped, and,
-where the device does not close it itself, one more and the connection there and back. ω τ = 0.3
-leaves a margin of three to where such a loop becomes unstable; 2000 N/m gives way by a millimetre
-under 2 N.
+where the device does not close it itself, one more and the connection's round trip. ω τ = 0.3
+leaves a margin of three to such a loop's stability limit; 2000 N/m yields by a millimetre under 2
+N.
 
-Spring and damper scale alike with the metric's lengths, so where the device turns, its felt inertia
-and with it the critical damping are smaller: of the scenes that are shipped, ζ = 0.8 in translation
+Spring and damper scale alike with the metric's lengths, so in rotation the felt inertia of the
+device, and with it the critical damping, are smaller: in the shipped scenes ζ = 0.8 in translation
 is up to 1.3 there. One is critical on average, and neither rings.
 """
 
@@ -99,12 +99,12 @@ class Experiment(Part):
 
 # Of one of the six channels: 0 cuts it, 1 is the one that renders the mechanism as it is.
 Channel = Annotated[Real, Field(ge=0.0, le=1.0)]
-# Of local force feedback: what is felt is 1 / (1 + C) times as heavy.
+# Of local force feedback: the mechanism feels 1 / (1 + C) times as heavy.
 Feedback = Annotated[Real, Field(gt=-1.0, le=10.0)]
 
 
 class JointConstraintGains(Part):
-    """Finite stiffness that stands for rigid joints.
+    """Finite stiffness that renders rigid joints.
 
     Along a constrained direction n, normalised in the metric, the gain is per unit of the metric's
     mass: pure translation of the link meets ``stiffness`` N/m and ``damping`` N s/m.
@@ -115,9 +115,9 @@ class JointConstraintGains(Part):
         damping: N s/m; likewise.
         force_limit: N, of the controller's wrench.
         torque_limit: N m, likewise.
-        feedforward: β, the share of what the hand pushes along n that is cancelled ahead.
-        local: whether the device corrects each command by what it has moved along constrained
-            directions since the sample that the command answers; see docs/feel.md.
+        feedforward: β, share of the hand's push along n that is cancelled by feedforward.
+        local: whether the device corrects each command for its motion along constrained directions
+            since the sample that the command answers; see docs/feel.md.
     """
 
     stiffness: NonNegative = 2000.0
@@ -156,7 +156,7 @@ class ForceChannelGains(Part):
         hand: C3, hand to mechanism.
         mechanism_feedback: C5, local force feedback of the mechanism.
         device_feedback: C6, local force feedback of the device.
-        local: whether the device corrects each command by what the hand's wrench has changed since
+        local: whether the device corrects each command for the change of the hand's wrench since
             the sample that the command answers; see docs/feel.md.
     """
 
@@ -168,12 +168,12 @@ class ForceChannelGains(Part):
 
 
 class Passivity(Part):
-    """What the device may give back; see docs/passivity.md.
+    """Limits of the energy that the device may give back; see docs/passivity.md.
 
     Attributes:
-        control: whether it is held to that; energies are told in any case.
-        allowance: J, that it may give without having got it.
-        slack: J, that it may have got, or still has to get, beside what the mechanism has got.
+        control: whether the limits are enforced; energies are published in any case.
+        allowance: J, that it may give without having received it.
+        slack: J, by which the mechanism may have received more than the hand has given.
     """
 
     control: Flag = True
@@ -182,19 +182,19 @@ class Passivity(Part):
 
 
 class Controller(Part):
-    """Gains of the three controllers of Fig. 3, and how they come in.
+    """Gains of the three controllers of Fig. 3, and their ramps.
 
     Attributes:
-        joint_constraint: of what stands for rigid joints.
+        joint_constraint: of the spring and damper that render rigid joints.
         position_channel: of the four-channel controller's position channels.
         force_channel: of its force channels.
         passivity: of the device's energy.
-        engagement_ramp: s, over which dampers, then springs come in when rendering starts. It is up
-            to six times as long where a moving device would have to be braked with more than
+        engagement_ramp: s, over which dampers, then springs are ramped up when rendering starts. It
+            is up to six times as long where a moving device would have to be braked with more than
             ``engagement_force``.
-        engagement_force: N, of dampers that then bring both sides to one velocity.
-        grasp_ramp: s, over which it passes from one grasp to another.
-        gain_ramp: s, over which gains pass to others while they render.
+        engagement_force: N, of dampers that then equalise both sides' velocities.
+        grasp_ramp: s, of the change from one grasp to another.
+        gain_ramp: s, of a change of gains while they render.
     """
 
     joint_constraint: JointConstraintGains = JointConstraintGains()
@@ -219,17 +219,17 @@ class Controller(Part):
 
 
 class Connection(Part):
-    """What lies between device and controller, beside the graph itself: none by default.
+    """Network between device and controller, besides the graph itself: none by default.
 
-    ``delay``, ``jitter``, ``loss`` and ``seed`` are simulated. ``expected`` is what a real network
-    adds: nothing is held back for it, but all that is designed for a delay is designed for it too.
+    ``delay``, ``jitter``, ``loss`` and ``seed`` are simulated. ``expected`` is a real network's
+    delay: no message is delayed for it, but gains, prediction and timeouts are designed for it too.
 
     Attributes:
-        delay: s, each way.
+        delay: s, in each direction.
         jitter: share of it by which each message is earlier or later, evenly spread.
         loss: share of the messages that do not arrive.
-        seed: of both; the same seed is the same connection.
-        expected: s, each way, of the network that is there.
+        seed: of both; the same seed gives the same connection.
+        expected: s, in each direction, of the real network.
         expected_jitter: share of it by which its messages may be earlier or later.
     """
 

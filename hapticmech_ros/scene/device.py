@@ -26,9 +26,9 @@ class DevicePreset:
 
     Attributes:
         name: in scenes.
-        description: manufacturer and model, and what it moves.
-        sources: where figures are from.
-        chosen: keys whose figure nobody published, and how it was chosen.
+        description: manufacturer and model, and its moving parts.
+        sources: of the figures.
+        chosen: keys without a published figure, and how it was chosen.
         device: keys of a scene's ``device``, SI units.
     """
 
@@ -57,10 +57,9 @@ def device_presets() -> Mapping[str, DevicePreset]:
 
 
 def with_preset(given: object) -> object:
-    """Return what a scene says of its device, with the preset's figures where it says nothing.
+    """Return a scene's ``device``, with the preset's figures for keys that it leaves out.
 
-    In ``workspace`` and ``compensation`` too, each key stands for itself. A preset that nobody
-    knows adds nothing.
+    ``workspace`` and ``compensation`` are merged key by key too. An unknown preset adds nothing.
     """
     if not isinstance(given, Mapping) or not isinstance(given.get("preset"), str):
         return given
@@ -81,7 +80,7 @@ ForceSensor = Literal["measured", "estimated", "absent"]
 class Workspace(Part):
     """End stops of the real device: a ball about where it starts, and a cone of rotations.
 
-    Beyond the limit, a spring and damper push back along the way out, and never pull.
+    Beyond the limit, a spring and damper push back inwards, and never pull.
 
     Attributes:
         radius: m; 0 is unlimited.
@@ -101,14 +100,14 @@ class Workspace(Part):
 
 
 class Compensation(Part):
-    """What the driver adds to commands so that less of the device itself is felt.
+    """Wrenches that the driver adds to commands to hide the device's own weight and friction.
 
     Attributes:
         gravity: whether actuators carry ``gravity_load``.
-        friction: share of viscous and Coulomb friction that actuators give back, below 1: with all
-            of it given back, what the model has too much would drive the device on.
-        dead_zone: m/s; slower than this nothing of friction is given back, all of the share from
-            twice this speed on, so that noise at rest does not chatter.
+        friction: share of viscous and Coulomb friction that actuators give back, below 1: if all of
+            it were, an overestimated friction would drive the device.
+        dead_zone: m/s; below this speed friction is not compensated, above twice this speed by the
+            whole share: noise at rest then causes no chatter.
         angular_dead_zone: rad/s, the same of rotation.
     """
 
@@ -174,7 +173,7 @@ class Servo(Part):
 
 
 class Motion(Part):
-    """The fastest that the device can be moved; samples that say more are no motion of it.
+    """The fastest possible motion of the device; faster samples are refused as faults.
 
     Attributes:
         speed: m/s.
@@ -193,7 +192,7 @@ class Device(Part):
     """Impedance-type haptic device, as a rigid body driven by hand and actuators.
 
     Attributes:
-        preset: name of a real device whose figures the other keys then start from; see
+        preset: name of a real device, whose figures are the defaults of the other keys; see
             docs/devices.md.
         mass: kg.
         inertia: principal moments about the point held, kg m^2, isotropic.
@@ -201,26 +200,26 @@ class Device(Part):
         angular_damping: N m s/rad.
         coulomb_friction: N, of translation: below this force a device at rest stays at rest.
         angular_coulomb_friction: N m, of rotation.
-        gravity_load: N, world axes, the part of the device's weight that nothing balances.
+        gravity_load: N, world axes, the unbalanced part of the device's weight.
         force_limit: N, saturation of the actuators' force (norm).
         torque_limit: N m, saturation of the actuators' torque (norm).
-        actuated: what has actuators; of a device without those of rotation the torque is zero,
-            and the handle turns freely with its inertia; see the scene's ``task``.
+        actuated: motions with actuators; without those of rotation the torque is zero, and the
+            handle turns freely with its inertia; see the scene's ``task``.
         actuator_bandwidth: Hz, of a first-order lag between command and wrench; 0 is ideal.
         position_resolution: m, encoder step per axis; 0 is ideal.
         angle_resolution: rad, encoder step of the rotation vector per axis; 0 is ideal.
         velocity_filter: Hz, cut-off of the velocity estimate when an encoder step is set.
-        force_sensor: how the hand's wrench is known: measured by a sensor under the hand,
-            estimated from motion and actuators, or not at all: reported as zero.
+        force_sensor: source of the hand's wrench: measured by a sensor under the hand, estimated
+            from motion and actuators, or absent: reported as zero.
         observer_bandwidth: Hz, of the estimate.
         servo_axes: of the wrenches that a driver takes and measures: those of ``world``, or its
             own, on CRTK's ``body/servo_cf`` and ``body/measured_cf``. Of drivers without
             ``device/state``; the simulated device has those of ``world``.
         workspace: end stops.
-        motion: the fastest that it can be moved.
+        motion: its fastest possible motion.
         compensation: by the device's driver.
-        servo: of commanded poses.
-        safety: bounds of what a node's parameters may choose.
+        servo: gains for commanded poses.
+        safety: bounds of a node's safety parameters.
         substeps: integration steps per sample period.
     """
 

@@ -1,12 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene may say: the frozen, validated description of one haptic simulation.
+"""Keys of a scene: the frozen, validated description of one haptic simulation.
 
 All quantities are SI. Frames and origins follow the conventions of URDF: ``origin.xyz`` in metres
 and ``origin.rpy`` in radians (fixed-axis roll, pitch, yaw) place a child frame in its parent's.
 Unknown keys, NaN, wrong sizes and wrong types are refused; nothing is converted silently.
 
-How large the numbers may be that a scene's nodes accept and send: far above what it needs.
+It also limits the numbers that a scene's nodes accept and send, far above those it needs.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ Limit = Annotated[Positive, Field(le=1e15)]
 
 
 class Limits(Part):
-    """Largest sizes of the numbers in messages; what is beyond is refused, and never sent.
+    """Largest sizes of the numbers in messages; larger ones are refused, and never sent.
 
-    They are no envelope for a hand (that is ``device.force_limit`` and the safety of the device's
-    node), but what tells a number that was meant from one that was not.
+    They do not protect the hand (``device.force_limit`` and the safety of the device's node do),
+    but detect mistaken numbers.
 
     Attributes:
         position: m, of devices, operational points and grasps, per axis.
@@ -48,12 +48,12 @@ class Limits(Part):
         joint_velocity: rad/s or m/s.
         force: N, per axis, of every command, push and measurement.
         torque: N m, per axis.
-        stiffness: N/m, N and N m/rad, of the gains that the device is told.
+        stiffness: N/m, N and N m/rad, of the gains that the device receives.
         damping: N s/m, N s and N m s/rad, of the same.
         ratio: of the projectors P_c and Π, of G, and of singular values; 1, m, 1/m.
         inverse_inertia: 1/kg, 1/(kg m) and 1/(kg m²), of Λ_h⁻¹.
-        acceleration: m/s² and rad/s², of an operational point that nobody holds.
-        energy: J, that a controller tells the device.
+        acceleration: m/s² and rad/s², of an operational point that no hand holds.
+        energy: J, that a controller sends to the device.
     """
 
     position: Limit = 1e3
@@ -79,10 +79,10 @@ PLANAR = (0, 1, 5)
 
 
 class HeldPoint(Part):
-    """One of several hands on the mechanism: where it holds, and what it holds it with.
+    """One of several hands on the mechanism: its point, device, gains and connection.
 
-    What is left out is the scene's own; gains that are left out follow from this device and this
-    connection by the rule.
+    Keys left out are the scene's own; gains left out follow from this device and this connection by
+    the rule.
 
     Attributes:
         point: operational point that it holds; each is held once.
@@ -111,9 +111,9 @@ class SceneDocument(Part):
         description: for people.
         task_space: ``planar``: all moves in the world's x-y plane, and the device renders only
             forces in it and torques about z.
-        task: what of device and operational point is held together: the ``pose``, or the
-            ``position`` alone, as by a ball joint. A device without torques feels a link that turns
-            as it is moved rightly by its position alone, or if the hand turns the handle along.
+        task: coupling of device and operational point: the ``pose``, or the ``position`` alone, as
+            by a ball joint. A device without torques renders a link that turns as it moves
+            correctly only with ``position``, or if the hand turns the handle along.
         gravity: m/s², world axes.
         links: rigid bodies with their joints, in any order.
         closures: that close loops.
@@ -121,7 +121,8 @@ class SceneDocument(Part):
         springs: between points.
         shapes: that may touch.
         contacts: pairs of shapes that do.
-        operational_points: where it can be held; the first one is held unless another is chosen.
+        operational_points: where a hand can hold the mechanism; the first one is held unless
+            another is chosen.
         initial_state: positions and velocities at the start.
         simulation: step and integrator.
         perception: which directions count as rigid.
@@ -183,7 +184,7 @@ class SceneDocument(Part):
             entry.model_copy(update={"controller": _filled(self, entry)}) for entry in self.hands
         )
         controller = _with_rule(self.controller, self.device, self.connection, period)
-        # Frozen for everybody else.
+        # The model is frozen.
         object.__setattr__(self, "controller", controller)
         object.__setattr__(self, "hands", hands)
         return self

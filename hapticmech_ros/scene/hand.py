@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The hand of a scene: what holds the device, how firmly, when, and what it does.
+"""The hand of a scene: how firmly and when it holds the device, and its motion or push.
 
 Measured impedance of human arms at the point held, as keys of a scene's ``arm`` hand.
 
@@ -31,8 +31,8 @@ def read_script(file: str) -> npt.NDArray[np.float64]:
     """Return a script's rows, (n, 7): time (s, increasing), force (N) and torque (N m).
 
     Raises:
-        InvalidInputError: not there, too large, or not such a table; the message names the line,
-            what stands there, and the rule.
+        InvalidInputError: missing, too large, or not such a table; the message names the line, its
+            text, and the rule.
     """
     try:
         stream = StringIO(read_text(file, FILE_SIZE_LIMIT), newline="")
@@ -100,7 +100,7 @@ ARM_IMPEDANCES: dict[str, dict[str, float]] = {
 
 
 def with_impedance(given: object) -> object:
-    """Return what a scene says of its arm, with a measured arm's figures where it says nothing."""
+    """Return a scene's arm, with a measured arm's figures for keys that it leaves out."""
     if not isinstance(given, Mapping):
         return given
     named = given.get("impedance", "relaxed")
@@ -127,15 +127,15 @@ class Tremor(Part):
 
 
 class AnyHand(Part):
-    """What every hand has.
+    """Keys of every hand.
 
     Attributes:
-        start_delay: s, from when it could take hold until it starts.
+        start_delay: s, from the time when it could take hold until it starts.
         release_at: s after the start, times at which it lets go.
         grab_at: s after the start, times at which it takes hold again. Releases and grabs take
-            turns; a hand whose first is a grab does not hold before. From a grab on, displacements
-            count from where the device was then.
-        tremor: added to what it does, while it holds.
+            turns; a hand whose first is a grab does not hold before. After a grab, displacements
+            count from the device's pose at the grab.
+        tremor: added to its push or target, while it holds.
     """
 
     start_delay: NonNegative = 0.25
@@ -217,7 +217,7 @@ class SpringDamperHand(TargetHand):
 
 
 class Grip(Part):
-    """Tissue between a device and what moves as one mass with hand and arm: a spring and damper.
+    """Tissue between a device and the mass of hand and arm: a spring and damper.
 
     Attributes:
         stiffness: N/m.

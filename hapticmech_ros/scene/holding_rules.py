@@ -63,7 +63,7 @@ def hand_beyond_device(scene: SceneDocument) -> str:
 
 
 def hand_vectors(scene: SceneDocument) -> Iterator[tuple[str, Vector3, Vector3]]:
-    """Yield key, linear and angular part of what the hand does."""
+    """Yield key, linear and angular part of the hand's vectors."""
     hand = scene.hand
     if isinstance(hand, ConstantWrenchHand):
         yield "hand", hand.force, hand.torque
@@ -151,7 +151,7 @@ def _tremor(hand: AnyHand) -> Iterator[SceneProblem]:
         return
     for key, value in (("xyz", tremor.xyz), ("rotation", tremor.rotation)):
         if any(value):
-            rule = "only a hand with waypoints has a target to move: say force or torque"
+            rule = "only a hand with waypoints has a target to move: use force or torque"
             yield SceneProblem(f"hand.tremor.{key}", value, rule)
 
 

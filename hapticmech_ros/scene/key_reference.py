@@ -4,7 +4,7 @@
 
 Meanings are those of the models' docstrings, which stand beside the fields.
 
-The JSON Schema of scene files is made of the same, so that editors complete and check them.
+The JSON Schema of scene files has the same source: editors complete and check scenes by it.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ OTHERS: dict[tuple[str, str], str] = {
 
 
 def meanings(part: type[Part]) -> dict[str, str]:
-    """Return what each key of a part means, by key: of ``Attributes`` in its docstring."""
+    """Return the meaning of each key of a part, by key: of ``Attributes`` in its docstring."""
     found: dict[str, str] = {}
     for base in reversed(part.__mro__):
         if issubclass(base, Part) and base is not Part:
@@ -140,7 +140,7 @@ def meanings(part: type[Part]) -> dict[str, str]:
 
 
 def summary(part: type[Part]) -> str:
-    """Return what stands in a part's docstring before its attributes, as paragraphs."""
+    """Return a part's docstring before its attributes, as paragraphs."""
     text = inspect.cleandoc(part.__doc__ or "").split("Attributes:\n")[0]
     paragraphs = re.split(r"\n\s*\n", text.strip())
     return "\n\n".join(_plain(" ".join(one.split())) for one in paragraphs)
@@ -225,7 +225,7 @@ def _section(name: str, definition: Mapping[str, Any], written: Examples) -> str
 
 
 def _example(part: str, key: str, value: Mapping[str, Any], written: Examples) -> str:
-    """Return what may be written for a key: as some scene does, as above, or otherwise its default.
+    """Return an example for a key: from a scene, from above, or otherwise its default.
 
     Empty for keys whose values are parts, which have tables of their own.
     """
@@ -245,7 +245,7 @@ def _example(part: str, key: str, value: Mapping[str, Any], written: Examples) -
 
 
 def _kind(value: Mapping[str, Any]) -> str:
-    """Return what may be written for a key, in words."""
+    """Return a key's kinds of values, in words."""
     choices = value.get("anyOf") or value.get("oneOf")
     if choices:
         return " or ".join(_kind(one) for one in choices)
@@ -374,12 +374,12 @@ def scene_schema() -> dict[str, Any]:
 
 
 def _others(way: str) -> list[dict[str, Any]]:
-    """Return what a scene whose links are given in one way must not have."""
+    """Return the keys that exclude each other: links given in one way forbid the others."""
     return [{"required": [other]} for other in ("links", "model", "linkage") if other != way]
 
 
 def _allow_point(part: dict[str, Any]) -> None:
-    """Let a part say a point of a linkage in place of ``link``."""
+    """Let a part name a point of a linkage in place of ``link``."""
     part["properties"]["point"] = {
         "type": "string",
         "description": "of the scene's ``linkage``, in place of ``link`` and ``origin``",

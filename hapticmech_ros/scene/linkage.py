@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages by points: ``linkage`` of a scene, and the links, joints and loops that it stands for.
+"""Linkages by points: ``linkage`` of a scene, expanded to links, joints and loops.
 
-Bars that share a point are pinned there. The tree is that of the bars in their order: each is
-carried where it first meets what is there already; where it meets it again, a loop is closed.
+Bars that share a point are pinned there. The tree has the bars in their order: the first shared
+point with earlier bars carries a bar; each further one closes a loop.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Point = Annotated[tuple[Real, ...], Field(min_length=2, max_length=3)]
 
 
 class PinJoint(Part):
-    """What acts in the joint that carries a bar or slider: keys of a scene's joint.
+    """Forces in the joint that carries a bar or slider: keys of a scene's joint.
 
     Attributes:
         name: of the joint; left out: ``<bar>_at_<point>``.
@@ -61,7 +61,7 @@ class Bar(Part):
         radius: m, of its rods; left out: 1/40 of their length in space, and 0 in the plane.
         com: centre of mass where it is drawn, coordinates as of a point.
         inertia: about the centre of mass, kg m²; the same about all axes.
-        joint: what acts in the joint that carries it.
+        joint: forces in the joint that carries it.
     """
 
     name: Name
@@ -83,7 +83,7 @@ class Slider(Part):
         along: direction of the line where it is drawn, 2 or 3 numbers.
         on: bar with the line, or ``world``.
         mass: kg.
-        joint: what acts along the line.
+        joint: forces along the line.
     """
 
     name: Name
@@ -109,8 +109,8 @@ class Rod(Part):
 class Linkage(Part):
     """A mechanism by the points of its bars as it is drawn, in place of ``links``.
 
-    In the plane bars turn about the points that they share; in space they are on balls there, or
-    on hinges. The scene's ``closures``, ``springs``, ``operational_points`` and ``shapes`` may say
+    In the plane bars turn about the points that they share; in space they are on balls there, or on
+    hinges. The scene's ``closures``, ``springs``, ``operational_points`` and ``shapes`` may name a
     ``point`` in place of ``link`` and ``origin``.
 
     Attributes:
@@ -131,7 +131,7 @@ class Linkage(Part):
 
 
 def with_linkage(document: object, source: str) -> object:
-    """Return a scene's document with what its ``linkage`` stands for; as it is without one.
+    """Return a scene's document with the links of its ``linkage``; unchanged without one.
 
     The document's own closures and positions are added to these, and go before them.
 
@@ -146,7 +146,7 @@ def with_linkage(document: object, source: str) -> object:
         return document
     for key in ("links", "model"):
         if key in document:
-            raise scene_error(source, key, document[key], "links come from the linkage: say one")
+            raise scene_error(source, key, document[key], "links come from the linkage: give one")
     try:
         linkage = Linkage.model_validate(document["linkage"])
     except ValidationError as error:
@@ -223,7 +223,7 @@ class _Drawing:
         if not isinstance(name, str) or name not in self._points:
             raise self._error(f"{key}.point", name, self._unknown(name))
         if "origin" in item:
-            raise self._error(f"{key}.origin", item["origin"], "say a point, or link and origin")
+            raise self._error(f"{key}.origin", item["origin"], "give a point, or link and origin")
         owner = item.get("link", None)
         if owner is None:
             bodies = [one for one in self._owners(name) if one.name != WORLD]
@@ -270,7 +270,7 @@ class _Drawing:
                     raise self._error(f"linkage.bars[{index}].points", bar.points, rule)
 
     def _grow(self) -> None:
-        """Carry bar after bar, each where it first meets what is there."""
+        """Add bar after bar, each at its first shared point with earlier ones."""
         waiting: list[tuple[str, Bar | Slider]] = [
             *((f"linkage.sliders[{at}]", one) for at, one in enumerate(self._linkage.sliders)),
             *((f"linkage.bars[{at}]", one) for at, one in enumerate(self._linkage.bars)),

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The mechanism in a scene: links, joints and what acts in them, closures, points held.
+"""The mechanism in a scene: links, joints with their forces, closures, points held.
 
 The part of a scene file that names the file which its links come from.
 """
@@ -26,7 +26,7 @@ FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
 class JointChange(Part):
-    """What a scene says of a joint of its file; what it leaves out stays as it is.
+    """Changes to a joint of the scene's file; keys left out stay as in the file.
 
     ``limits: null`` takes the stops away.
 
@@ -71,7 +71,7 @@ class ModelPart(Part):
 
 JointType = Literal["revolute", "prismatic", "fixed", "spherical", "free", "planar"]
 ClosureKind = Literal["spherical", "weld", "revolute", "planar_pin", "rod"]
-# What keeps joints together: closures, and couplings, which are treated alike.
+# Constraints between joints: closures, and couplings, which are treated alike.
 LoopKind = Literal[ClosureKind, "coupling"]
 IntegratorName = Literal["rk4", "tsit5", "rk2", "semi_implicit_euler", "linearly_implicit"]
 IntegratorChoice = Literal["auto", IntegratorName]
@@ -96,8 +96,8 @@ class JointLimits(Part):
         lower: rad or m, below which the stop pushes.
         upper: rad or m, above which it does.
         stiffness: N m/rad or N/m.
-        damping: N m s/rad or N s/m at a penetration of ``depth``; less before, as Hunt and Crossley
-            have it, so that the stop neither sticks nor jumps.
+        damping: N m s/rad or N s/m at a penetration of ``depth``; less before, by Hunt and
+            Crossley's law: the stop neither sticks nor jumps.
         depth: rad or m.
     """
 
@@ -113,7 +113,7 @@ class Joint(Part):
 
     Attributes:
         name: of the joint, unique in the scene.
-        type: what it allows.
+        type: its degrees of freedom.
         axis: unit vector in the joint frame, for ``revolute`` and ``prismatic``.
         origin: joint frame in the frame of the parent link.
         damping: viscous damping per degree of freedom, N m s/rad or N s/m.
@@ -165,7 +165,7 @@ class Inertia(Part):
 
 
 class Inertial(Part):
-    """What a link weighs.
+    """A link's mass properties.
 
     Attributes:
         mass: kg.
@@ -218,7 +218,7 @@ class Closure(Part):
 
     Attributes:
         name: of the closure, unique in the scene.
-        kind: what it keeps together.
+        kind: the relative motion that it blocks.
         a: one frame.
         b: the other.
         length: m, of a rod; of no other kind.
@@ -258,7 +258,7 @@ class Coupling(Part):
 
     @property
     def curve(self) -> tuple[float, float, float, float, float]:
-        """a0 to a4, whichever way they are written."""
+        """a0 to a4, from ``polycoef``, or from ``ratio`` and ``offset``."""
         return self.polycoef or (self.offset, self.ratio, 0.0, 0.0, 0.0)
 
 
@@ -326,12 +326,12 @@ class InitialState(Part):
 
 
 class Accuracy(Part):
-    """How exact a step's energy account has to be, and what it may cost.
+    """Required accuracy of a step's energy account, and the most substeps for it.
 
     Attributes:
         tolerance: share of the energy that a step exchanges by which its account may be off; the
-            integrator's own if left out, 0 for steps that are not watched.
-        max_substeps: a step that is off by more is done again in 2, 4, ... up to so many.
+            integrator's own if left out, 0 for steps that are not checked.
+        max_substeps: a step that is off by more is repeated in 2, 4, ... up to so many.
     """
 
     tolerance: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] | None = None
@@ -339,7 +339,7 @@ class Accuracy(Part):
 
 
 class Simulation(Part):
-    """Fixed step in s, the integrator that takes it, and what keeps the loops closed.
+    """Fixed step in s, its integrator, and the method that keeps loops closed.
 
     Attributes:
         period: s, of control and simulation.

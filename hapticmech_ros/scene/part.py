@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What parts of a scene are made of: strict numbers, names, and models closed to unknown keys."""
+"""Base types of a scene's parts: strict numbers, names, and models that refuse unknown keys."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag
 
-# In SI units; above what any mechanism has, so that products of several stay finite.
+# In SI units; above any mechanism's, but products of several stay finite.
 LARGEST = 1e30
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[Real, Field(gt=0.0)]
@@ -21,7 +21,7 @@ Name = Annotated[
 ]
 Flag = Annotated[bool, Field(strict=True)]
 Vector3 = tuple[Real, Real, Real]
-# One number or a list; told apart by what is written, so that an error is about one of the two.
+# One number or a list; the written value decides, and so an error is about one of the two.
 Coordinates = Annotated[
     Annotated[Real, Tag("number")] | Annotated[tuple[Real, ...], Tag("list")],
     Discriminator(lambda given: "list" if isinstance(given, list | tuple) else "number"),
@@ -29,6 +29,6 @@ Coordinates = Annotated[
 
 
 class Part(BaseModel):
-    """Base of every part of a scene: frozen, and closed to keys that nobody defined."""
+    """Base of every part of a scene: frozen, and it refuses unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rules that concern more than one value of a scene: names, tree, plane, sizes, physics.
 
-Rule of a scene's limits: what the scene itself says lies within them.
+Rule of a scene's limits: the scene's own numbers lie within them.
 
 Rules of shapes and contacts that concern more than one value of a scene.
 """
@@ -21,7 +21,7 @@ from hapticmech_ros.scene.document import SceneDocument
 from hapticmech_ros.scene.holding_rules import broken_holding_rules, hand_vectors
 from hapticmech_ros.scene.mechanism import Closure, Inertia, Joint, Link, Origin, Spring
 
-# What coal's reader accepts, broken files included: one of PLY with an empty face ends the process.
+# Formats that coal reads safely, even broken files: a PLY file with an empty face ends the process.
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".off")
 MESH_SIZE_LIMIT = 32_000_000
 
@@ -42,7 +42,7 @@ def broken_contact_rules(scene: SceneDocument) -> Iterator[SceneProblem]:
 
 
 def _names_twice(groups: Iterable[tuple[str, Sequence[str]]]) -> Iterator[SceneProblem]:
-    """Yield names that stand before under the same key."""
+    """Yield names that occur before under the same key."""
     for key, names in groups:
         for index, name in enumerate(names):
             if name in names[:index]:
@@ -61,7 +61,7 @@ def _shapes(scene: SceneDocument) -> Iterator[SceneProblem]:
 
 
 def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
-    """Yield what is wrong with a mesh's file before it is read."""
+    """Yield problems of a mesh's file before it is read."""
     path = Path(file)
     if not is_file(path):
         yield SceneProblem(key, file, "no such file")
@@ -77,7 +77,7 @@ def _mesh_file(key: str, file: str) -> Iterator[SceneProblem]:
 def _pair(
     scene: SceneDocument, key: str, contact: ContactPair, shapes: Mapping[str, Shape]
 ) -> Iterator[SceneProblem]:
-    """Yield what is wrong with the two shapes that a contact joins."""
+    """Yield problems of the two shapes that a contact joins."""
     unknown = [side for side in ("a", "b") if getattr(contact, side) not in shapes]
     for side in unknown:
         name = getattr(contact, side)
@@ -263,7 +263,7 @@ def _references(scene: SceneDocument) -> Iterator[SceneProblem]:
 
 
 def _ends(key: str, part: Closure | Spring, links: Collection[str]) -> Iterator[SceneProblem]:
-    """Yield what is wrong with the two frames that a closure or spring joins."""
+    """Yield problems of the two frames that a closure or spring joins."""
     for side, frame in (("a", part.a), ("b", part.b)):
         if frame.link not in links and frame.link != "world":
             rule = f"unknown frame: must be 'world' or one of {sorted(links)}"
@@ -326,7 +326,7 @@ def _couplings(scene: SceneDocument) -> Iterator[SceneProblem]:
         if coupling.polycoef is not None:
             for old, place in (("offset", 0), ("ratio", 1)):
                 if old in coupling.model_fields_set:
-                    rule = f"leave it out beside polycoef, and say it as polycoef[{place}]"
+                    rule = f"leave it out beside polycoef, and write it as polycoef[{place}]"
                     yield SceneProblem(f"{key}.{old}", getattr(coupling, old), rule)
         if coupling.name in closures:
             yield SceneProblem(f"{key}.name", coupling.name, "must differ from closures' names")
@@ -386,7 +386,7 @@ def _hand_in_plane(scene: SceneDocument) -> Iterator[SceneProblem]:
 
 
 def _hands(scene: SceneDocument) -> Iterator[SceneProblem]:
-    """Yield what is wrong with each of several hands, by the rules of a scene's own."""
+    """Yield problems of each of several hands, by the rules of a scene's own."""
     known, held = [point.name for point in scene.operational_points], set[str]()
     for index, entry in enumerate(scene.hands):
         key = f"hands[{index}]"
@@ -402,7 +402,7 @@ def _hands(scene: SceneDocument) -> Iterator[SceneProblem]:
             problems += _hand_in_plane(own)
         given = {name for name in ("hand", "device") if getattr(entry, name) is not None}
         for problem in problems:
-            # What is wrong with the scene's own hand or device is told there.
+            # Problems of the scene's own hand or device are reported there.
             if problem.key_path.partition(".")[0].partition("[")[0] in given:
                 yield SceneProblem(f"{key}.{problem.key_path}", problem.value, problem.rule)
 
@@ -425,7 +425,7 @@ def _is_planar(scene: SceneDocument) -> bool:
 
 
 def has_own_metric(link: Link) -> bool:
-    """Return whether a link's own inertia can say what one unit of each direction is."""
+    """Return whether a link's own inertia can define the unit of each direction."""
     moments = np.linalg.eigvalsh(inertia_matrix(link.inertial.inertia))
     return link.inertial.mass > 0.0 and bool(moments.min() > 0.0)
 

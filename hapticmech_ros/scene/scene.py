@@ -112,7 +112,7 @@ def scene_from_document(document: object, source: str = "<document>") -> Scene:
 
 
 def document_of(scene: Scene) -> dict[str, Any]:
-    """Return ``scene`` as plain dictionaries, lists and numbers (what a YAML file would say)."""
+    """Return ``scene`` as plain dictionaries, lists and numbers, as in a YAML file."""
     return scene.model_dump(mode="json")
 
 

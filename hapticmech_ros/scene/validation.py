@@ -27,7 +27,7 @@ from hapticmech_ros.scene.rules import broken_rules
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?"
 _DEGREES = rf"([-+]?{_NUMBER}) *deg"
 _PI = rf"([-+]?)(?:({_NUMBER})\*)?pi(?:/({_NUMBER}))?"
-# What may be written for an angle, beside a number.
+# Text that is accepted for an angle, besides a number.
 PATTERN = rf"^ *(?:{_DEGREES}|{_PI}) *$"
 _TEXT = re.compile(PATTERN)
 # Keys that are angles, by part; of joints only those that turn.
@@ -60,7 +60,7 @@ def angle_of(text: str) -> float | None:
 def with_angles(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene's document with numbers, rad, in place of angles as text.
 
-    What is text elsewhere, or no angle, stays for validation to refuse.
+    Text elsewhere, or no angle, stays for validation to refuse.
 
     Args:
         document: with its links.
@@ -135,7 +135,7 @@ def _has(mapping: Mapping[str, Any], key: str) -> bool:
 
 
 def _mappings(value: object) -> list[Any]:
-    """Return the mappings in a list; none of what is no list."""
+    """Return the mappings in a list; none of another value."""
     items = value if isinstance(value, list | tuple) else ()
     return [one for one in items if isinstance(one, Mapping)]
 
@@ -147,7 +147,7 @@ def with_changes(document: object, changes: Sequence[str], source: str) -> objec
     """Return a scene's document with some keys set; the document stays as it is.
 
     Args:
-        document: as written; what is no mapping is returned, for validation to refuse.
+        document: as written; if not a mapping it is returned, for validation to refuse.
         changes: ``key=value`` each. A key is a path of names; an item of a list is found by its
             ``name``, or its place in brackets. A value is YAML.
         source: of the scene, for errors.
@@ -215,7 +215,7 @@ MODEL_SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf")
 
 
 def written_document(path: Path) -> object:
-    """Return what a scene's file says; of a model, that it is the scene's.
+    """Return the document in a scene's file; for a model's file, a scene with that model.
 
     Raises:
         SceneError: too large, not readable, or not YAML within the limits of ``yaml_text``.
@@ -229,7 +229,7 @@ def written_document(path: Path) -> object:
 
 
 def validated(kind: type[Kind], document: object, source: str) -> Kind:
-    """Return what plain dictionaries, lists and numbers describe; it keeps every rule.
+    """Return the document that plain dictionaries, lists and numbers describe; it keeps every rule.
 
     Args:
         kind: of document.
@@ -252,7 +252,7 @@ def validated(kind: type[Kind], document: object, source: str) -> Kind:
 
 
 def problems_of(error: ValidationError, key: str = "") -> list[SceneProblem]:
-    """Return what is wrong with a part of a scene.
+    """Return the problems of a part of a scene.
 
     Args:
         error: of its validation.
@@ -262,7 +262,7 @@ def problems_of(error: ValidationError, key: str = "") -> list[SceneProblem]:
     return [
         SceneProblem(_key_path((*prefix, *item["loc"])), _value(item), rule_of(item))
         for item in error.errors()
-        # Of a list whose items are refused pydantic says that it is too short as well.
+        # Pydantic reports a list with refused items as too short as well.
         if item["type"] != "too_short" or len(item["input"]) < item["ctx"]["min_length"]
     ]
 
@@ -288,7 +288,7 @@ def _key_path(location: tuple[int | str, ...]) -> str:
 
 
 def _value(item: ErrorDetails) -> object:
-    """Return what was read; for a missing key pydantic gives the whole mapping around it."""
+    """Return the value read; for a missing key pydantic gives the whole mapping around it."""
     if item["type"] == "missing" and isinstance(item["input"], Mapping):
         return None
     return item["input"]

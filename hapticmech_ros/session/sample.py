@@ -1,9 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a session measured and commanded in one tick.
-
-What a session went through in many ticks, as arrays.
-"""
+"""A session's measurements and commands: of one tick, and of many as arrays."""
 
 from __future__ import annotations
 
@@ -47,14 +44,13 @@ CONTROL = ("device_command", "mechanism_command", "impedance", "joint_constraint
 def run_layout(nq: int, nv: int) -> Layout:
     """Return how a row of a run is laid out: all that was measured and commanded in one tick.
 
-    Time, s; q and v of the mechanism; the device's sample, the wrench applied until then, and what
-    its driver adds to the next one; where the simulated device really is, rotation row by row, and
-    how it moves, as its state says; the operational model; wrenches of the
-    controllers and their pose error, see
-    :class:`~hapticmech_ros.control.measurements.ControlOutput`; what acts
-    from then on, on the hand by the device and on the mechanism by the hand; what others do to the
-    mechanism at the operational point; energies of the controllers and of the device, J, see
-    docs/passivity.md; and the number of joint constraints reported.
+    Time, s; q and v of the mechanism; the device's sample, the wrench applied until then, and its
+    driver's addition to the next one; the simulated device's true pose, rotation row by row, and
+    its true motion; the operational model; wrenches of the controllers and their pose error, see
+    :class:`~hapticmech_ros.control.measurements.ControlOutput`; the wrenches that act from then on,
+    on the hand by the device and on the mechanism by the hand; others' wrench on the mechanism at
+    the operational point; energies of the controllers and of the device, J, see docs/passivity.md;
+    and the number of joint constraints reported.
 
     Args:
         nq: numbers of a configuration.
@@ -177,7 +173,7 @@ def data_frame(columns: Mapping[str, Array]) -> Any:
 
 
 def begin_totals(totals: SessionTotals, state: MechanismState) -> None:
-    """Let what kernels add up begin with a state; the number of joint constraints stays.
+    """Start the kernels' totals from a state; the number of joint constraints stays.
 
     Args:
         totals: to change.
@@ -194,9 +190,9 @@ def state_of(
     """Return a mechanism's state as a kernel left it.
 
     Args:
-        before: the last state that was known as such.
-        totals: what kernels added up.
-        q: (nq,) configuration; it can be written no more.
+        before: the last known ``MechanismState``.
+        totals: of the kernels.
+        q: (nq,) configuration; made read-only.
         v: (nv,) rates, likewise.
         touching: points of contact; None in a scene without.
     """
@@ -217,9 +213,8 @@ class Sample:
         numbers: of the session's data, whole ones.
         values: of the session's data after the tick, as no tick will change them.
         analyser: of the operational point.
-        mechanism: its state at ``time``, or the last one that was known as such before, and the
-            points of contact.
-        device: its state at ``time``, if it is known as such.
+        mechanism: its state at ``time``, or the last known state before, and the points of contact.
+        device: its state at ``time``, if known as a ``DeviceState``.
     """
 
     __slots__ = ("_analyser", "_device", "_mechanism", "_numbers", "_seen", "_values", "time")
@@ -233,7 +228,7 @@ class Sample:
         mechanism: MechanismState | tuple[MechanismState, Touching | None],
         device: DeviceState | None,
     ) -> None:
-        # A session that is ticked makes one each time: what is not asked for is not made.
+        # A session makes one per tick: its parts are computed only when requested.
         self.time, self._numbers, self._values = time, numbers, values
         self._analyser, self._mechanism, self._device = analyser, mechanism, device
         self._seen: Observation | None = None
@@ -244,8 +239,8 @@ class Sample:
     def columns(self) -> dict[str, float]:
         """Return the numbers of the sample by the names that columns of a run have.
 
-        Those of a :class:`~hapticmech_ros.session.Run` but the true state of the device, what
-        its actuators do, and energies: for ``pandas.DataFrame``, which takes a list of them.
+        Those of a :class:`~hapticmech_ros.session.Run` without the device's true state, its
+        actuators' wrench, and energies: for ``pandas.DataFrame``, which takes a list of them.
         """
         state, sample = self.mechanism, self._data.sample
         on_hand, on_mechanism = self.acting
@@ -300,7 +295,7 @@ class Sample:
 
     @property
     def seen(self) -> Observation:
-        """The operational point there: its motion, Λ_h⁻¹ and what follows."""
+        """The operational point there: its motion, Λ_h⁻¹ and its analysis."""
         if self._seen is None:
             data, analyser = self._data, self._analyser
             self._seen = Observation(data.observation, analyser.rows, data.v.size)
@@ -349,7 +344,7 @@ class Sample:
 
     @property
     def analysis(self) -> OperationalAnalysis:
-        """Λ_h⁻¹ and what follows from it."""
+        """Λ_h⁻¹ and its analysis."""
         return self.seen.analysis
 
     @property
@@ -359,5 +354,5 @@ class Sample:
 
     @property
     def model(self) -> OperationalModel:
-        """What of the analysis they were computed with: X and a_0 as late as the loop is."""
+        """The analysis that the controllers used: X and a_0, compensated for the loop's delay."""
         return model_of(self.seen.model)

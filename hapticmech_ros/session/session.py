@@ -4,8 +4,8 @@
 
 The reference for the graph of nodes: same core objects, same order, no clock. Bitwise repeatable.
 
-A tick is one call of a kernel, and so are many. What is written in Python, a device, a hand or a
-control law, is called in its place, and the kernel does the rest of the tick around it.
+One call of a kernel does a tick, or many. A device, a hand or a control law in Python is called in
+its place, and the kernel does the rest of the tick around it.
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ class Session:
     Args:
         scene: what to run.
         point: operational point that the device holds; the first that is held if empty. Device,
-            hand, gains and connection are its own where the scene has several ``hands``; of those
-            at other points nothing is done, see :class:`.SharedSession`.
+            hand, gains and connection are its own where the scene has several ``hands``; those at
+            other points are ignored, see :class:`.SharedSession`.
         command_delay: whole periods between measuring and acting. One is what the graph of nodes
             has: a command computed from this tick's measurements acts from the next tick on.
         control: controllers other than the scene's; None for the scene's.
@@ -142,14 +142,14 @@ class Session:
         self._control = ControlArchitecture(scene) if control is None else control
         self._device: SimulatedDevice = device_for(scene) if device is None else device
         self._simulated = isinstance(self._device, ImpedanceDevice) and self._device.plain
-        # Of a device of one's own, whose samples may be anything.
+        # For a user's own device, whose samples may be anything.
         self._motion = None if device is None else MotionCheck(scene.device, self.period)
         state = self.simulator.initial_state()
         start = self.simulator.evaluate(state).points[self._analyser.index].pose
         self._held: DeviceState = self._device.at_rest(start, held=True)
         self._device_state: DeviceState | None = self._held
         self._clutch: Clutch | None = None
-        # What the controllers' settings are of, if they need not be found anew.
+        # Clutch, gains and delay of the controllers' settings, if these are up to date.
         self._settled: tuple[Clutch, Controller, float] | None = None
         self._side = RenderingController(
             self._control, self.period, scene.connection, command_delay
@@ -215,7 +215,7 @@ class Session:
         self._clock[TICK] += 1
 
     def begun(self) -> Begun:
-        """Return what is known as such before a tick."""
+        """Return the time and the known states before a tick."""
         known = self._mechanism_state or (self._known, self._touching())
         return self.time, known, self._device_state
 
@@ -247,7 +247,7 @@ class Session:
 
     @property
     def motion(self) -> MotionCheck | None:
-        """What holds the samples of a device of one's own against each other; None for others."""
+        """The check of samples of a user's own device; None for others."""
         return self._motion
 
     @property
@@ -257,11 +257,11 @@ class Session:
 
     @property
     def compensation(self) -> Array:
-        """(6,) what the device's driver adds to the next tick's command, N and N m, world axes."""
+        """(6,) the driver's addition to the next tick's command, N and N m, world axes."""
         return self._device.compensation(self.device)
 
     def tune(self, gains: Controller) -> None:
-        """Pass to other gains, without a bump, over their ``gain_ramp``."""
+        """Change to other gains gradually, over their ``gain_ramp``."""
         self._control.tune(self.time, gains)
 
     def tick(
@@ -270,7 +270,7 @@ class Session:
         hand_wrench: Array | None = None,
         on_links: Mapping[str, Array] | None = None,
     ) -> Sample:
-        """Advance mechanism and device by one period; return what was measured and commanded.
+        """Advance mechanism and device by one period; return measurements and commands.
 
         Args:
             external_wrench: (6,) on the mechanism at the operational point, N and N m, world axes,
@@ -282,7 +282,7 @@ class Session:
 
         Raises:
             ClosureError: a closed loop came apart.
-            InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
+            InaccurateStepError: a step's energy account is off by a tenth of the energy exchanged.
             InvalidInputError: the state is no longer finite, an unknown link, or a wrench of
                 another shape, not finite or beyond ``limits``; nothing has moved then.
         """
@@ -318,7 +318,7 @@ class Session:
         show: Callable[[Run], None] | None = None,
         chunk: int = 1000,
     ) -> Run:
-        """Do many ticks, and return what they went through; the same numbers as :meth:`tick`.
+        """Do many ticks, and return their samples; the same numbers as :meth:`tick`.
 
         Args:
             ticks: how many.
@@ -335,7 +335,7 @@ class Session:
 
         Raises:
             ClosureError: a closed loop came apart.
-            InaccurateStepError: a step's energy account is off by a tenth of what it exchanged.
+            InaccurateStepError: a step's energy account is off by a tenth of the energy exchanged.
             InvalidInputError: the state is no longer finite; fewer than 0 ticks, ``every`` or
                 ``chunk`` below 1, or arrays of another shape, not finite or beyond ``limits``.
         """
@@ -371,8 +371,8 @@ class Session:
         """Hold the mechanism elsewhere from the next tick on, without a bump.
 
         The device's wrench is carried on and fades over the scene's ``grasp_ramp``, in which the
-        new grasp closes; see :mod:`~hapticmech_ros.control.clutch`. What the hand did to
-        the mechanism at the old place ends at once.
+        new grasp closes; see :mod:`~hapticmech_ros.control.clutch`. The hand's wrench on the
+        mechanism at the old place ends at once.
 
         Args:
             frame: a link, or an operational point of the scene.
@@ -438,7 +438,7 @@ class Session:
 
     @property
     def answers_in_python(self) -> bool:
-        """Whether a control law of one's own answers, whose dependence on F_c is not known."""
+        """Whether a user's own control law answers, whose dependence on F_c is not known."""
         return self._control.answers_in_python
 
     @property
@@ -453,7 +453,7 @@ class Session:
         return Answer(self._parts.answers[-1] if self._side.is_ideal else self._parts.given)
 
     def _allocated(self) -> SessionData:
-        """Return the data of all parts in one array, of which these parts are views from now on."""
+        """Return the data of all parts in one array; the parts are views of it from now on."""
         side, device, envelope = self._side, self._device_side, self._device_side.envelope
         analysis, mechanism = self._analyser, self.simulator.mechanism
         channels, passivity = side.channels, device.passivity
@@ -486,7 +486,7 @@ class Session:
             "commanded": side.queue,
             "account": passivity.account.values,
             "safety": envelope.numbers.values,
-            # Those on the way, the row after them, and the one that has arrived last.
+            # Those in flight, the row after them, and the one that has arrived last.
             "answers": np.zeros((len(side.queue) + 2, Answer.layout.size)),
             "sample": np.zeros(DeviceSample.layout.size),
             "device": body,
@@ -627,7 +627,7 @@ class Session:
             self._move_device_in_python()
 
     def _set(self, clutch: Clutch) -> None:
-        """Give the kernel what fixes the controllers now."""
+        """Give the kernel the controllers' present settings."""
         control, known = self._control, self._settled
         if known is not None and not control.is_ramping:
             # Other gains are another object, and so is another clutch.
@@ -654,7 +654,7 @@ class Session:
             self._check_motion(self._motion)
 
     def _check_motion(self, motion: MotionCheck) -> None:
-        """Hold a sample against the one before; engage anew where it is no motion of a device."""
+        """Compare a sample with the one before; disengage where they are no motion of a device."""
         before = motion.faults
         motion.check(self._parts.sample, self._clock[TICK] * nanoseconds(self.period))
         if motion.faults > before:
@@ -663,11 +663,11 @@ class Session:
             self._device_side.begin()
         if motion.fault:
             self._clutch = None
-            # In the accounts of energy it stands still: nobody moves it so.
+            # For the energy accounts it stands still: the measured motion is not real.
             DeviceSample(self._parts.sample).fill(twist=NO_WRENCH, hand_wrench=NO_WRENCH)
 
     def _observe_in_python(self) -> None:
-        """Analyse where the kernel could not, or raise what is wrong."""
+        """Analyse where the kernel could not, or raise the error."""
         state, data = self.mechanism, self._parts
         closing = self.simulator.closing(state)
         found = self._analyser.observe(state.q, state.v, state.active, closing, data.before)
@@ -678,7 +678,7 @@ class Session:
             data.contact[:] = contact_wrench(self._analyser, terms, force)
 
     def _answer_in_python(self, time: float, clutch: Clutch) -> None:
-        """Let a control law that is written in Python answer what was heard."""
+        """Answer the received sample by a control law in Python."""
         data, side = self._parts, self._side
         received = data.sample if side.is_ideal else data.forth[-1]
         operational_model, flying = data.observation[:_MODEL_SIZE], None
@@ -734,7 +734,7 @@ class Session:
         """Return rows to fill.
 
         Raises:
-            InvalidInputError: what was given is not an array of that size.
+            InvalidInputError: the array has another size or type.
         """
         width = self.layout.size
         if into is None:

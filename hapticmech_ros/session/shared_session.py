@@ -29,13 +29,13 @@ class SharedSession:
     """A scene with several ``hands``, running.
 
     In each tick every user's device is sampled, and its controllers answer, at the same state of
-    the mechanism; then the mechanism moves on by what all of them do. What the others do is part of
-    a user's F_c: the wrench at the own operational point that accelerates it as theirs do,
-    X_ii F_c = Σ X_ij F_j (see :mod:`~hapticmech_ros.operational.analysis`). It has no part along
-    directions that the joints constrain: there the joints stand between the hands.
+    the mechanism; then all their wrenches move the mechanism. The others' wrenches are part of a
+    user's F_c: the wrench at the own operational point that accelerates it as theirs do, X_ii F_c =
+    Σ X_ij F_j (see :mod:`~hapticmech_ros.operational.analysis`). It has no part along directions
+    that the joints constrain: there the joints stand between the hands.
 
     Args:
-        scene: what to run; each of its ``hands`` is a user.
+        scene: to run; each of its ``hands`` is a user.
         command_delay: as of :class:`~hapticmech_ros.session.session.Session`.
         controls: controllers other than the scene's, by operational point.
         devices: devices other than the scene's, likewise.
@@ -73,8 +73,8 @@ class SharedSession:
         self._state = self.simulator.initial_state()
         self._ticks = 0
         self._contact_wrenches = ContactWrenches(mechanism)
-        # Of each user: C3 of those whose wrenches its device gets at once, what it knows of them,
-        # and H of the answers that do not act yet.
+        # Of each user: C3 of the hands whose wrenches its device gets at once, their samples, and H
+        # of the answers that do not act yet.
         self._direct = {
             point: {} if user.answers_in_python else received_directly(scene, point, self.points)
             for point, user in self._users.items()
@@ -113,7 +113,7 @@ class SharedSession:
         hand_wrenches: Mapping[str, Array] = NOTHING,
         on_links: Mapping[str, Array] = NOTHING,
     ) -> dict[str, Sample]:
-        """Advance mechanism and devices by one period; return what was measured and commanded.
+        """Advance mechanism and devices by one period; return measurements and commands.
 
         Args:
             external_wrenches: (6,) by operational point that is held, on the mechanism, N and N m,
@@ -140,7 +140,7 @@ class SharedSession:
         return {point: user.sample(begun[point]) for point, user in self._users.items()}
 
     def run(self, ticks: int, every: int = 1) -> dict[str, Run]:
-        """Do many ticks, and return what each user went through, by its point.
+        """Do many ticks, and return each user's run, by its point.
 
         Args:
             ticks: how many.
@@ -178,7 +178,7 @@ class SharedSession:
         """
         self.user(point).set_operational_point(frame, origin)
         self._contact_wrenches = ContactWrenches(self.simulator.mechanism)
-        # H of answers that are on their way is of the old place.
+        # H of answers in flight is of the old place.
         for gains in self._gains.values():
             gains.clear()
 
@@ -202,7 +202,7 @@ class SharedSession:
 
         Args:
             inputs: (1, 12) by point, see :meth:`_inputs`.
-            records: (1, width) by point to fill; of the others there is none.
+            records: (1, width) by point to fill; other points are not recorded.
             on_links: as of :meth:`tick`.
         """
         others, rows = self._by_others(), {}
@@ -223,13 +223,13 @@ class SharedSession:
             user.go_on(self._state)
 
     def _command(self, point: str, wrench: Array) -> None:
-        """Tell the other users' devices what a hand does (6,), N and N m, world axes."""
+        """Send a hand's wrench (6,) to the other users' devices, N and N m, world axes."""
         for known, names in zip(self._others.values(), self._direct.values(), strict=True):
             if point in names:
                 known.measured(point, wrench, self._ticks * self._period_ns)
 
     def _correction(self, point: str) -> Array:
-        """Return (19,) what the command that acts now is corrected by; see ``other_hands``."""
+        """Return (19,) the correction of the command that acts now; see ``other_hands``."""
         gains = self._gains[point]
         if len(gains) < max(self._delay, 1):
             return NO_OTHERS
@@ -253,7 +253,7 @@ class SharedSession:
                 self._gains[point].popleft()
 
     def _by_others(self) -> Array:
-        """Return (points, 6) what was commanded last for the other hands, as part of F_c."""
+        """Return (points, 6) the last commands for the other hands, as part of F_c."""
         commanded = np.zeros((len(self.simulator.mechanism.point_names), 6))
         for point, user in self._users.items():
             commanded[self._places[point]] = user.answered
@@ -265,7 +265,7 @@ class SharedSession:
     def _inputs(
         self, external: Mapping[str, Array], hands: Mapping[str, Array]
     ) -> dict[str, Array]:
-        """Return (1, 12) by point: what others do to mechanism and device.
+        """Return (1, 12) by point: others' wrenches on mechanism and device.
 
         Raises:
             InvalidInputError: as :meth:`tick`.

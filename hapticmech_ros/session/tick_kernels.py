@@ -60,7 +60,7 @@ from hapticmech_ros.operational.observe_kernels import (
 
 
 class SessionTimes(Record):
-    """Constants of a session that are times, and what goes with them.
+    """Times and related constants of a session.
 
     Attributes:
         period: of a tick, s.
@@ -80,7 +80,7 @@ class SessionTimes(Record):
 
 
 class SessionTotals(Record):
-    """What kernels know of the mechanism's state besides q and v.
+    """The mechanism's state besides q and v, for kernels.
 
     Attributes:
         time: s.
@@ -127,7 +127,7 @@ class SessionData(Structure):
         observation: of the operational point, see ``observe_point``.
         controller: its account, a ``ControllerAccount``.
         settings: of the controllers, ``ControllerSettings``.
-        faded: (6,) what is carried on from another grasp, N and N m, world axes.
+        faded: (6,) wrench carried on from another grasp, N and N m, world axes.
         commanded: (d, 6) the wrenches commanded on the mechanism that do not act yet.
         account: the device's, a ``DeviceAccount``.
         safety: its envelope.
@@ -141,21 +141,21 @@ class SessionData(Structure):
         external: (6,) on the mechanism at the operational point, by others, N and N m, world axes.
         push: (6,) on the device, by others than the hand, likewise.
         contact: (6,) part of F_c by virtual objects, N and N m, world axes.
-        locality: (3,) what the device closes, a ``Locality``.
+        locality: (3,) the loops that the device closes, a ``Locality``.
         added: (6,) by the device's driver.
-        others: (19,) what a command is corrected by for other hands, a ``HandsCorrection``.
-        given: the last answer that was given, over a connection.
+        others: (19,) the correction of a command for other hands, a ``HandsCorrection``.
+        given: the last answer that was computed, with a connection.
         q: (nq,) configuration at the tick's start.
         v: (nv,) rates there.
         totals: of the mechanism.
         began_state, began_q, began_v, began_totals: of the device and the mechanism when the tick
             began.
         hand: (22,) its last wrenches, a ``HandMemory``.
-        forth, back: messages on the way to the controller, and back.
+        forth, back: messages in flight to the controller, and back.
         past: (n + 1, 1 + nv) rates of the last ticks, one row each by turns, or none: the tick's
             number + 1, and its rates.
-        before: (1 + nv,) how long ago, s, and the rates that were, or 0. From ``forth`` on, no
-            sample has these parts.
+        before: (1 + nv,) a time ago, s, and the rates then, or 0. From ``forth`` on, no sample has
+            these parts.
     """
 
     __slots__ = ()
@@ -181,15 +181,16 @@ class SessionData(Structure):
         return self.data[: int(self.numbers[SessionData.parts["forth"].at])]
 
 
-# What a tick consists of, in this order; a call does all of it or some.
+# Phases of a tick, in this order; a call does all or some.
 SENSE, OBSERVE, RECEIVE, RENDER, DEVICE, MECHANISM = 1, 2, 4, 8, 16, 32
 ALL = SENSE | OBSERVE | RECEIVE | RENDER | DEVICE | MECHANISM
-# Of a run: number of ticks; what they do; number of the next tick; 1 if terms at its start are
-# known; why the mechanism's step failed; from one record to the next, 0 for none; records written;
-# 1 if the answer's wrenches are there already; and which of the arrays of terms is the start's.
+# Of a run: number of ticks; their phases; number of the next tick; 1 if terms at its start are
+# known; why the mechanism's step failed; ticks from one record to the next, 0 for none; records
+# written; 1 if the answer's wrenches are there already; and which of the arrays of terms is the
+# start's.
 TICKS, PHASES, TICK, KNOWN, WHY, EVERY, RECORDED, ANSWERED, AT = range(9)
 CLOCK_SIZE = 9
-# What ended a run before its end: the analysis, or the mechanism's step; that is left to do.
+# Causes of a run's early end: the analysis, or the mechanism's step, which Python then does.
 OBSERVATION_FAILED, STEP_FAILED = 1, 2
 # Number of the kernel's arguments, and which are the step's work, the inputs, the records, and the
 # first one of the contacts.
@@ -200,7 +201,7 @@ RECEIVED = SessionData.sizes["received"].index
 
 @inner
 def sense(data: SessionData) -> None:
-    """Fill the device's sample, and what its driver adds to the next command."""
+    """Fill the device's sample, and its driver's addition to the next command."""
     device, measured, sample = DeviceModel(data.device), DeviceSample(data.state), data.sample
     put(sample, measured.values)
     if device.senses_itself == MEASURED:
@@ -210,7 +211,7 @@ def sense(data: SessionData) -> None:
 
 @inner
 def recall(past: Array, tick: int, period: float, before: Array) -> None:
-    """Fill (1 + nv,) how long ago, s, and the rates that were: those of the longest ago, or 0."""
+    """Fill (1 + nv,) with the age, s, of the oldest stored rates, and these; or 0."""
     before[:] = 0.0
     count = past.shape[0]
     if count > 1:
@@ -290,7 +291,7 @@ def receive_sample(data: SessionData, time: float, stamp_ns: int) -> None:
 
 @inner
 def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> None:
-    """Answer what was heard, and fill what acts on device and mechanism."""
+    """Answer a received sample, and fill the wrenches on device and mechanism."""
     controller, connected = ControllerAccount(data.controller), data.connected != 0
     model, answers = OperationalModelSample(data.observation), data.answers
     last = answers[answers.shape[0] - 1]
@@ -463,13 +464,13 @@ def run_ticks(
     contact_values: Array,
     clock: Array,
 ) -> int:
-    """Do ticks, or parts of one; called with an array (11,) of what follows.
+    """Do ticks, or parts of one; called with an array (11,) of these arguments.
 
     Args:
         numbers: (integers,) constants of the mechanism, whole ones.
         values: (numbers,) the others; see ``model.pack``.
-        packed: (4, ...) terms at a tick's start and at its end, which change places; those that the
-            delay compensation works in, and those of a step's stages.
+        packed: (4, ...) terms at a tick's start and at its end, which are swapped; those of the
+            delay compensation, and those of a step's stages.
         work: (work,) of the step; see ``model.Work``.
         whole: (integers,) numbers of the session's data.
         real: (numbers,) the data; see :class:`~hapticmech_ros.session.tick_kernels.SessionData`.
@@ -478,10 +479,10 @@ def run_ticks(
         records: (records, ...) to fill; see ``run_layout``.
         contact_numbers: of the contacts, whole ones; (0,) in a scene without.
         contact_values: (numbers,) the others; see ``layout.Contacts``.
-        clock: (9,) what to do, and what was done.
+        clock: (9,) phases to do, and progress.
 
     Returns:
-        0, OBSERVATION_FAILED or STEP_FAILED: what is left to do of the tick then.
+        0, OBSERVATION_FAILED or STEP_FAILED: the phase that is left to do then.
     """
     data = SessionData(whole, real)
     phases, every = clock[PHASES], clock[EVERY]

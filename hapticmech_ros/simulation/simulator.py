@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The mechanism in time: one fixed step after another, closures switched and latched on the way.
+"""The mechanism in time, in fixed steps, with closures switched and latched between them.
 
 The mechanism at a time, and over a time; nothing here changes.
 """
@@ -50,16 +50,16 @@ class EnergyAccount:
         damping_loss: in damping, friction, dampers, and the part of stops that is no spring.
         latch_loss: when loops latched.
         contact_loss: in contacts, by friction, damping and impact.
-        contact_energy: held by contacts now, as by springs.
-        surplus: what steps made from nothing, or lost if negative: errors of the integration.
+        contact_energy: stored in contacts now, as in springs.
+        surplus: energy that steps made from nothing, or lost if negative: errors of the
+            integration.
         refined: number of steps that were done again in smaller ones, with care, or in parts for
             an impact.
         inaccurate: number of these whose account was still off by more than the scene's tolerance,
-            or with which what all steps made from nothing was more than 1e-3 of what was exchanged:
-            it was taken out of the motion then; or whose impact was over too soon, so that its
-            rebound is off by more than 2 %. And of steps, done again or not, in which forces of
-            contacts were not found: rates are off what the law says by more than 1e-6 of the
-            largest.
+            or with which all steps had made more than 1e-3 of the energy exchanged from nothing,
+            which was then taken out of the motion; or whose impact was too short to resolve: its
+            rebound is off by more than 2 %. Also of steps, done again or not, whose contact forces
+            were not found: rates violate the law by more than 1e-6 of the largest.
         moved: largest kinetic energy at a step's end.
         contact_most: largest ``contact_loss`` so far; contacts never give back what they have lost
             but for errors of the integration.
@@ -78,19 +78,19 @@ class EnergyAccount:
 
     @property
     def contact_made(self) -> float:
-        """Energy that contacts have given back of what they had lost: made from nothing, J."""
+        """Energy that contacts lost and gave back: made from nothing, J."""
         return self.contact_most - self.contact_loss
 
     @property
     def lost(self) -> float:
-        """Energy lost, whatever to, J."""
+        """Energy lost in total, J."""
         return self.damping_loss + self.latch_loss + abs(self.contact_loss)
 
     def drift(self, kinetic: float) -> float:
-        """Return the account's errors, as a share of what was exchanged and moved at most.
+        """Return the account's errors over the sum of energy exchanged and largest kinetic energy.
 
-        That is the surplus, and what contacts made from nothing. Every step may be within its
-        tolerance, and the sum of many still be a large part.
+        The errors are the surplus, and energy that contacts made from nothing. Every step may be
+        within its tolerance, and the sum of many still be large.
 
         Args:
             kinetic: energy of the motion now, J.
@@ -131,7 +131,7 @@ class MechanismState:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """What a run went through; k samples, the first one its start.
+    """States of a run; k samples, the first one its start.
 
     Attributes:
         time: (k,) s since the simulation's start.
@@ -157,7 +157,7 @@ class Simulator:
     """Steps a mechanism under wrenches at its operational points.
 
     Args:
-        scene: what to simulate.
+        scene: to simulate.
 
     Raises:
         SceneError: a mesh that cannot be read.
@@ -176,7 +176,7 @@ class Simulator:
         self.stepper = Stepper(self.mechanism)
         self._contacts: ContactStepper | None = None
         if scene.contacts:
-            # Here, so that a scene without contacts imports nothing of them.
+            # Imported here: a scene without contacts does not need it.
             from hapticmech_ros.contact.stepping import ContactStepper
 
             self._contacts = ContactStepper(self.mechanism)
@@ -200,7 +200,7 @@ class Simulator:
         """Return the scene's contacts as arrays for kernels, made anew; None without contacts."""
         if self._contacts is None:
             return None
-        # Here, so that a scene without contacts imports nothing of them.
+        # Imported here: a scene without contacts does not need it.
         from hapticmech_ros.contact.memory import ContactMemory
 
         return ContactMemory(self.mechanism)
@@ -252,8 +252,8 @@ class Simulator:
 
         Raises:
             ClosureError: a closed loop came apart, jumped, or turned to its other branch.
-            InaccurateStepError: the step's energy account is off by a tenth of what it exchanged,
-                in as many substeps as ``simulation.accuracy`` allows.
+            InaccurateStepError: the step's energy account is off by a tenth of the energy
+                exchanged, in as many substeps as ``simulation.accuracy`` allows.
             InvalidInputError: the state is no longer finite, an unknown link, or joint forces of
                 another size or not finite.
         """
@@ -298,7 +298,7 @@ class Simulator:
     def _run_free(
         self, state: MechanismState, steps: int, wrenches: Array, every: int
     ) -> Trajectory:
-        """Run with nothing to watch for on the way."""
+        """Run without closures that could latch between steps."""
         nq, count = self.mechanism.nq, steps // every
         samples = np.empty((count + 1, nq + self.mechanism.nv))
         samples[0] = np.concatenate((state.q, state.v))
@@ -349,7 +349,7 @@ class Simulator:
         return self._activated(replace(state, released=frozenset(released)), tuple(active))
 
     def _start(self, state: MechanismState) -> Start:
-        """Return a state as the start of a step, with what is known there."""
+        """Return a state as the start of a step, with the terms known there."""
         known = self._evaluated
         terms = known[1] if known is not None and known[0] is state else None
         a = state.account
@@ -359,11 +359,11 @@ class Simulator:
     def _ended(
         self, state: MechanismState, stepped: Stepped, steps: int, touched: Touched | None = None
     ) -> MechanismState:
-        """Return the state after some steps, and remember what is known there.
+        """Return the state after some steps, and keep its terms.
 
         Args:
             state: before.
-            stepped: what the steps did, without contacts' part in energies.
+            stepped: result of the steps, without contacts' part in energies.
             steps: how many.
             touched: of a step with contacts.
         """

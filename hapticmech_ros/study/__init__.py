@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's keys varied over ranges, and what is measured of each scene that results.
+"""A scene's keys varied over ranges, and measures of each resulting scene.
 
 The names below are loaded when first used: workers measure, and draw nothing.
 """

@@ -25,7 +25,7 @@ RULE = "must be KEY=FROM:TO:NUMBER, KEY=FROM:TO, either with :log, or KEY=VALUE,
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """What one or more keys of a scene may be.
+    """Values of one or more keys of a scene.
 
     Attributes:
         keys: paths as of ``--set``, ``links[1].inertial.mass``; all of them get the same value.
@@ -41,7 +41,7 @@ class Variation:
 
     @classmethod
     def read(cls, text: str) -> Variation:
-        """Return what an option says: ``KEY=FROM:TO:NUMBER:log``, or ``KEY=VALUE,VALUE``.
+        """Return the variation of an option: ``KEY=FROM:TO:NUMBER:log``, or ``KEY=VALUE,VALUE``.
 
         Several keys with commas between them get the same value. Ends of a range may be angles,
         ``90 deg`` or ``pi/2``.
@@ -113,7 +113,7 @@ class Design:
     """The scenes of a study, by their number from 0 on.
 
     Attributes:
-        variations: of keys, each of which varies once.
+        variations: of keys, each in one variation.
         samples: scenes of a Latin hypercube; 0 for a grid over all choices, the last one fastest.
         seed: of the Latin hypercube.
     """
@@ -159,7 +159,7 @@ class Design:
         return tuple(found)
 
     def changes(self, index: int) -> tuple[str, ...]:
-        """Return what is set in a scene, ``key=value`` each."""
+        """Return the changes of a scene, ``key=value`` each."""
         pairs = zip(self.variations, self.values(index), strict=True)
         return tuple(f"{key}={value}" for one, value in pairs for key in one.keys)
 

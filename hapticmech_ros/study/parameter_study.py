@@ -5,13 +5,13 @@
 Each row depends on its scene alone: results are the same to the bit with any number of workers, of
 this machine or of a cluster, and when a study was interrupted.
 
-A study's rows on disk as they come, so that one that was interrupted goes on where it was.
+A study's rows are written to disk at once, and an interrupted study resumes from them.
 
-``study.json`` says of what the study is, ``rows.bin`` has a record for each scene, in the order of
-their arrival: its number and whether it was measured (0) or failed (1), little-endian int64; its
-numbers, float64; and the CRC-32 of all that, uint64. ``failures.jsonl`` says why scenes failed. A
-record that was not written to its end is cut off when the study goes on, and its scene is measured
-again; none is ever written twice.
+``study.json`` defines the study, ``rows.bin`` has a record for each scene, in the order of their
+arrival: its number and whether it was measured (0) or failed (1), little-endian int64; its numbers,
+float64; and the CRC-32 of all that, uint64. ``failures.jsonl`` has the reasons of failed scenes. An
+incomplete record is cut off when the study resumes, and its scene is measured again; none is ever
+written twice.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from hapticmech_ros.system.installation import PACKAGE
 from hapticmech_ros.system.workers import Lost, WorkerPool, Workers, versions
 
 DEFINITION, ROWS, FAILURES = "study.json", "rows.bin", "failures.jsonl"
-# Of what a study's folder says; more is none.
+# Largest size of ``study.json``, bytes; a larger file is none.
 MOST_BYTES = 64_000_000
 MEASURED, FAILED = 0, 1
 
 
 class StudyError(HapticMechError):
-    """A study that cannot go on: its folder has another one, or somebody is at it."""
+    """A study cannot resume: its folder has another one, or is in use."""
 
 
 # Rows by the number of their scene: its numbers (m,), or why it has none, in words.
@@ -64,7 +64,7 @@ class Journal:
 
     Args:
         folder: of the study, created if needed.
-        definition: of what the study is, as JSON has it.
+        definition: of the study, as in JSON.
         columns: names of the numbers of each row.
 
     Attributes:
@@ -114,10 +114,10 @@ class Journal:
         return zlib.crc32(record.tobytes()[: -self._record["crc"].itemsize])
 
     def _begin(self, definition: dict[str, Any]) -> None:
-        """Say of what the study is, or see that it is the one that is there.
+        """Write the study's definition, or check that the folder's is the same.
 
         Raises:
-            StudyError: it is another one, or another process is at it.
+            StudyError: it is another one, or another process uses it.
         """
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -143,7 +143,7 @@ class Journal:
             )
 
     def _read(self) -> Rows:
-        """Return the rows that are there, and cut off what is none."""
+        """Return the stored rows, and cut off an incomplete one."""
         size, why = self._record.itemsize, self._reasons()
         data = np.fromfile(self._folder / ROWS, dtype=np.uint8)
         rows = Rows()
@@ -183,7 +183,7 @@ CHUNK = 64
 # Bytes of a file that are hashed at a time.
 BLOCK = 1 << 20
 TABLE = "study.npz"
-# Reasons for failures that are told.
+# Largest number of printed reasons for failures.
 REASONS_SHOWN = 5
 
 Show = Callable[[int, int], None]
@@ -196,10 +196,10 @@ class ParameterStudy(Results):
     Attributes:
         scene: its name.
         scene_sha256: of the scene before keys were varied, and of the files that it names.
-        design: which scenes.
+        design: of the scenes.
         columns: names of the m numbers.
         index: (n,) numbers of the scenes that were measured, ascending.
-        numbers: (n, m) what was measured of them, in SI units.
+        numbers: (n, m) their measures, in SI units.
         failed: why others were not measured, by number.
         lost: numbers of scenes whose worker was ended, twice; they are tried again next time.
     """
@@ -250,7 +250,7 @@ class ParameterStudy(Results):
         return pandas.DataFrame(self.arrays()).set_index("index")
 
     def document(self) -> dict[str, object]:
-        """Return what was studied and how it is spread; the numbers are in ``study.npz``."""
+        """Return the study's definition and its distributions; the numbers are in ``study.npz``."""
         return {
             "scene": self.scene,
             "scene_sha256": self.scene_sha256,
@@ -315,15 +315,15 @@ def run_study(
     """Measure a scene with its keys varied.
 
     Args:
-        scene: a path, a shipped scene's name, or a scene. It has to run as it is: its numbers tell
-            which there are. Of a file, keys are those that are written in it, such as points of a
-            ``linkage``, or of the links that its ``model`` stands for; gains follow rules anew
-            where it gives none. Of a scene they are kept.
+        scene: a path, a shipped scene's name, or a scene. It has to run unchanged: it determines
+            the columns. Of a file, keys are those that are written in it, such as points of a
+            ``linkage``, or of the links of its ``model``; gains follow rules anew where it gives
+            none. Of a scene they are kept.
         design: how its keys vary.
-        measures: what is measured; see :mod:`~hapticmech_ros.study.task`.
+        measures: names of measures; see :mod:`~hapticmech_ros.study.task`.
         point: operational point; the scene's first one if empty.
         changes: ``key=value`` each, of all scenes.
-        folder: in which rows are kept as they come, and found again; None keeps them in memory.
+        folder: of rows, for resuming; None keeps them in memory.
         workers: that share the scenes. A script that calls this with several processes has to guard
             it by ``if __name__ == "__main__"``.
         show: called with the number of scenes done and their total.

@@ -1,10 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a study gives a worker, and what the worker does with it.
+"""A study's task for a worker, and the worker's measures of a scene: numbers by name.
 
-Workers import this and what is measured, and nothing that draws or writes.
-
-What a study measures of each scene: numbers by name.
+Workers import this and the measures, and nothing that draws or writes.
 
 A measure is a function of a scene and the name of an operational point, empty for the first one,
 that returns numbers by name, the same names for every scene of a study. One of a user's own is
@@ -47,7 +45,7 @@ class Measure(Protocol):
             point: operational point; the scene's first one if empty.
 
         Raises:
-            HapticMechError: it cannot be measured; the study goes on.
+            HapticMechError: it cannot be measured; the study continues.
         """
         ...
 
@@ -60,7 +58,7 @@ def _at_the_start(scene: Scene, point: str) -> tuple[OperationalAnalysis, float]
 
 
 def felt(scene: Scene, point: str) -> dict[str, float]:
-    """Return what is felt at the start, at rest.
+    """Return the felt dynamics at the start, at rest.
 
     ``count`` of joint constraints; least and largest mass (kg) felt in any direction; ``mass_x``
     and so on, 1 / X_ii (kg), and ``inertia_z`` and so on (kg m²); all of these infinite where it is
@@ -171,11 +169,11 @@ class Task:
     """Scenes to measure, and all that another process needs to know for that.
 
     Attributes:
-        document: as written, of which keys are set.
+        document: as written, to change.
         path: of its file.
-        measures: what is measured.
+        measures: their names.
         point: operational point; the scene's first one if empty.
-        changes: index of each scene, and what is set in it, ``key=value`` each.
+        changes: index of each scene, and its changes, ``key=value`` each.
     """
 
     document: object

@@ -52,7 +52,7 @@ def listed(cpus: Iterable[int]) -> str:
 def available_cores() -> float:
     """Return how many processors this process may use: its affinity, and quotas of its groups.
 
-    A container with ``--cpus 1.5`` has 1.5, whatever number of processors it sees.
+    A container with ``--cpus 1.5`` has 1.5, with any number of visible processors.
     """
     found = float(len(os.sched_getaffinity(0)))
     with suppress(OSError):

@@ -1,10 +1,12 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who can find a graph: processes on this machine, unless somebody asks for more. Imports no ROS.
+"""Discovery of a graph: by processes on this machine only, unless requested otherwise.
 
-What ROS calls ``LOCALHOST`` is done here by a profile of Fast DDS that binds its sockets to the
-loopback interface. ROS's own way leaves sockets on all interfaces and turns shared memory on again,
-where whoever is killed while it holds a lock stops its peers for seconds.
+Imports no ROS.
+
+For ROS's ``LOCALHOST``, a profile of Fast DDS binds its sockets to the loopback interface. ROS's
+own method leaves sockets on all interfaces and turns shared memory on again, where a process killed
+while it holds a lock blocks its peers for seconds.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ def choose_discovery(environment: MutableMapping[str, str], asked: Discovery | N
 
     Args:
         environment: is changed; twice gives the same as once.
-        asked: goes before what the environment says of range and peers.
+        asked: overrides the environment's range and peers.
     """
     if asked is not None:
         environment.pop(_LOCALHOST_ONLY, None)
@@ -51,7 +53,7 @@ def choose_discovery(environment: MutableMapping[str, str], asked: Discovery | N
         return
     local = _is_local(environment)
     if not environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps"):
-        # Others do by themselves what the range says.
+        # Other middlewares obey the range by themselves.
         if local:
             environment[RANGE] = "LOCALHOST"
         return
@@ -70,7 +72,7 @@ def choose_discovery(environment: MutableMapping[str, str], asked: Discovery | N
 def exposure() -> str:
     """Return in one sentence that this process can be reached from the network; or nothing.
 
-    Call it once the middleware has its sockets: they tell, whoever chose what, and how.
+    Call it once the middleware has its sockets: it examines these, not the settings.
     """
     found = sorted({f"{kind} {address}" for kind, address in listening(os.getpid())})
     if not found:
@@ -86,7 +88,7 @@ def exposure() -> str:
 
 
 def _is_loopback(profile: str) -> bool:
-    """Return whether a profile is the one for this machine alone, of whatever installation."""
+    """Return whether a profile is the one for this machine alone, of any installation."""
     own = shared(_LOOPBACK)
     try:
         return own is not None and Path(profile).read_bytes() == own.read_bytes()

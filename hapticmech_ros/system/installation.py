@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the Python packages that this one needs are installed, and new enough.
 
-pip sees to it; colcon and rosdep do not, and distributions have older versions of some. Without a
-look at the start a node ends with a traceback from the middle of somebody else's package.
+pip ensures it; colcon and rosdep do not, and distributions have older versions of some. Without
+this check a node ends with a traceback from another package's code.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ OF_COMMANDS = frozenset({"matplotlib", "mcap", "rich", "rosbags", "typer"})
 def refuse_unmet(
     requirements: Iterable[str] | None = None, without: Container[str] = frozenset()
 ) -> None:
-    """Refuse an installation without what this package needs.
+    """Refuse an installation without this package's requirements.
 
     Args:
         requirements: in the form of PEP 508; those of the installed package if None.
@@ -51,7 +51,7 @@ def refuse_unmet(
 
 
 def refuse_middleware(environment: Mapping[str, str]) -> None:
-    """Refuse an environment that asks for a middleware that is not installed.
+    """Refuse an environment that selects a middleware that is not installed.
 
     rcl would end the process as it is loaded, with neither the variable's name nor a remedy.
 
@@ -59,7 +59,7 @@ def refuse_middleware(environment: Mapping[str, str]) -> None:
         environment: of the process that is to load rclpy.
 
     Raises:
-        HapticMechError: ``RMW_IMPLEMENTATION`` names one of which no prefix has an index entry.
+        HapticMechError: no prefix has an index entry of ``RMW_IMPLEMENTATION``.
     """
     asked = environment.get("RMW_IMPLEMENTATION", "")
     prefixes = (*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix)
@@ -78,7 +78,7 @@ def refuse_middleware(environment: Mapping[str, str]) -> None:
 
 
 def _unmet(requirements: Iterable[Requirement]) -> Iterator[tuple[str, str]]:
-    """Yield each requirement that is not met, as pip takes it, and what there is instead."""
+    """Yield each unmet requirement, in pip's form, and the installed version."""
     for requirement in requirements:
         if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
             continue

@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes tell who started them that they are up, and how they are: sd_notify(3), as services do.
+"""Processes notify their parent that they are up, and of their state: sd_notify(3), as services do.
 
-What a node is doing is its ``STATUS``, which ``systemctl status`` shows, and with figures an ``X_``
-variable of this package, which systemd passes over.
+A node's state is its ``STATUS``, which ``systemctl status`` shows, and, with figures, an ``X_``
+variable of this package, which systemd ignores.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from dataclasses import asdict, dataclass
 
 ADDRESS = "NOTIFY_SOCKET"
 READY = b"READY=1"
-# Set for nodes whose last report is shown by whoever started them, and not printed by them.
+# Set for nodes whose parent shows their last report: they do not print it.
 SHOWN = "HAPTICMECH_ROS_REPORTS_SHOWN"
 _REPORT = b"X_HAPTICMECH_REPORT="
-# s, for which a process waits where others have just said so too: ten messages fill a socket.
+# s, for which a process waits while the socket is full, after ten messages.
 _PATIENCE_S = 0.5
 _LARGEST = 1 << 16
-# Of what was said, so much is read at once: more may come as fast as it is read.
+# Most messages read at once: more may come as fast as they are read.
 _AT_ONCE = 256
 _CREDENTIALS = struct.Struct("3i")
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How a node is.
+    """A node's state.
 
     Attributes:
         node: its full name.
-        well: whether it does what it is for.
-        sentence: what it does.
+        well: whether it works.
+        sentence: on its state.
         figures: of diagnostics.
         last: whether it ends now.
     """
@@ -48,7 +48,7 @@ class Report:
 
 
 def report_ready(environment: Mapping[str, str] = os.environ) -> None:
-    """Say that this process is up to whoever wants to know, if anybody does and listens.
+    """Notify the parent, if it listens, that this process is up.
 
     Args:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
@@ -58,7 +58,7 @@ def report_ready(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def send_report(report: Report, environment: Mapping[str, str] = os.environ) -> None:
-    """Say how a node is to whoever wants to know; nothing is waited for.
+    """Send a node's state to the parent, if it listens, without waiting.
 
     Args:
         report: of the node.
@@ -79,17 +79,17 @@ def _send(text: bytes, environment: Mapping[str, str], patience_s: float) -> Non
             sender.connect("\0" + address[1:] if address[0] == "@" else address)
             sender.send(text)
         except OSError:
-            # Whoever wanted to know has gone, does not listen, or has more than it has read.
+            # The parent has ended, does not listen, or its socket is full.
             return
 
 
 class Readiness:
-    """Hears which processes are up, and how their nodes are.
+    """Receives which processes are up, and the states of their nodes.
 
     Attributes:
         address: for ``NOTIFY_SOCKET`` of these processes.
         reports: the last one of each node, by its name.
-        endings: the last one of each node that said that it ends.
+        endings: the last one of each node that reported its end.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class Readiness:
         self.endings: dict[str, Report] = {}
 
     def pids(self) -> frozenset[int]:
-        """Return the processes that have said so, by what the system says of the sender."""
+        """Return the processes that are up, by the senders' credentials from the system."""
         for _ in range(_AT_ONCE):
             try:
                 text, ancillary, _, _ = self._socket.recvmsg(
@@ -125,15 +125,15 @@ class Readiness:
         try:
             report = Report(**json.loads(content))
         except (TypeError, ValueError):
-            return  # nobody's that this package started
+            return  # not from a process of this package
         known = self.endings if report.last else self.reports
         known[report.node] = report
 
     @property
     def is_open(self) -> bool:
-        """Whether anything is heard."""
+        """Whether it receives."""
         return self._socket.fileno() >= 0
 
     def close(self) -> None:
-        """Hear no more."""
+        """Close the socket."""
         self._socket.close()

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work shared by processes, which end with the one that started them, or by a cluster's.
 
-Scheduler and workers of a Dask cluster are whoever's who started them: they run what they are sent,
-and their messages are not encrypted unless the address says ``tls://``.
+Scheduler and workers of a Dask cluster run any code that they are sent, as the user who started
+them, and their messages are not encrypted unless the address begins with ``tls://``.
 """
 
 from __future__ import annotations
@@ -86,11 +86,11 @@ def _end_with_parent() -> None:
 
 
 class WorkerPool:
-    """Shares cases among workers; a context, at the end of which no process of its own is left.
+    """Shares cases among workers; a context that ends its own processes on exit.
 
-    A worker that is killed, or out of memory, costs no case but its own: the others at work then
-    are tried once more, each by a process of its own. An executor that was given is left open, and
-    what it lost is lost: it may be that of a cluster, which tries again by itself.
+    A worker that is killed, or out of memory, loses only its own case: the others in progress are
+    tried once more, each by a separate process. An executor passed as ``workers`` is left open, and
+    its lost cases stay lost: a cluster's tries again by itself.
 
     Args:
         workers: that share the cases.
@@ -122,7 +122,7 @@ class WorkerPool:
     def completed(
         self, work: Callable[[Given], Found], cases: Iterable[Given]
     ) -> Iterator[tuple[int, Found | Lost[Given]]]:
-        """Yield the index of each case and what a function returns for it, as answers come.
+        """Yield the index of each case and the function's result for it, as results come.
 
         Args:
             work: a function of a module, and of nothing but its argument.
@@ -160,7 +160,7 @@ class WorkerPool:
     def in_order(
         self, work: Callable[[Given], Found], cases: Iterable[Given]
     ) -> Iterator[Found | Lost[Given]]:
-        """Yield what :meth:`completed` does in the order of the cases."""
+        """Yield the results of :meth:`completed` in the order of the cases."""
         early: dict[int, Found | Lost[Given]] = {}
         following = 0
         for index, found in self.completed(work, cases):
@@ -170,7 +170,7 @@ class WorkerPool:
                 following += 1
 
     def answers(self, work: Callable[[Given], Found], cases: Iterable[Given]) -> Iterator[Found]:
-        """Yield what a function returns for each case, in their order.
+        """Yield a function's result for each case, in their order.
 
         Raises:
             LostError: a case was lost.
@@ -189,9 +189,9 @@ class WorkerPool:
         return self._pool
 
     def _drained(self, flying: Collection[Future[Any]]) -> set[Future[Any]]:
-        """Return all that was given to workers of which one died, done, and forget a pool of ours.
+        """Return all futures of workers, one of which died, when done; drop an own pool.
 
-        Dask blames whatever waits at a worker that dies: what is done again is to be there alone.
+        Dask blames every task that waits at a dying worker: a retry must be there alone.
         """
         found = wait(flying).done
         if self._pool is not None:
@@ -218,7 +218,7 @@ def _is_lost(future: Future[Any]) -> bool:
 def in_order(
     work: Callable[[Given], Found], cases: Iterable[Given], workers: Workers = None
 ) -> Iterator[Found | Lost[Given]]:
-    """Yield what a function returns for each case, in their order.
+    """Yield a function's result for each case, in their order.
 
     Args:
         work: a function of a module, and of nothing but its argument.
@@ -235,7 +235,7 @@ def in_order(
 def answers(
     work: Callable[[Given], Found], cases: Iterable[Given], workers: Workers = None
 ) -> Iterator[Found]:
-    """Yield what :func:`in_order` does, where no case may be lost.
+    """Yield the results of :func:`in_order`, where no case may be lost.
 
     Raises:
         LostError: one was.
@@ -245,7 +245,7 @@ def answers(
         yield from pool.answers(work, cases)
 
 
-# The extra ``cluster`` in setup.py says the same.
+# The same as the extra ``cluster`` in setup.py.
 DASK = "distributed>=2024.5"
 # s until a scheduler has answered, and has a worker.
 PATIENCE = 20.0
@@ -254,8 +254,8 @@ PATIENCE = 20.0
 class _OfCluster(Executor):
     """A client's workers as an executor.
 
-    Dask has one, ``Client.get_executor``, which ends with a ValueError of its own where a worker
-    dies between its answer and the answer's way here, and the task is done again.
+    Dask's own, ``Client.get_executor``, ends with a ValueError if a worker dies after its answer
+    but before the answer arrives, and the task is repeated.
 
     Args:
         client: of Dask.
@@ -267,28 +267,28 @@ class _OfCluster(Executor):
     def submit(self, work: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
         """Return the future of a call by a worker; arguments as of ``Executor.submit``."""
         found: Future[Any] = Future()
-        # The same call twice is done twice, by whoever is free.
+        # Equal calls are done separately, by any free worker.
         there = self._client.submit(work, *given, pure=False, **named)
         there.add_done_callback(partial(_hand_over, found))
         return found
 
 
 def _hand_over(found: Future[Any], there: Any) -> None:
-    """Fill a future with what became of a task of Dask."""
+    """Fill a future with the outcome of a task of Dask."""
     try:
         result = there.result()
     except CancelledError:
         found.cancel()
-        # Only so does whoever waits for several wake up.
+        # This wakes a caller that waits for several futures.
         found.set_running_or_notify_cancel()
-    except Exception as error:  # noqa: BLE001 - whatever it was: who waits for it is told
+    except Exception as error:  # noqa: BLE001 - any error goes to the waiting caller
         found.set_exception(error)
     else:
         found.set_result(result)
 
 
 class ClusterError(HapticMechError):
-    """A cluster that cannot be used: nobody answers, or its workers have other packages."""
+    """A cluster that cannot be used: no answer, or its workers have other packages."""
 
 
 @contextmanager
@@ -302,13 +302,13 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
     Raises:
         InstallationError: Dask is not installed.
         InvalidInputError: no address of a scheduler.
-        ClusterError: nobody answers, there is no worker, or one does not answer, has another Python
-            or another version of what the results depend on; or the scheduler goes away.
+        ClusterError: no answer, no worker, or one that does not answer, or has another Python or
+            another version of a package that affects results; or the scheduler goes away.
     """
     refuse_unmet([DASK])
     if not address.startswith(("tcp://", "tls://")):
         raise InvalidInputError("cluster", address, "must be tcp://HOST:PORT, or tls://")
-    # Here, as it takes a second, and only clusters need it.
+    # Imported here: it takes a second, and only clusters need it.
     from distributed import Client
 
     try:
@@ -328,7 +328,7 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Executor]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what results depend on, by package; of Python to its minor one."""
+    """Return the versions of packages that affect results, by name; of Python to its minor one."""
     found = {"python": ".".join(platform.python_version_tuple()[:2])}
     for name in ("hapticmech_ros", "numpy", "pin", "numba"):
         try:
@@ -339,10 +339,10 @@ def versions() -> dict[str, str]:
 
 
 def _versions_there(client: Any, address: str, patience: float) -> Mapping[str, object]:
-    """Return what each worker says of its versions.
+    """Return the versions that each worker reports.
 
     Raises:
-        ClusterError: one is there, and says nothing: it is frozen, or its machine is.
+        ClusterError: one does not answer: it is frozen, or its machine is.
     """
     try:
         found = client.run(versions, on_error="return", callback_timeout=patience)
@@ -354,7 +354,7 @@ def _versions_there(client: Any, address: str, patience: float) -> Mapping[str, 
 
 
 def _can_work(found: Mapping[str, object], address: str) -> bool:
-    """Return whether a worker answers, none of which has other packages than this process.
+    """Return whether a worker answers; none may have other packages than this process.
 
     Raises:
         ClusterError: one has.

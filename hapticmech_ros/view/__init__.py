@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What people look at: shapes, frames, joint positions and URDF text. Knows no ROS and no clock."""
+"""Visualisation: shapes, frames, joint positions and URDF text. It uses no ROS and no clock."""
 
 from hapticmech_ros.view.picture import Picture, Snapshot, UserSnapshot
 from hapticmech_ros.view.placement import (

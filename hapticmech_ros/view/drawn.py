@@ -22,7 +22,7 @@ from hapticmech_ros.view.palette import AXES, FELT, LEGEND, MEANING, Colour
 from hapticmech_ros.view.shapes import Shape, rotation_to
 
 SIDE_INCHES, SIDE_PIXELS = 7.0, 1050
-# What is seen from above is drawn as it lies in the world's plane; bodies are seen from here.
+# Views: planar scenes from above, in the world's plane; others from the side.
 ABOVE = np.array((0.0, 0.0, 1.0))
 ASIDE = np.array((1.0, -1.6, 0.9))
 MARGIN = 0.08
@@ -60,13 +60,12 @@ def draw_shapes(
     """Write a picture of shapes as a PNG file, with a scale bar, the world's axes and a legend.
 
     Args:
-        shapes: what is seen.
+        shapes: to draw.
         path: of the file.
         planar: whether it is seen from above, else from aside.
         title: above it.
         side_pixels: width and height.
-        users: hue of each, where there are several; the legend has these, and not what in their
-            shades means something.
+        users: hue of each, where there are several; the legend has these, and no shades of them.
     """
     view = view_from(ABOVE if planar else ASIDE)
     figure = Figure(figsize=(SIDE_INCHES, SIDE_INCHES), dpi=side_pixels / SIDE_INCHES)
@@ -90,7 +89,7 @@ def draw_shapes(
 
 
 def _outlines(shape: Shape, view: Array) -> list[Array]:
-    """Return (k, 3) points of the world whose hull is what is seen, one array for each part."""
+    """Return (k, 3) points of the world whose hull is drawn, one array for each part."""
     if shape.kind == "sphere":
         turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         circle = np.column_stack((np.cos(turn), np.sin(turn))) @ view[:2]
@@ -115,7 +114,7 @@ def _outlines(shape: Shape, view: Array) -> list[Array]:
 
 
 def _tube(start: Array, end: Array, first: float, last: float) -> Array:
-    """Return points on the rims, of these diameters, of what is round from start to end."""
+    """Return points on the rims, of these diameters, of a round body from start to end."""
     turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
     rim = np.column_stack((np.cos(turn), np.sin(turn))) @ rotation_to(end - start)[:, :2].T
     return np.vstack((start + 0.5 * first * rim, end + 0.5 * last * rim))
@@ -133,7 +132,7 @@ def _fill(axes: Axes, points: Array, colour: Colour) -> None:
 
 
 def _frame(axes: Axes, points: Array) -> float:
-    """Put points in the middle of axes; return what their side shows, m."""
+    """Put points in the middle of axes; return the length of their side, m."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = (0.5 + MARGIN) * max(float((high - low).max()), 1e-6)
     centre = 0.5 * (low + high)
@@ -143,7 +142,7 @@ def _frame(axes: Axes, points: Array) -> float:
 
 
 def scale_of(longest: float) -> tuple[float, str]:
-    """Return the length of a scale bar, 1, 2 or 5 times a power of ten, and what is beside it.
+    """Return the length of a scale bar, 1, 2 or 5 times a power of ten, and its label.
 
     Args:
         longest: m, which it may have.
@@ -154,7 +153,7 @@ def scale_of(longest: float) -> tuple[float, str]:
 
 
 def _bar(figure: Figure, shown: float) -> None:
-    """Draw a scale bar; ``shown`` (m) is what the side of the square shows."""
+    """Draw a scale bar; ``shown`` (m) is the length of the square's side."""
     share = SQUARE[2] / shown
     length, words = scale_of(LONGEST_BAR / share)
     (left, height), right = BAR_AT, BAR_AT[0] + share * length
@@ -184,7 +183,7 @@ def _line(
 
 
 def _legend(figure: Figure, meanings: set[str], users: Mapping[str, Colour]) -> None:
-    """Name the colours of what is seen."""
+    """Name the colours of the shapes drawn."""
     named = {LEGEND[m]: MEANING[m] for m in LEGEND if m in meanings and not (users and m in FELT)}
     named |= {f"user {name}": hue for name, hue in users.items()}
     found = [Patch(color=colour, label=label) for label, colour in named.items()]

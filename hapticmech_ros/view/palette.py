@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours and what they mean; a test compares them with docs/visualization.md.
 
-How what is of a user is named and coloured: by what it means, and of several users by whose.
+Names and colours of a user's shapes depend on their meaning, and on the user if there are several.
 
-Of one user namespaces and colours are those of :data:`~hapticmech_ros.view.palette.MEANING`. Of
-several each has a hue, of which what it means is a shade, and its point's name behind namespaces.
+For one user, namespaces and colours are those of :data:`~hapticmech_ros.view.palette.MEANING`. Each
+of several has a hue, with a shade for each meaning, and its point's name after namespaces.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Names and colours of what is of one user, or of nobody.
+    """Names and colours of one user's shapes, or of common ones.
 
     Attributes:
         user: point that is held, where there are several; empty otherwise.
@@ -27,11 +27,11 @@ class Look:
     hue: Colour | None = None
 
     def namespace(self, meaning: str) -> str:
-        """Return the namespace of what means something."""
+        """Return the namespace of a meaning."""
         return f"{meaning}/{self.user}" if self.user else meaning
 
     def colour(self, meaning: str) -> Colour:
-        """Return the colour of what means something; its opacity is the same for all users."""
+        """Return the colour of a meaning; its opacity is the same for all users."""
         plain = MEANING[meaning]
         if self.hue is None:
             return plain
@@ -49,7 +49,7 @@ PLAIN = Look()
 
 
 def looks(points: Sequence[str]) -> dict[str, Look]:
-    """Return how what is of each user is drawn, by the operational point held."""
+    """Return the look of each user's shapes, by the operational point held."""
     if len(points) < 2:
         return dict.fromkeys(points, PLAIN)
     return {point: Look(point, USERS[i % len(USERS)]) for i, point in enumerate(points)}
@@ -78,7 +78,7 @@ WORLD_AXES: tuple[Colour, Colour, Colour] = (
     (0.55, 0.85, 0.55, 0.7),
     (0.55, 0.60, 0.95, 0.7),
 )
-# Hues of several users, in their order; people who confuse red and green tell them apart.
+# Hues of several users, in their order; distinct with red-green colour blindness too.
 USERS: tuple[Colour, ...] = (
     (0.00, 0.45, 0.75, 1.0),
     (0.85, 0.37, 0.00, 1.0),
@@ -87,14 +87,14 @@ USERS: tuple[Colour, ...] = (
     (0.85, 0.65, 0.05, 1.0),
     (0.35, 0.70, 0.90, 1.0),
 )
-# What is of a user -> how far its colour is from the user's hue to white, or if negative to black.
+# A user's shape -> how far its colour is from the user's hue to white, or if negative to black.
 SHADES: dict[str, float] = {
     "hand_force": 0.4,
     "contact_force": -0.35,
     "point_command": -0.6,
     "count": 0.4,
 }
-# Namespace of a shape -> what it is called in the legend of a still picture.
+# Namespace of a shape -> its name in the legend of a still picture.
 LEGEND: dict[str, str] = {
     "links": "link",
     "joints": "joint",
@@ -106,7 +106,7 @@ LEGEND: dict[str, str] = {
     "rigid_directions": "rigid direction",
     "free_directions": "free direction",
 }
-# What of these a user feels, and so has the user's hue where there are several.
+# Those that a user feels: they have the user's hue where there are several.
 FELT = frozenset({"rigid_directions", "free_directions"})
 # Namespace of a shape -> its colour; namespaces of axes have three.
 MEANING: dict[str, Colour] = {

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The whole picture: from what is known of mechanism, device and forces to shapes."""
+"""The whole picture: shapes of mechanism, devices and forces."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ LETTERS_ABOVE = 0.6
 
 @dataclass(frozen=True, slots=True)
 class UserSnapshot:
-    """What is known of one user at one time; what is None is not drawn.
+    """One user's state at one time; parts that are None are not drawn.
 
     Attributes:
         point: operational point that is held.
@@ -122,7 +122,7 @@ class UserSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What is known at one time; what is missing is not drawn.
+    """The whole state at one time; missing parts are not drawn.
 
     Attributes:
         active: per closure, whether it is closed.
@@ -141,7 +141,7 @@ class Picture:
     """Draws snapshots of one mechanism.
 
     Args:
-        mechanism: what is drawn.
+        mechanism: to draw.
         force_scale: length of arrows, m per N.
         torque_scale: radius of rings, m per N m.
     """

@@ -4,9 +4,9 @@
 
 The mechanism as lines, for pictures: links between their joints, at a configuration.
 
-Named frames: what tf says of a mechanism and a device, apart from its messages.
+Named frames of a mechanism and a device for tf, apart from its messages.
 
-Every link is placed in ``world``; what is fixed in a link is placed there once and for all.
+Every link is placed in ``world``; frames fixed in a link are static there.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def moving_frames(
     Args:
         scene: whose links and points they are.
         placement: where these are.
-        devices: pose of each device that is known, by what is before its name.
-        users: what is before the names of all devices.
+        devices: pose of each device that is known, by the prefix of its name.
+        users: prefixes of the names of all devices.
     """
     names = frame_names(scene, users)
     found = [
@@ -88,7 +88,7 @@ def fixed_frames(scene: Scene) -> list[NamedTransform]:
 
 
 def at_world(name: str) -> str:
-    """Return what the frame at the origin of another, with the axes of the world, is called."""
+    """Return the name of the frame at the origin of another, with the axes of the world."""
     return f"{name}_{WORLD}"
 
 
@@ -97,7 +97,7 @@ def frame_names(scene: Scene, users: Sequence[str] = ("",)) -> dict[str, str]:
 
     Args:
         scene: whose points they are.
-        users: what is before the names of devices, one for each: nothing, or ``left/``.
+        users: prefixes of the names of devices, one for each: empty, or ``left/``.
     """
     taken = {WORLD, *(link.name for link in scene.links)}
     names: dict[str, str] = {}
@@ -108,7 +108,7 @@ def frame_names(scene: Scene, users: Sequence[str] = ("",)) -> dict[str, str]:
         while name in taken:
             name += SECOND
         taken.add(name)
-        # A point called `device` has the name first; the device's own frame gives way.
+        # A point called `device` has priority; the device's own frame gets another name.
         names.setdefault(wanted, name)
     return names
 
@@ -228,7 +228,7 @@ class Placement:
 
 
 class Placer:
-    """Places one mechanism; holds scratch data of its own.
+    """Places one mechanism; holds its own scratch data.
 
     Attributes:
         limbs: link name and (3,) end in the link's frame of every limb; it begins at the origin.
@@ -296,7 +296,7 @@ class Placer:
 
 
 def _limbs(mechanism: Mechanism) -> list[tuple[str, Array]]:
-    """Return link names and ends in the link: whatever is attached, or else the centre of mass."""
+    """Return link names and ends in the link: of attached frames, or else the centre of mass."""
     scene = mechanism.scene
     found: list[tuple[str, Array]] = []
     for name, origin, _ in attachments(scene):

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes as frozen descriptions: what a marker, or any other picture, is made from.
+"""Shapes as frozen descriptions: the source of markers and of any other picture.
 
 Positions are in ``world``, m. A shape is known by its namespace and number, which stay the same
 from picture to picture.
@@ -96,7 +96,7 @@ RIGID_SHAFT = 0.03
 FREE_SHAFT = 0.012
 DIRECTION_LENGTH = 0.6
 RING_RADIUS = 0.4
-# What would be drawn shorter than this is not drawn.
+# Shorter shapes than this are not drawn.
 SMALLEST = 0.01
 TORQUE = "/torque"
 
@@ -190,7 +190,7 @@ class Hulls:
     def __init__(self, scene: Scene) -> None:
         self._corners: dict[int, Array] = {}
         if any(isinstance(shape.geometry, Mesh) for shape in scene.shapes):
-            # Here, so that scenes without meshes do not load what reads them.
+            # Imported here: scenes without meshes do not need it.
             from hapticmech_ros.contact.hull import mesh_hulls
 
             hulls = mesh_hulls(scene.shapes)
@@ -250,7 +250,7 @@ def joint_shape(joint: Joint, pose: pin.SE3, axis: Array, unit: float) -> list[S
     """Return a cylinder about a hinge, a box along a slide, a ball in a socket.
 
     Args:
-        joint: what it is.
+        joint: its description.
         pose: frame of the link it carries, in the world.
         axis: (3,) unit vector, world axes.
         unit: characteristic length, m.
@@ -325,7 +325,7 @@ Kind = Literal["cylinder", "sphere", "box", "arrow", "strip", "text", "triangles
 Key = tuple[str, int]
 # An arrow's head is no longer than this share of the arrow.
 LONGEST_HEAD = 0.4
-# A ring is open by this share of a turn, so that its arrowhead can be seen; drawn by corners.
+# A ring is open by this share of a turn, which shows its arrowhead; drawn by corners.
 RING_GAP = 0.15
 RING_CORNERS = 24
 # Shorter than this (m) nothing has a direction.
@@ -340,13 +340,13 @@ class Shape:
         namespace, number: together its name.
         kind: ``cylinder`` along its z, ``sphere``, ``box``; ``arrow`` or line (``strip``) through
             ``points``; ``text`` that faces the viewer; ``triangles``, three ``points`` each.
-        pose: frame of the shape in the world; identity where ``points`` say all.
+        pose: frame of the shape in the world; identity where ``points`` suffice.
         size: m. Diameters and length of a cylinder, diameters of a sphere, edges of a box;
             diameters of shaft and head and length of the head of an arrow; width of a strip;
             height of letters last for a text; ones for triangles.
         colour: red, green, blue and opacity, 0 to 1.
         points: (n, 3) in the world: tail and tip of an arrow, corners of a strip or of triangles.
-        text: what a text says.
+        text: of a text shape.
     """
 
     namespace: str
@@ -365,7 +365,7 @@ class Shape:
 
     @property
     def meaning(self) -> str:
-        """Return what it means: its namespace without what is behind the first slash."""
+        """Return its meaning: its namespace up to the first slash."""
         return self.namespace.partition("/")[0]
 
 

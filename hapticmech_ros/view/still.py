@@ -44,7 +44,7 @@ def draw_scene(
     without any mass nothing else either.
 
     Args:
-        scene: what is drawn.
+        scene: to draw.
         path: of the file; its folder is made.
         point: operational point that is held; those of the scene's hands, or its first one, if
             empty.
@@ -93,7 +93,7 @@ def draw_configuration(
     """Write a picture of a scene in a configuration, with loops that may be open, as a PNG file.
 
     Args:
-        scene: what is drawn.
+        scene: to draw.
         q: (nq,) configuration.
         path: of the file; its folder is made.
         side_pixels: width and height.

@@ -1,16 +1,16 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""URDF text of a scene's tree, for RViz, robot_state_publisher and whoever reads URDF.
+"""URDF text of a scene's tree, for RViz, robot_state_publisher and other readers of URDF.
 
-URDF knows trees only: closures are named in a comment and left open. It has no spherical joint
-either: three hinges about x, y and z stand for it, with links without mass between them. ``free``
-is URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it. For
-rotors (``armature``) URDF has no word: they are left out.
-Numbers are written so that reading them gives the same bits.
+URDF has trees only: closures are named in a comment and left open. It has no spherical joint
+either: three hinges about x, y and z replace it, with links without mass between them. ``free`` is
+URDF's ``floating``. A locked joint is a fixed one, where the scene's initial state has it. URDF
+cannot describe rotors (``armature``): they are left out. Numbers are written so that reading them
+gives the same bits.
 
-Joint states are as robot_state_publisher wants them: a URDF joint has one number. A spherical joint
-is three hinges there, about x, y and z in turn. What URDF calls planar or floating has no single
-number and is left out: its frame comes by tf alone.
+Joint states are in robot_state_publisher's form: a URDF joint has one number. A spherical joint is
+three hinges there, about x, y and z in turn. URDF's planar and floating joints have no single
+number and are left out: their frames come by tf alone.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class JointStates:
 
 
 def hinge_name(joint: str, axis: str) -> str:
-    """Return the name of one of the three hinges that stand for a spherical joint."""
+    """Return the name of one of the three hinges that replace a spherical joint."""
     return f"{joint}_{axis}"
 
 
@@ -124,7 +124,7 @@ def hinge_rates(rotation: Array, angular: Array) -> tuple[float, float, float]:
     return first, float(along), float(angular[2]) - first * np.sin(b)
 
 
-# URDF wants limits where the scene has none: m, N and m/s that nobody will reach.
+# URDF requires limits where the scene has none: m, N and m/s that are never reached.
 _NO_LIMIT = "1e6"
 _TYPES = {
     "revolute": "continuous",

@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bounds of the numbers in messages: what each of them is, and how large it may be.
+"""Bounds of the numbers in messages, by the quantity of each.
 
-A layout says which quantity every number is; a scene's ``limits`` say how large it may be. What
-is read and what is sent is held to the same bounds, by one comparison of all numbers of a message,
-which no NaN and no infinity passes.
+A layout defines each number's quantity; a scene's ``limits`` its largest size. Received and sent
+messages are checked against the same bounds, by one comparison of all numbers, which no NaN and no
+infinity passes.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from hapticmech_ros.wire.kernels import QUATERNION_TOLERANCE, UNSOUND, sound_sta
 from hapticmech_ros.wire.messages import Kind, Message
 from hapticmech_ros.wire.stamped import LAST_SECOND, stamp_of
 
-# Quantities that no scene says anything about.
+# Quantities without limits in scenes.
 FIXED: dict[str, float] = {
     "seconds": float(LAST_SECOND),
     "nanoseconds": 999_999_999.0,
-    "quaternion": sys.float_info.max,  # its length is looked at
+    "quaternion": sys.float_info.max,  # its length is checked
     "duration": 3600.0,
     "count": 6.0,
     "flags": 1.0,
@@ -80,7 +80,7 @@ class Bounds:
         return self.stamp(values), values
 
     def check_output(self, values: Array) -> None:
-        """Hold what is to be sent to the same rules.
+        """Check a message to be sent by the same rules.
 
         Args:
             values: (n,) the data.
@@ -144,7 +144,7 @@ class SixBounds:
     last: float = sys.float_info.max
 
     def check(self, six: Sequence[float]) -> None:
-        """Refuse six numbers of which one is too large, or not finite.
+        """Refuse six numbers if one is too large, or not finite.
 
         Raises:
             InvalidInputError: a number beyond its bound, or not finite.
@@ -162,7 +162,7 @@ class SixBounds:
             self._refusal(six)
 
     def check_output(self, six: Sequence[float]) -> None:
-        """Hold what is to be sent to the same rules.
+        """Check a message to be sent by the same rules.
 
         Raises:
             OutputError: as :meth:`check`.
@@ -194,7 +194,7 @@ def twist_bounds(limits: Limits) -> SixBounds:
 
 
 def pose_bounds(limits: Limits) -> SixBounds:
-    """Return the bounds of a position and of a quaternion's x, y and z; its length is looked at."""
+    """Return the bounds of a position and of a quaternion's x, y and z; not of its length."""
     return SixBounds("pose", ("position", ANY), limits.position)
 
 
@@ -204,8 +204,7 @@ def bounds_of(what: str, layout: Layout, limits: Limits | None = None) -> Bounds
     Args:
         what: its name, for errors.
         layout: its fields, the stamp first.
-        limits: of the scene; None, where no scene is known, bounds nothing but stamps, flags and
-            counts.
+        limits: of the scene; None, for an unknown scene, bounds only stamps, flags and counts.
     """
     quantities = tuple(layout.quantities())
     most = np.array([_most(quantity, limits) for quantity in quantities])

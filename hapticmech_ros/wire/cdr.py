@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Float64MultiArray as bytes on the wire (XCDR1), for the messages of the control rate.
 
-Written and read without building the message's Python objects, which cost more than the physics in
-between. What is written is an ordinary message, with one labelled dimension; what is read may have
+It writes and reads them without building the message's Python objects, which would take longer than
+the physics. Written messages are ordinary ones, with one labelled dimension; messages read may have
 any layout.
 """
 
@@ -27,7 +27,7 @@ class FlatArray:
 
     Args:
         fields: name -> size, in order; becomes the label of the message's one dimension.
-        bounds: what is sent keeps them; None: any finite numbers.
+        bounds: of sent numbers; None: any finite numbers.
 
     Attributes:
         size: how many numbers a message has.

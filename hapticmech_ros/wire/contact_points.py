@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layout of ``mechanism/contacts``: every point of contact of a mechanism, in one message.
 
-A stamp, and eleven numbers for each point, so that the message is as long as there are points.
+A stamp, and eleven numbers for each point: the message's length depends on their number.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class ContactLayout:
         self._flat: dict[int, FlatArray] = {}
 
     def encode(self, touching: Touching | None, time_ns: int) -> bytes:
-        """Return the serialized message of what touches; None: nothing does."""
+        """Return the serialized message of contact points; None without any."""
         rows = np.zeros((0, POINT.size))
         if touching is not None:
             rows = np.column_stack(

@@ -14,7 +14,7 @@ from hapticmech_ros.wire.messages import (
     OperationalModelMessage,
 )
 
-# No message stands for a time before this.
+# No message has a time before this.
 UNSOUND = -1
 # Where quaternions are in the messages of the control rate.
 MODEL_QUATERNION = OperationalModelMessage.layout.start("quaternion")
@@ -57,10 +57,10 @@ def write_operational_model(
     "int64, float64)"
 )
 def sound_stamp(values: Array, most: Array, quaternion: int, tolerance: float) -> int:
-    """Return the time (ns) that a message stands for, or :data:`UNSOUND`.
+    """Return the time (ns) of a message, or :data:`UNSOUND`.
 
-    Sound is what certainly keeps the rules: no number larger than it may be, which none is that is
-    not finite; of unit length within half the tolerance the quaternion; a stamp of whole numbers.
+    A sound message certainly keeps the rules: all numbers are finite and within their bounds, the
+    quaternion's length is 1 within half the tolerance, and the stamp has whole numbers.
 
     Args:
         values: (n,) the data, which begins with seconds and nanoseconds.

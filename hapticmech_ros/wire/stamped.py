@@ -4,7 +4,7 @@
 
 As in :mod:`~hapticmech_ros.wire.cdr`: the messages' Python objects would cost several times as
 much. WrenchStamped is in :mod:`~hapticmech_ros.wire.wrench`. Stamps are two numbers, which are
-looked at before anything is computed of them.
+checked before any use.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ def stamp_of(seconds: float, nanoseconds: float) -> int:
     """Return a message's stamp, ns.
 
     Raises:
-        InvalidInputError: negative, no whole number, or beyond what a stamp can hold.
+        InvalidInputError: negative, no whole number, or beyond the range of a stamp.
     """
     whole = 0 <= seconds <= LAST_SECOND and 0 <= nanoseconds < NANOSECONDS
-    # Only now: what is no number is no whole one, and cannot become one.
+    # After the range check: NaN fails it, and int() of NaN would raise.
     if not whole or seconds != int(seconds) or nanoseconds != int(nanoseconds):
         raise InvalidInputError("stamp, s and ns", (seconds, nanoseconds), _RULE)
     return int(seconds) * NANOSECONDS + int(nanoseconds)
@@ -38,7 +38,7 @@ def stamp_of(seconds: float, nanoseconds: float) -> int:
 def nearest_stamp(time_ns: int) -> int:
     """Return the time, ns, that a stamp can hold and that is nearest to one that it may not.
 
-    For what must be said at any time: that all is at zero, and what is wrong.
+    For messages that must be sent at any time: zero wrenches, and faults.
     """
     return min(max(time_ns, 0), LAST_NS)
 
@@ -47,7 +47,7 @@ def seconds_of(time_ns: int) -> tuple[int, int]:
     """Return a time as a stamp has it, in s and ns.
 
     Raises:
-        OutputError: before 1970, or beyond what a stamp can hold.
+        OutputError: before 1970, or beyond the range of a stamp.
     """
     if not 0 <= time_ns <= LAST_NS:
         rule = f"seconds must be from 0 to {LAST_SECOND}, as builtin_interfaces/Time has them"

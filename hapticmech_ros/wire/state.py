@@ -3,13 +3,13 @@
 """Layout of ``mechanism/state``: all that the analyser needs of a mechanism, in one message.
 
 Flags of the closures, joint coordinates and rates, the contact wrench at every operational point
-and where that point is, taken at one time, so that they belong together.
+and the point's place, all of one time.
 
 Names of the coordinates that a JointState carries, for joints of any type.
 
 A joint of one degree of freedom has its own name and its usual position. A joint of several has one
-entry per degree of freedom, ``<joint>/0`` and so on: its position as seen from the neutral one
-(rotation vector of a spherical joint), so that positions and velocities have the same length.
+entry per degree of freedom, ``<joint>/0`` and so on: its position relative to the neutral one
+(rotation vector of a spherical joint). Positions and velocities then have the same length.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ class WireState(NamedTuple):
     """A decoded ``state`` message.
 
     Attributes:
-        stamp_ns: time it stands for, ns.
+        stamp_ns: its time, ns.
         active: per closure, whether it is closed.
         q: (nq,) configuration.
         v: (nv,) rates.
         contacts: (points, 6) wrench by the environment on the mechanism at each operational point.
-        grasps: (points, 7) where each operational point is: the link's place among the scene's,
-            and xyz (m) and rpy (rad) in its frame.
-        commanded: per operational point, whether commands for it are heard and acted on.
+        grasps: (points, 7) place of each operational point: the link's index among the scene's, and
+            xyz (m) and rpy (rad) in its frame.
+        commanded: per operational point, whether commands for it are received and applied.
     """
 
     stamp_ns: int
@@ -71,7 +71,7 @@ class StateColumns(NamedTuple):
     """Many decoded ``state`` messages.
 
     Attributes:
-        stamps_ns: (n,) times they stand for, ns.
+        stamps_ns: (n,) their times, ns.
         active: (n, closures) whether each closure is closed.
         q: (n, nq) configurations.
         v: (n, nv) rates.
@@ -158,7 +158,7 @@ class StateLayout:
         )
 
     def unpack_all(self, data: Array) -> StateColumns:
-        """Return what matters of n decoded messages, whose data (n, size) is given.
+        """Return columns of n decoded messages, from their data (n, size).
 
         Args:
             data: (n, size) of messages.

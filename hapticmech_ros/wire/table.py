@@ -4,7 +4,7 @@
 
 Where the numbers of the graph's flat messages are, as a C++ header.
 
-An SROS2 policy of the graph says which node may publish, hear and answer what, by its tables.
+An SROS2 policy of the graph grants each node its topics and services, by its tables.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ from hapticmech_ros.wire.topics import (
 )
 
 NODES = (DEVICE, *REAL_DEVICES, MECHANISM, ANALYSER, CONTROLLER, FOLLOWER, ROBOT, VIEWER, PAGE)
-# Of the relay, to the driver behind it: what it hears and what it sends, by its parameters.
+# Of the relay, to the driver behind it: topics received and sent, by its parameters.
 _BEHIND = ("/fd/joint_states", "/fd/fd_controller/commands")
 # Of a robot, by the parameters of its nodes: joints and contact from it, commands to it.
 _FROM_ROBOT, _TO_ROBOT = ("robot/joint_states", "robot/wrench"), ("robot/commands",)
-# Beside the graph, each in a process of its own.
+# Beside the graph, each in a separate process.
 ONLOOKERS = (FOLLOWER, ROBOT, VIEWER, PAGE)
-# Four nodes in one process; and who pushes, commands states and records, which is none of them.
+# Four nodes in one process; and the operator, no node, who pushes, commands states and records.
 COMPOSED, OPERATOR = "composed", "operator"
 # Of every node.
 _LOG = ("/rosout", "/parameter_events")
@@ -64,9 +64,9 @@ _SERVICES: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(REAL_DEVICES, (EMERGENCY_STOP,)),
     MECHANISM: (f"{CLOSURES.name}/*",),
 }
-# Topics with further ones below them: of whoever pushes, each his own.
+# Topics with further ones below them: one for each publisher of pushes.
 _PUSHES = (HAND_WRENCH, EXTERNAL_WRENCH)
-# What is of one user's device, analyser and controller.
+# Prefixes of one user's device, analyser and controller.
 _OF_A_USER = ("device/", "view/device/", "analysis/", f"{CONTROLLER}/")
 # Of another package, published where it is installed.
 _TF = ("/tf", "/tf_static")
@@ -96,7 +96,7 @@ def subscribed(node: str) -> list[str]:
     found += [_BEHIND[0]] if node == RELAY else []
     found += {FOLLOWER: _FROM_ROBOT, ROBOT: _TO_ROBOT}.get(node, ())
     for topic in TOPICS:
-        # A hand is what holds a real device, and nothing else pushes it.
+        # A real device is held by a hand, and has no simulated pushes.
         if role in topic.subscribers and not (role != node and topic is HAND_WRENCH):
             found.append(_pattern(topic.name))
             if topic in _PUSHES:
@@ -151,14 +151,14 @@ def _of_a_node(node: str) -> Rules:
         ("topics", "subscribe"): subscribed(node),
     }
     if node in (VIEWER, PAGE):
-        # Of several users each has these in a namespace of its own.
+        # Of several users each has these in a separate namespace.
         for names in rules.values():
             names += [f"*/{name}" for name in names if name.startswith(_OF_A_USER)]
     return {rule: names for rule, names in rules.items() if names}
 
 
 def _of_the_operator() -> Rules:
-    """Return what whoever pushes, commands states, records and calls services may do."""
+    """Return the operator's rules: to push, command states, record and call services."""
     pushed = [_pattern(topic.name) for topic in TOPICS if topic.publisher == "any"]
     pushed += [f"{_pattern(topic.name)}/*" for topic in _PUSHES]
     return {
@@ -215,7 +215,7 @@ def markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-# Those that are the same in every scene, by topic; of ``mechanism/state`` the label tells.
+# Those that are the same in every scene, by topic; for ``mechanism/state`` see its label.
 FLAT_MESSAGES: dict[str, Layout] = {
     "device/state": DeviceStateMessage.layout,
     "device/local_feedback_gain": LocalFeedbackGain.layout,

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every topic of the graph, in the order of docs/topics.md.
 
-A topic has a name, type, rate, direction of the wrench, and QoS. Names are relative, so that
-namespaces and remapping work; ``{point}`` stands for the name of an operational point of the scene.
+A topic has a name, type, rate, direction of the wrench, and QoS. Names are relative, for namespaces
+and remapping; ``{point}`` stands for the name of an operational point of the scene.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Literal
 
 from hapticmech_ros.errors import InvalidInputError
 
-# Stands for CRTK's own message types where they are not installed.
+# Replaces CRTK's own message types where they are not installed.
 TEXT = "std_msgs/msg/String"
 Rate = Literal[
     "control", "body", "view", "shared", "contact", "servo", "marker", "change", "1 Hz", "caller's"
@@ -38,7 +38,8 @@ class Topic:
             commanded to a pose, ``marker`` the scene viewer's; ``body`` is the control rate with
             ``device.servo_axes: body``.
         qos: name of the profile in nodes/messages.py.
-        meaning: what it carries; for wrenches by whom, on whom, at which point, in which axes.
+        meaning: of its values; for wrenches also which body exerts them on which, at which point,
+            and in which axes.
     """
 
     name: str
@@ -96,7 +97,7 @@ REAL_DEVICES = (HAPLY, RELAY)
 
 
 def user_prefixes(points: Sequence[str]) -> dict[str, str]:
-    """Return what is before the names of a user's topics, nodes and frames, by the point held.
+    """Return the prefix of a user's names of topics, nodes and frames, by the point held.
 
     Of several users each has its point's name as a namespace, in that of the mechanism; one user
     has that of the mechanism.
@@ -105,7 +106,7 @@ def user_prefixes(points: Sequence[str]) -> dict[str, str]:
 
 
 def crtk_type(name: str) -> str:
-    """Return the full name of one of CRTK's message types, or of what stands for it here."""
+    """Return the full name of one of CRTK's message types, or of its substitute."""
     return TEXT if importlib.util.find_spec("crtk_msgs") is None else f"crtk_msgs/msg/{name}"
 
 
@@ -277,8 +278,8 @@ DEVICE_COUPLING = Topic(
     "device/coupling_gain",
     ARRAY,
     CONTROLLER,
-    "gains H_j by which the device corrects `servo_cf` for what the other hands' wrenches have "
-    "changed by since those in the F_c of the command; 6 x 6 for each other operational point, "
+    "gains H_j by which the device corrects `servo_cf` for changes of the other hands' wrenches "
+    "since those in the F_c of the command; 6 x 6 for each other operational point, "
     "axes of `world`; zero where no hand holds",
     (DEVICE,),
     rate="shared",
@@ -641,7 +642,7 @@ TOPICS: tuple[Topic, ...] = (
 
 
 def topic_of(absolute: str) -> Topic | None:
-    """Return the topic that an absolute name stands for, in any namespace, or None."""
+    """Return the topic of an absolute name, in any namespace, or None."""
     found = [topic for topic in TOPICS if topic.names(absolute)]
     return max(found, key=lambda topic: topic.name.count("/"), default=None)
 
@@ -650,7 +651,7 @@ FEEDS = ("hand", "device", "external")
 
 
 def check_feeds(kinds: Sequence[str]) -> None:
-    """Refuse what cannot be fed.
+    """Refuse unknown kinds of feeds.
 
     Raises:
         InvalidInputError: not one of :data:`FEEDS`.

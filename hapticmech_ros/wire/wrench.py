@@ -27,7 +27,7 @@ class WireWrench(NamedTuple):
     """A decoded message.
 
     Attributes:
-        stamp_ns: time it stands for, ns; 0 if it was left empty.
+        stamp_ns: its time, ns; 0 if it was left empty.
         frame: name of the frame; may be empty.
         values: (6,) force and torque, N and N m.
     """
@@ -54,7 +54,7 @@ def encode_wrench(values: Array, stamp_ns: int, bounds: SixBounds = ANY_WRENCH) 
 
 
 def decode_wrench(message: bytes, bounds: SixBounds = ANY_WRENCH) -> WireWrench:
-    """Return what a serialized WrenchStamped holds.
+    """Return the contents of a serialized WrenchStamped.
 
     Raises:
         InvalidInputError: cut short, not little-endian CDR, a stamp that is none, or a wrench

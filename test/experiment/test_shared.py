@@ -193,7 +193,7 @@ def test_the_command_does_it(tmp_path):
     assert {path.name for path in out.iterdir()} == {
         *("left", "right", "users.png", "coupling.png", "summary.json")
     }
-    with pytest.raises(InvalidInputError, match="each does what the scene says"):
+    with pytest.raises(InvalidInputError, match="each is set in the scene"):
         ran(*arguments, "--push", "1,0,0")
 
 

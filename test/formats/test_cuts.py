@@ -193,7 +193,7 @@ def test_a_universal_joint_may_close_a_loop(tmp_path, second):
     assert_alike(carried[1], closing[1], 1)
     stops = cross.replace("</xyz>", "</xyz><limit><lower>-1</lower><upper>1</upper></limit>")
     file, _ = scene_of(tmp_path, "stops", [*bodies, a, c, ball, stops], "b")
-    assert counts_in(read_model(file)) == {"what acts in joints that close loops": 2}
+    assert counts_in(read_model(file)) == {"forces in joints that close loops": 2}
 
 
 BROKEN = {

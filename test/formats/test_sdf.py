@@ -265,7 +265,7 @@ BROKEN = {
         [link("a", '<pose rotation_format="quat_xyzw">0 0 0 0 0 0 1</pose>'), HINGE],
         "must be euler_rpy",
     ),
-    "old frame": ([link("a", '<pose frame="b">0 0 0 0 0 0</pose>'), HINGE], "say relative_to"),
+    "old frame": ([link("a", '<pose frame="b">0 0 0 0 0 0</pose>'), HINGE], "use relative_to"),
     "numbers": ([link("a", "<pose>0 0 0</pose>"), HINGE], "a pose must be 6"),
     "included": ([link("a"), HINGE, "<include><uri>b</uri></include>"], "no such file"),
     "static": ([link("a"), HINGE, "<static>true</static>"], "does not move"),

@@ -151,7 +151,7 @@ def test_a_switched_off_gear_lets_go():
         ({"leader": "nobody"}, "unknown joint"),
         ({"ratio": float("nan")}, "finite"),
         ({"sign": 1.0}, "unknown key"),
-        ({"polycoef": CURVE}, r"ratio.*say it as polycoef\[1\]"),
+        ({"polycoef": CURVE}, r"ratio.*write it as polycoef\[1\]"),
         ({"polycoef": CURVE[:4]}, r"polycoef\[4\]"),
     ],
 )

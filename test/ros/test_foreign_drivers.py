@@ -189,8 +189,8 @@ def test_the_mechanism_is_felt(
 @pytest.mark.parametrize(
     ("away", "more", "said"),
     [
-        ((0.2, 0.0, 0.0), 0.0, "the device has moved by 200 mm more or less than its twist says"),
-        ((0.0, 0.0, 0.0), 0.3, "more or less than its twist says"),
+        ((0.2, 0.0, 0.0), 0.0, "the device has moved by 200 mm more or less than its twist"),
+        ((0.0, 0.0, 0.0), 0.3, "more or less than its twist implies"),
         ((0.0, 0.0, 0.0), 8.0, "8 m/s, device.motion.speed is 5; are these millimetres?"),
     ],
     ids=["elsewhere", "stands-still", "too-fast"],

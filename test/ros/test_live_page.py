@@ -183,9 +183,11 @@ def test_the_page_says_why_a_hand_cannot_be_dragged(
     with served([*command, "-p", "port:=8781"], domain, tmp_path) as address:
         page = browser.page()
         page.open(address)
-        page.wait_for_text("live-holding", "cannot be dragged: no device listens to device/hand_cf")
+        page.wait_for_text(
+            "live-holding", "cannot be dragged: no device subscribes to device/hand_cf"
+        )
         drag(page, sight(page, SCENE).hand, 20.0)
-        page.wait_for_text("live-refused", "hand: no device listens to device/hand_cf")
+        page.wait_for_text("live-refused", "hand: no device subscribes to device/hand_cf")
         page.wait_for_text("live-dragged", "nothing")
         told = peer.publisher("/diagnostics", DiagnosticArray)
         status = DiagnosticStatus(name="haply_device", message="rendering")

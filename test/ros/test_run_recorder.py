@@ -146,6 +146,6 @@ def test_a_recorder_that_hears_nothing_is_not_waited_for_without_an_end(
     assert not _receives(recorder, deaf, now)
     assert not capsys.readouterr().err
     assert _receives(recorder, deaf, now - HEARS_WITHIN_S)
-    assert "after 20 s the recorder does not hear every topic" in capsys.readouterr().err
+    assert "after 20 s the recorder does not receive every topic" in capsys.readouterr().err
     assert _receives(SimpleNamespace(has_ended=True), deaf, now)
     assert _receives(None, deaf, now)

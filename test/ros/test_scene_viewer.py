@@ -120,7 +120,7 @@ def test_it_listens_while_it_is_active_and_somebody_looks_as_he_wants(
     statuses = peer.statuses()
     with running("scene_viewer", domain, diagnostics_period=0.02):
         peer.until(lambda: "scene_viewer" in statuses, "diagnostics")
-        peer.until(lambda: statuses["scene_viewer"].message == "nobody looks", "rest")
+        peer.until(lambda: statuses["scene_viewer"].message == "no subscribers", "rest")
         assert states.get_subscription_count() == 0
         looking = peer.node.create_subscription(MarkerArray, "view/markers", lambda _: None, 10)
         peer.until(lambda: states.get_subscription_count() == 1, "a subscription")

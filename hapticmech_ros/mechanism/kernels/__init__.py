@@ -2,6 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels of Eq. 1, and the arrays that they take.
 
-A mechanism's constants and terms at a configuration are in :mod:`model`, and what a
-step works on in :mod:`step_kernels`.
+A mechanism's constants and terms at a configuration are in :mod:`model`, and a step's data in
+:mod:`step_kernels`.
 """

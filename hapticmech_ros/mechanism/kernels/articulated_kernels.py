@@ -6,8 +6,8 @@ Going from the tips to the world, each rate c leaves its axis S_c, U_c = I S_c a
 the articulated inertia I that it carries, and I - U_c U_cᵀ/d_c goes on (Featherstone, Rigid Body
 Dynamics Algorithms, 7.3). The inertia of a rotor is added to d_c alone (9.6 there). The same
 numbers are a factor of D: Rodriguez, Jain and Kreutz-Delgado (1992) call it innovations
-factorisation. L⁻¹, L⁻ᵀ and Lᵀ are a sweep each. All about the world's origin, so that nothing has
-to be moved from joint to joint.
+factorisation. L⁻¹, L⁻ᵀ and Lᵀ are a sweep each. All are about the world's origin and need no
+transforms from joint to joint.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def sweep_outwards(model: Model, data: Data, vector: Array, from_rates: bool) ->
 def pair_to_metric(
     model: Model, data: Data, a: int, b: int, pair: Array, scale: float, column: Array
 ) -> None:
-    """Fill L⁻¹ of the joint forces of a pair (see ``pair_kernels``), times ``scale``.
+    """Fill L⁻¹ of the joint forces of a pair (see ``closure_kernels``), times ``scale``.
 
     ``column`` is filled at the places that ``model.order`` gives the rates of joints a, b and
     those before them, and nowhere else.

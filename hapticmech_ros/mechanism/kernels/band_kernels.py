@@ -4,10 +4,10 @@
 
 Columns of A are taken in the order of the first place that they reach, in which Householder
 reflections of those before fill them only as far as these reach (George and Heath, Solution of
-sparse linear least squares problems using Givens rotations, 1980). A column of which nothing but
-rounding is left follows from those before it, and is left out: a redundant row. Where it is not
-clear whether it does, where there are not as many of them as there always are, or where the rows
-are nearly dependent altogether, the answer is NOT_DECIDED, and the dense factorisation has to say.
+sparse linear least squares problems using Givens rotations, 1980). A column with only rounding left
+follows from those before it, and is left out: a redundant row. Where that is unclear, where the
+rank is not the usual one, or where the rows are nearly dependent altogether, the result is
+NOT_DECIDED, and the dense factorisation decides.
 
 Places that many columns reach are left out of the band, at its border: a platform's on its legs.
 Where every closure reaches places of its own and a few that it shares with others, A = L⁻¹Wᵀ is
@@ -90,7 +90,7 @@ def _reflect_unit(basis: Array, m: int) -> None:
         for j in range(m):
             basis[j, k] *= share
         _remove(basis, m, k, along)
-    # What the reflections make of the first columns of the unit matrix, from the last one on.
+    # The reflections of the unit matrix's first columns, from the last one on.
     for k in range(p - 1, -1, -1):
         _remove(basis, m, k, along)
         for j in range(m):
@@ -112,7 +112,7 @@ def _remove(basis: Array, m: int, k: int, along: Array) -> None:
 
 @inner
 def keep_free(model: Model, data: Data, pivots: Array, turned: Array) -> None:
-    """Keep what the closures leave free of a vector, turned by the band's reflections.
+    """Keep the free part of a vector, turned by the band's reflections.
 
     Args:
         model: the mechanism's.
@@ -152,7 +152,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
     Args:
         model: the mechanism's.
         data: with joint axes, inertias and wrenches filled, and ``pivots``.
-        tolerance: share of the largest row below which what is left of a row says nothing.
+        tolerance: share of the largest row below which a row's rest is rounding.
     """
     places, band, column, rounding = data.row_places, data.band, model.turned, model.rounding[0]
     sequence, pairs, units, width = model.sequence, data.pairs, model.units, model.width
@@ -226,7 +226,7 @@ def factor_band(model: Model, data: Data, tolerance: float) -> int:
 
 @inner
 def _share(places: Array, band: Array, shares: Array, j: int, own: Array) -> None:
-    """Fill row j of ``shares`` with -S's, given what column j of A has at the border."""
+    """Fill row j of ``shares`` with -S's, from column j of A at the border."""
     begin, inverse = int(places[j, BEGIN]), places[j, INVERSE]
     for k in range(own.size):
         shares[j, k] = -own[k]
@@ -268,7 +268,7 @@ def turn_back(model: Model, data: Data, turned: Array, vector: Array) -> None:
 
 @inner
 def clear_pivots(model: Model, data: Data, turned: Array) -> None:
-    """Leave of a turned vector what the closures leave free: zero where their directions are."""
+    """Keep the free part of a turned vector: zero along the closures' directions."""
     places = data.row_places
     if model.border > 0:
         across = model.across
@@ -286,7 +286,7 @@ def clear_pivots(model: Model, data: Data, turned: Array) -> None:
 
 @inner
 def solve_rows(model: Model, data: Data, needed: Array, scale: float, turned: Array) -> None:
-    """Change a turned vector (nv,) least so that Aᵀ of it is ``scale`` times needed (m,) / unit."""
+    """Change a turned vector (nv,) least to make Aᵀ of it ``scale`` times needed (m,) / unit."""
     places, band, sequence = data.row_places, data.band, model.sequence
     units, across = model.units, model.across
     for j in range(places.shape[0]):

@@ -4,13 +4,13 @@
 
 A pose is a row of ``poses``, 12 numbers: a frame's three axes in the world, then its origin. A
 rod's length is that of the first axis of its frame a. A coupling has a polynomial in the
-place of that frame, and no wrenches: see ``pair_kernels``.
+place of that frame, and no wrenches: see below.
 
-Pairs of wrenches on two joints: what a closure row, a spring or a push does to the rates.
+Pairs of wrenches on two joints represent the effect of a closure row, a spring or a push on rates.
 
 A pair is 12 numbers: the wrench on joint a, then that on joint b, forces first, moments about the
-world's origin. Only rates of the two joints and of those before them are visited; where these are
-the same for both, so is what their wrenches share.
+world's origin. Only rates of the two joints and of those before them are visited; before a common
+joint both wrenches act alike.
 
 Couplings of two joints: one row θ - p(θ_leader), p a polynomial; see :mod:`closures`.
 
@@ -30,7 +30,7 @@ from hapticmech_ros.numerics.small_matrices import cross, dot, dot6
 
 @leaf
 def _of_both(axis: Array, pair: Array) -> float:
-    """Return the power of both wrenches; added first, so that what they share cancels exactly."""
+    """Return the power of both wrenches; they are added first: common parts cancel exactly."""
     power = axis[0] * (pair[0] + pair[6]) + axis[1] * (pair[1] + pair[7])
     power += axis[2] * (pair[2] + pair[8]) + axis[3] * (pair[3] + pair[9])
     return float(power + (axis[4] * (pair[4] + pair[10]) + axis[5] * (pair[5] + pair[11])))
@@ -188,7 +188,7 @@ def wrenches_of(
 ) -> None:
     """Fill W of two frames into ``wrenches`` (m, 12), from row ``first`` on, as pairs.
 
-    A row's pair (see ``pair_kernels``) has the row's rate as its power.
+    A row's pair (see the module) has the row's rate as its power.
     """
     a, b = poses[frame_a], poses[frame_b]
     if kind == ROD:

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Energies at a state, from what a factorisation there has filled, and the account of a step."""
+"""Energies at a state, from the terms of a factorisation there, and the account of a step."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ class Balance(Record):
 
     Attributes:
         off: energy at the end less that at the start and the work done, plus losses: 0 is exact.
-        judged: what of that is held against a tolerance.
-        made: what was made from nothing.
-        exchanged: kinetic energy at both ends, change of the potential one, work and losses, and
-            what the step's forces would give to a free mechanism at rest.
-        rounding: of the potential energies, and what nobody feels.
+        judged: its size, which is compared with a tolerance.
+        made: energy made from nothing.
+        exchanged: kinetic energy at both ends, change of the potential one, work and losses;
+            :func:`judge` adds ``pushed_energy``.
+        rounding: of the potential energies, and an imperceptible energy.
         kinetic: at the end.
-        lost: to dampers, friction and stops, and to a rule that damps what is too fast for it.
+        lost: to dampers, friction and stops, and to a rule that damps motions too fast for it.
     """
 
     off, judged, made, exchanged = Number(), Number(), Number(), Number()
     rounding, kinetic, lost = Number(), Number(), Number()
 
     def is_within(self, tolerance: float) -> bool:
-        """Return whether the step is off by no more than a share of what was exchanged."""
+        """Return whether the step is off by no more than a share of the energy exchanged."""
         return self.judged <= allowed(tolerance, self.exchanged, self.rounding)
 
 
@@ -109,12 +109,9 @@ def put_balance(
 ) -> None:
     """Fill ``out`` with the account of the step from ``parts.q0`` to ``parts.q``, J.
 
-    By how much it is off: energy at the end less that at the start and the work done, plus losses;
-    the size of that, which is held against a tolerance; and what was made from nothing. What was
-    exchanged: kinetic energy at both ends, change of the potential one, work and losses. Rounding
-    of the potential energies, and what nobody feels. The kinetic energy at the end. What was lost:
-    ``lost``, but for a rule that ``damps`` what is faster than its step, and does not integrate
-    losses of that: what is missing, as far as dampers and :func:`_damped_most` explain it.
+    The energy lost is ``lost``. A rule that ``damps`` motions faster than its step does not
+    integrate their losses: for it, the energy lost is the missing energy, as far as dampers and
+    :func:`_damped_most` explain it.
     """
     moved, stood = kinetic_energy(model, first, parts.v0), potential_energy(model, first, parts.q0)
     moves, stands = kinetic_energy(model, last, parts.v), potential_energy(model, last, parts.q)
@@ -132,11 +129,11 @@ def put_balance(
 
 @inner
 def _damped_most(model: Model, data: Data, parts: Work, q: Array, v: Array) -> float:
-    """Return the energy, J, that an implicit rule may take from what is too fast for its step.
+    """Return the energy, J, that an implicit rule may take from motions too fast for its step.
 
-    |L⁻¹ (h² K + h C) v|² + |L⁻¹ h f|² of what loops leave free, f the forces of springs, stops,
-    dampers and friction, K and C their slopes: of a mode that ω is faster than 1/h more than it
-    has, of a slow one its (ω h)⁴th part.
+    |L⁻¹ (h² K + h C) v|² + |L⁻¹ h f|², along directions that loops leave free, with f the forces of
+    springs, stops, dampers and friction, and K and C their slopes. It exceeds the energy of a mode
+    with ω above 1/h, and is the (ω h)⁴th part of a slow one's.
     """
     step, total, force = parts.settings.step, 0.0, model.forces[0]
     for part in range(2):
@@ -155,11 +152,11 @@ def _damped_most(model: Model, data: Data, parts: Work, q: Array, v: Array) -> f
 
 @inner
 def allowed(tolerance: float, exchanged: float, rounding: float) -> float:
-    """Return by how much an account may be off, J; where any share may be, by anything.
+    """Return by how much an account may be off, J; infinite for an infinite tolerance.
 
     Args:
-        tolerance: share of what was exchanged; infinite for any.
-        exchanged: J; nothing at rest without a load, where an infinite share of it is no number.
+        tolerance: share of the energy exchanged; infinite for any.
+        exchanged: J; 0 at rest without a load, of which an infinite share would be NaN.
         rounding: of the energies, J.
     """
     return math.inf if tolerance == math.inf else tolerance * exchanged + rounding
@@ -167,10 +164,10 @@ def allowed(tolerance: float, exchanged: float, rounding: float) -> float:
 
 @inner
 def pushed_energy(model: Model, first: Data, parts: Work, external: Array) -> float:
-    """Return ½ h² (fᵀD⁻¹f + bᵀD⁻¹b), J: what the step's forces would give to a free mechanism.
+    """Return ½ h² (fᵀD⁻¹f + bᵀD⁻¹b), J: the energy that the step's forces give a free mechanism.
 
     From rest, with f from outside and b of gravity and inertia. Where forces balance, a mechanism
-    at rest exchanges nothing but rounding, and this is the scale of what can be felt.
+    at rest exchanges nothing but rounding, and this is the scale of perceptible energies.
     """
     nv, result, bias, motions = model.nv, model.result, model.forces[2], model.motions
     force = result[:nv]
@@ -207,12 +204,12 @@ def judge(
         model: constants of the mechanism.
         start: terms at the start.
         end: terms at the end.
-        parts: of the work, with q0 and v0, q and v, and what acts.
+        parts: of the work, with q0 and v0, q and v, and the acting wrenches.
         external: (pushes, 10) wrenches on links; see ``motion_kernels.add_link_forces``.
         damps: see ``put_balance``.
         work_in: J, done in the step.
         lost: J, in damping, friction and stops.
-        found: to fill; what was exchanged with ``pushed_energy``.
+        found: to fill; ``exchanged`` with ``pushed_energy``.
     """
     put_balance(model, start, end, parts, damps, work_in, lost, found)
     found.exchanged += pushed_energy(model, start, parts, external)

@@ -3,7 +3,7 @@
 """Kernels of Eq. 1 at a configuration: factorisation of D and W, accelerations, projections.
 
 Every kernel takes the mechanism's constants as ``numbers`` and ``values`` (see
-:mod:`~hapticmech_ros.mechanism.kernels.model`), and what is known of a configuration as one array
+:mod:`~hapticmech_ros.mechanism.kernels.model`), and the terms at a configuration as one array
 ``packed`` (see :mod:`~hapticmech_ros.mechanism.kernels.model`).
 
 W of all closures is factorised with D, dense, by SVD, or QR where that will do.
@@ -54,10 +54,10 @@ from hapticmech_ros.numerics.small_matrices import (
     solve_lower,
 )
 
-# What a kernel returns where an SVD does not converge.
+# A kernel's code where an SVD does not converge.
 NO_SVD = -1
-# Reflections do for the directions kept if R's diagonal says that they have at least this share of
-# the largest singular value: far from all limits that ask for the smallest one.
+# Reflections suffice if R's diagonal shows that the kept directions have at least this share of the
+# largest singular value: far above all limits on the smallest one.
 APART = 1e-2
 
 
@@ -165,8 +165,9 @@ def _columns_of(model: Model, data: Data) -> bool:
 def _resolve_by_reflections(model: Model, tolerance: float, data: Data) -> int:
     """Fill basis and rows as an SVD does, but for a rotation of both; σ are R's diagonal.
 
-    Return the rank; NO_SVD; or NOT_DECIDED next to a singular position: only an SVD says how near,
-    and cuts no more than needs be. Of many rows it is asked only where something has to be cut.
+    Return the rank; NO_SVD; or NOT_DECIDED next to a singular position: only an SVD finds how near
+    it is, and cuts no more directions than necessary. With many rows it is used only where one must
+    be cut.
     """
     m, nv = data.jacobian.shape
     units, sums, scaled = model.units, model.sums, model.columns
@@ -224,15 +225,14 @@ def _kept(orthogonal: Array, tolerance: float, rounding: float, data: Data) -> i
     return rank
 
 
-# What a kernel returns that could not do its work, beside ``dense_kernels.NO_SVD`` and
-# ``band_kernels.NOT_DECIDED``; below SINGULAR: D is not positive definite at degree of freedom
-# SINGULAR - code.
+# Codes of a kernel that failed, beside ``NO_SVD`` and ``band_kernels.NOT_DECIDED``; below SINGULAR:
+# D is not positive definite at degree of freedom SINGULAR - code.
 NOT_FINITE, SINGULAR = -2, -3
 
 
 @inner
 def locate(model: Model, q: Array, data: Data) -> None:
-    """Fill ``data`` with where everything is at a configuration, and how far loops are open."""
+    """Fill ``data`` with all poses at a configuration, and how far loops are open."""
     closures, poses, residual, pairs = model.closures, data.poses, data.residual, data.pairs
     place_tree(model, q, data)
     for index in range(closures.shape[0]):

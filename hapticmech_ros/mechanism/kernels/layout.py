@@ -24,7 +24,7 @@ from hapticmech_ros.numerics import Array
 
 
 class ActiveSet:
-    """What a set of active closures fixes, for one kind of factorisation.
+    """The constants of a set of active closures, for one kind of factorisation.
 
     Attributes:
         sizes, parts: the mechanism's constants, with these closures; see ``model.pack``.
@@ -88,7 +88,7 @@ def sparse_or_dense(dense: ActiveSet, position: Array) -> ActiveSet:
 
     Args:
         dense: the closures with a dense one.
-        position: (nq,) a configuration, to see how wide the band becomes, and what is redundant.
+        position: (nq,) a configuration, to find the band's width, and redundant rows.
     """
     known = dense.model
     if COUPLING in known.closures[:, 0]:
@@ -194,7 +194,7 @@ def _orders(model: Model, reaches: Array) -> list[_Order]:
 
 def _narrow(reaches: Array, inner: Array) -> _Order:
     """Return an order by Cuthill and McKee of (nv,) rates in the band; the others follow them."""
-    # Here, so that a mechanism of few rates does not wait for SciPy.
+    # Imported here: a mechanism of few rates needs no SciPy.
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

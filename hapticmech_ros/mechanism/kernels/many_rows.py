@@ -89,7 +89,7 @@ def _reflect(matrix: Array, r: int, length: float, along: Array, normal: Array) 
     """Turn column r, of ``length`` from row r on, onto that row; keep the mirror's unit normal."""
     size, count = matrix.shape
     head = matrix[r, r]
-    # Away from the column's own side, so that nothing cancels.
+    # Away from the column's own side: nothing cancels.
     goal = -length if head > 0.0 else length
     norm = np.sqrt(2.0 * length * (length + abs(head)))
     normal[:r] = 0.0
@@ -257,7 +257,7 @@ def cut(
 
 @inner
 def _span(columns: Array, mirrors: Array, order: Array, sums: Array, space: Array) -> None:
-    """Fill ``space`` with an orthonormal basis of what the columns span; they are used up."""
+    """Fill ``space`` with an orthonormal basis of the columns' span; they are overwritten."""
     count, rank = columns.shape
     triangularise(columns, rank, -1.0, order, mirrors, sums)
     first_directions(mirrors, rank, count, sums[0], space)

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The mass metric and what closures leave of it: dense or sparse, by one name.
+"""The mass metric and its part that closures leave free: dense or sparse, by one name.
 
 With D = L Lᵀ, L⁻¹ takes joint forces to the metric and L⁻ᵀ takes it to rates; U spans the columns
 of L⁻¹Wᵀ. See :mod:`~hapticmech_ros.mechanism.constraint_space`.
@@ -57,7 +57,7 @@ def lift(model: Model, data: Data, rates: Array) -> None:
     Args:
         model: constants of the mechanism.
         data: terms at the configuration.
-        rates: (nv,) rates or a change of q, replaced by what they are in the mass metric.
+        rates: (nv,) rates or a change of q, replaced by their mass-metric coordinates.
     """
     if model.path == SPARSE:
         sweep_outwards(model, data, rates, True)
@@ -72,7 +72,7 @@ def lift(model: Model, data: Data, rates: Array) -> None:
 
 @inner
 def free_part(model: Model, data: Data, vector: Array) -> None:
-    """Replace ``vector`` (nv,) by what the closures leave free of it, (1 - U Uᵀ) vector."""
+    """Replace ``vector`` (nv,) by its free part, (1 - U Uᵀ) vector."""
     rank = int(data.tail.rank)
     if rank == 0:
         return

@@ -1,14 +1,14 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What kernels know of a mechanism: its constants for one set of active closures, in two arrays.
+"""A mechanism's constants for one set of active closures, in two arrays for kernels.
 
-A call of a kernel pays for each of its arrays, so that few long ones take the place of many. The
-whole numbers begin with sizes, and with where each part is; the others end with a workspace,
-since to allocate a dozen numbers takes longer than to compute them.
+Each array of a kernel's call takes time: a few long ones replace many. The whole numbers begin with
+sizes, and with each part's offset; the others end with a workspace, since allocating a dozen
+numbers takes longer than computing them.
 
-What kernels know of a configuration, as one array: see :class:`Data`.
+The terms at a configuration are one array: see :class:`Data`.
 
-What the mechanism's kernels read and fill besides matrices, by name: one record for each array.
+Records name the entries of each array that the mechanism's kernels read and fill.
 """
 
 from __future__ import annotations
@@ -38,11 +38,12 @@ class StepSettings(Record):
         baumgarte_rate: a of Baumgarte's stabilisation, 1/s; 0 for the projection.
         residual_limit: largest |φ| beyond which a loop has come apart, m.
         local_rates: 1 where θ̇ differs from v at later stages.
-        singularity_checks: what of singular positions ends a run, see ``run_kernels``.
-        energy_tolerance: by which share of what it exchanges a step's energy account may be off; 0
-            where nobody looks.
-        contact_wrenches: how many of the wrenches on links are those of contacts, which come first.
-        drift_tolerance: which share of what was exchanged all steps together may make from nothing.
+        singularity_checks: whether singular positions end a run, see ``run_kernels``.
+        energy_tolerance: share of the energy exchanged by which a step's account may be off; 0 for
+            no check.
+        contact_wrenches: number of contacts' wrenches on links, which come first.
+        drift_tolerance: share of the energy exchanged that all steps together may make from
+            nothing.
     """
 
     step = Number()
@@ -60,7 +61,7 @@ class StepSettings(Record):
 
 
 class StepAccount(Record):
-    """What the steps of a run did.
+    """Counts and energies of a run's steps.
 
     Attributes:
         work_in: work done, that of contacts included, J.
@@ -95,7 +96,7 @@ class StepAccount(Record):
 
 
 class RunPlan(Record):
-    """What a run does.
+    """Parameters of a run.
 
     Attributes:
         steps: their number.
@@ -103,9 +104,9 @@ class RunPlan(Record):
         implicit: 1 for an implicit rule.
         terms_known: 1 where terms at the start are known.
         sample_every: steps from one sample to the next, 0 for none.
-        begins_with: with contacts, what the run begins with, see ``contact.step_kernels``.
-        external_wrenches: with contacts, how many rows of ``external`` behind those of the contacts
-            are wrenches from outside.
+        begins_with: with contacts, the run's first action, see ``contact.step_kernels``.
+        external_wrenches: with contacts, number of rows of ``external`` after those of the contacts
+            that are wrenches from outside.
     """
 
     dtype = int
@@ -119,14 +120,14 @@ class RunPlan(Record):
 
 
 class TermsTail(Record):
-    """The end of a packed array of terms: what is asked for most.
+    """The end of a packed array of terms: the most used ones.
 
     Attributes:
         largest_residual: largest |φ|, m or rad.
         rank: number of independent closure rows.
         least_sigma: smallest σ that is more than rounding over the largest; 1 without closures.
         resolved_rank: number of rows that differ by more than rounding.
-        potential_energy: J, infinite until a step's account has asked for it.
+        potential_energy: J, infinite until a step's account has computed it.
     """
 
     largest_residual = Number()
@@ -137,7 +138,7 @@ class TermsTail(Record):
 
 
 class SharedConstants(Structure):
-    """What begins the table of places that model, terms and work share: a mechanism's constants.
+    """A mechanism's constants: they begin the table of offsets that model, terms and work share.
 
     With a set of active closures; f frames, j joints with the world. Only frames are there that
     closures, operational points and springs need.
@@ -162,7 +163,7 @@ class SharedConstants(Structure):
         sequence: (m, 5) its order of closure rows: row, first and last place in ``order`` that it
             reaches before the border, joints a and b; (0, 5) of a dense one.
         damping: (nv,) viscous damping, N m s/rad or N s/m.
-        lengths: (m,) length of each row in m, 1 for rows in rad: what residuals are compared with.
+        lengths: (m,) length of each row in m, 1 for rows in rad: the scale of its residual.
         placements: (f, 12) each frame in its joint: its axes, then its origin, m. Of a rod's frame
             a the first axis is as long as the rod.
         effort: (nv,) constant forces of the joints, N m or N.
@@ -188,7 +189,7 @@ class SharedConstants(Structure):
 class Data(Structure, after=SharedConstants):
     """A configuration's terms; k = min(m, nv), and of k directions the first ``rank`` are filled.
 
-    Dense and sparse factorisations share the array's first half; what the other one has is empty.
+    Dense and sparse factorisations share the array's first half; parts of the other one are empty.
 
     Attributes:
         residual: (m,) φ.
@@ -210,8 +211,8 @@ class Data(Structure, after=SharedConstants):
         row_places: (m, 5) per closure row where its band begins, its pivot or -1, the inverse of
             R's diagonal, the band's last row, and the first row before it that reaches into it;
             sparse.
-        shares: (m + border, border) what is free of the rows' pivots, by ``sequence``, and of the
-            border's rates: columns that are orthonormal; sparse.
+        shares: (m + border, border) free directions at the rows' pivots, by ``sequence``, and at
+            the border's rates: orthonormal columns; sparse.
         tail: of all that, the array's end.
     """
 
@@ -225,12 +226,12 @@ class Data(Structure, after=SharedConstants):
 
 
 class Work(Structure, after=Data):
-    """What a step works on; its numbers are those of the mechanism's model.
+    """A step's data; its sizes are those of the mechanism's model.
 
     Attributes:
-        settings: how it is done.
+        settings: of the step.
         scheme: (6, 2) per stage its weight, and the fraction of the step at which the next one is.
-        account: what was done.
+        account: of the steps.
         q0: (nq,) configuration at the start.
         v0: (nv,) rates at the start.
         state: (nq + nv,) q and v.
@@ -255,7 +256,7 @@ class Work(Structure, after=Data):
 
 
 def tail_of(packed: Array) -> TermsTail:
-    """Return the end of a packed array of whatever mechanism, a view.
+    """Return the end of a packed array of any mechanism, a view.
 
     Args:
         packed: (size,) packed terms.
@@ -266,7 +267,7 @@ def tail_of(packed: Array) -> TermsTail:
 # Path of a factorisation: see :class:`Data`.
 DENSE, SPARSE = 0, 1
 JOINT_COLUMNS, FRAME_COLUMNS = 57, 12
-# What a sparse factorisation keeps of a rate, and of a closure row beside its band.
+# A sparse factorisation's numbers per rate, and per closure row beside its band.
 _PIVOT, _ROW = 8, 5
 
 
@@ -349,13 +350,13 @@ def _stacked(shapes: Iterable[tuple[int, int]], start: int = 0) -> tuple[list[in
 
 
 class Model(SharedConstants, after=Work):
-    """A mechanism's constants, packed: each part a view, found when it is asked for.
+    """A mechanism's constants, packed: each part a view, located on access.
 
-    What follows the constants is a workspace. No function finds it as it left it; none writes to
-    what its caller still needs.
+    A workspace follows the constants. Functions do not keep values in it between calls, and do not
+    write to parts that their caller still needs.
 
     Attributes:
-        sweep: (joints, 36) what is carried from joint to joint.
+        sweep: (joints, 36) numbers passed from joint to joint.
         motions: (joints, 12) the joints' motions; see ``motion_kernels.move_joints``.
         forces: (3, nv) h, forces of elements, and their dissipative part.
         bias: (m,) Ẇv.
@@ -364,22 +365,22 @@ class Model(SharedConstants, after=Work):
         along: (m,) numbers along the closures' directions, likewise.
         across: (m,) numbers at the pivots of a sparse factorisation with a border; else (0,).
         scaled: (m, nv) rows to be made orthogonal; dense.
-        turn: (m, m) what that takes; dense.
+        turn: (m, m) workspace of that; dense.
         small: (4, 12) rows for a frame, a pair of wrenches, or less.
         columns: (nv, m) closure rows as columns, to be made triangular; dense, of some rows.
-        reflectors: (k, nv) what that takes; likewise, as what follows.
+        reflectors: (k, nv) workspace of that; likewise, as the next ones.
         directions: (nv, k) columns of Q.
         inverse: (k, m) (Rᵀ)⁺.
-        inverting: (3, k m) what that takes.
+        inverting: (3, k m) workspace of that.
         sums: (2, max(m, nv)) numbers along columns.
         stiffness_matrix, damping_matrix: (nv, nv) K and C at a step's start; of an implicit rule,
-            as what follows.
+            as the next ones.
         slope: (nv, nv) S = γh C + (γh)² K.
         slope_factor: (nv, nv) lower Cholesky factor of 1 + P L⁻¹ S L⁻ᵀ P.
         turns, gains: (stages, nv) k of θ and of v; also θ̇ and v̇ of a rule with a history.
         met, moved, pushed: (nv,) to work on.
         steepest: (1,) largest entry of S; 0 where there is no spring and no damper.
-        units: (m,) what each row of W is divided by before it is factored; see
+        units: (m,) divisors of W's rows before it is factored; see
             :meth:`~hapticmech_ros.mechanism.mechanism.Mechanism.row_units`.
         rounding: (1,) σ of rows over their units below which all is rounding.
     """

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What moves: operational points and the closures' Ẇv.
+"""Motions of joints and operational points, and the closures' Ẇv.
 
 Everything follows from joint Jacobians in the world's axes at the world's origin: the twist of a
 body is its parent's and its joint's, and so is the derivative of it.
@@ -22,7 +22,7 @@ def move_joints(model: Model, data: Data, v: Array, motions: Array) -> None:
     """Fill ``motions`` (joints, 12) with every joint's motion at the world's origin, at v̇ = 0.
 
     A motion is a velocity and an angular rate, then their derivatives. Joint axes are fixed in the
-    body that the joint moves, so that their rate is twist × axis.
+    body that the joint moves: their rate is twist × axis.
     """
     joints, axes = model.joints, data.joint_jacobian
     motions[0][:] = 0.0
@@ -154,7 +154,7 @@ def add_link_forces(model: Model, data: Data, external: Array, force: Array) -> 
 
 @kernel("void(Model, Data, float64[::1], float64[::1], float64[::1], float64[:,::1])")
 def move_frames(model: Model, data: Data, q: Array, v: Array, terms: Array, poses: Array) -> None:
-    """Fill the terms of Eq. 1 that depend on rates, and what operational points need.
+    """Fill the terms of Eq. 1 that depend on rates, and those of operational points.
 
     Args:
         model: constants of the mechanism.

@@ -32,10 +32,10 @@ from hapticmech_ros.numerics.small_matrices import dot, largest
 # A run ended before a step that starts at, lands on, or would leave a singular position, or has a
 # stage next to one.
 SINGULAR_STEP = 10
-# Before a step whose energy account would be off by more than is allowed, or with whose surplus the
-# account since the start would.
+# A run ended before a step whose energy account, or the account since the start with its surplus,
+# would be off by more than allowed.
 INACCURATE = 11
-# What a step heeds of that: nothing, or all of it.
+# Which of these a step checks: none, or all.
 UNCHECKED, EVERYTHING = 0, 1
 # A failure in a stage rather than at the end: rates that are not finite.
 RATES_NOT_FINITE = -1_000_001
@@ -137,7 +137,7 @@ def step_once(
     stages: int,
     implicit: bool,
 ) -> int:
-    """Do a step as ``parts.settings`` says what it heeds; one that is not done leaves no account.
+    """Do a step with the checks of ``parts.settings``; a refused one leaves no account.
 
     Args:
         model: the mechanism's.
@@ -201,8 +201,9 @@ def _watched(
 ) -> int:
     """Return SETTLED, or INACCURATE for a step whose energy account is off by too much.
 
-    So it is as well where the steps so far and this one together made too much from nothing. What
-    they lost without a cause cannot be given back: steps after which that is too much are counted.
+    Also INACCURATE where the steps so far and this one together made too much energy from nothing.
+    Energy that they lost without a cause cannot be restored: steps after which that is too much are
+    counted.
     """
     account, tolerance = parts.account, parts.settings.energy_tolerance
     found = Balance(local(BALANCE_SIZE))
@@ -262,8 +263,8 @@ def advance(
         0; SINGULAR_STEP before a step that starts at, lands on, or would leave a singular position,
         or has a stage next to one, and INACCURATE before one whose energy account would be off by
         too much, where ``q0`` and ``v0`` are its start and no terms are left; or how the step
-        failed, see ``settle`` and ``factor``, and RATES_NOT_FINITE. The account says how
-        many steps were done.
+        failed, see ``settle`` and ``factor``, and RATES_NOT_FINITE. The account has the number of
+        steps done.
     """
     model, parts, run = Model(numbers, values), Work(numbers, work), RunPlan(plan)
     steps, every, stages = run.steps, run.sample_every, run.stages

@@ -3,7 +3,7 @@
 """The end of a step inside a kernel: see :mod:`~hapticmech_ros.mechanism.projection`.
 
 Newton's method finds q on the closures. Its first iterations take the factors of the step's last
-stage (a simplified Newton method), so that the closures are factorised once, where q has arrived.
+stage (a simplified Newton method), and so the closures are factorised once, at the final q.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.small_matrices import dot
 
 # How a state ends: on the closures; with a loop that came apart; on the closures, but after a jump,
-# or with axes the other way.
+# or with axes reversed.
 SETTLED, OPEN, JUMPED, FLIPPED = 0, 1, 2, 3
 
 
@@ -68,8 +68,8 @@ def _serves(model: Model, stage: Data) -> bool:
 def settle(model: Model, stage: Data, data: Data, parts: Work) -> int:
     """Bring q and v onto the closures; with Baumgarte's pull, only see where they are.
 
-    ``stage`` holds the terms of the step's last stage. ``data`` is left with those where q is now.
-    After a step, ``parts.theta`` is what it changed.
+    ``stage`` holds the terms of the step's last stage. ``data`` is left with those at the final q.
+    After a step, ``parts.theta`` is its change.
 
     Returns:
         SETTLED, OPEN, JUMPED or FLIPPED; else a negative code, see ``factor``, and

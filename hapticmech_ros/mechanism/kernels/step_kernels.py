@@ -51,7 +51,7 @@ from hapticmech_ros.numerics.small_matrices import (
 
 @inner
 def linearise(model: Model, data: Data, parts: Work) -> int:
-    """Fill what implicit stages need of the step's start; return the first bad row, or -1.
+    """Fill the matrices of implicit stages at the step's start; return the first bad row, or -1.
 
     K, C, S = γh C + (γh)² K, and the factor of 1 + P L⁻¹ S L⁻ᵀ P. The factor is computed in place:
     its lower triangle is read before it is written.

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tree at a configuration: poses, joint axes, inertias, D and h, as loops inside kernels.
 
-What Pinocchio computes, from the constants that its model has: tests hold both together. Calls
-from Python would take longer than the work that is in them, and they would end a kernel that could
-do a whole step. Everything is in the world's axes about the world's origin, where inertias and
-wrenches of a subtree are sums (Featherstone, Rigid Body Dynamics Algorithms, 6.2 and 5.3).
+These kernels compute the same as Pinocchio, from its model's constants; tests compare both. Calls
+from Python would take longer than the computation itself, and would split a kernel that does a
+whole step. Everything is in the world's axes about the world's origin, where inertias and wrenches
+of a subtree are sums (Featherstone, Rigid Body Dynamics Algorithms, 6.2 and 5.3).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def joint_row(
 
     Its placement in its parent, axes first, then its axis, its link's mass, centre of mass and
     rotational inertia about it (xx, xy, xz, yy, yz, zz), three matrices column by column (a
-    revolute joint's axes in its parent's are A + cos θ B + sin θ C), its rotor's inertia, and what
-    is carried of its link.
+    revolute joint's axes in its parent's are A + cos θ B + sin θ C), its rotor's inertia, and its
+    link's part that ``gravcomp`` carries.
 
     Args:
         placement: in its parent, m.
@@ -255,7 +255,7 @@ def inertia_of(model: Model, data: Data, inertia: Array) -> None:
 
 @leaf
 def carried_place(values: Array, place: Array, at: Array) -> float:
-    """Fill ``at`` (3,) with mass times place of what is carried of a link; return its mass, kg."""
+    """Fill ``at`` (3,) with mass times place of a link's carried part; return its mass, kg."""
     mass = values[CARRIED]
     for i in range(3):
         total = mass * place[9 + i] + place[i] * values[CARRIED + 1]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays a rosbag2 bag into the graph: recorded bytes, recorded QoS, recorded times.
 
-Messages are read ahead in a thread, so that a slow disk does not delay their publication.
+A thread reads messages ahead: a slow disk does not delay their publication.
 
 Which messages of a bag to play, and in which order: latched ones first.
 
@@ -47,8 +47,8 @@ from hapticmech_ros.nodes.messages import message_class, wait_until_acknowledged
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
 
 Message = tuple[str, int, bytes]
-# A recorder hears latched messages only when discovery is through: until then they count as there
-# from the beginning.
+# A recorder receives latched messages only after discovery: until then they count as received at
+# the start.
 DISCOVERY_NS = NANOSECONDS
 
 
@@ -79,7 +79,7 @@ def cut_of(
         bag: open.
         topics: names, as in the bag; all if empty.
         start_offset_s: leave out so much of its beginning, s.
-        duration_s: and what comes so much later than that, s.
+        duration_s: and messages that come so much later than that, s.
 
     Raises:
         BagError: topic not in the bag, nothing to play, or times that are negative.
@@ -137,7 +137,7 @@ def is_latched(topic: BagTopic) -> bool:
 class Timeline:
     """Maps a steady clock to the time of a bag and back; both in ns.
 
-    Deadlines are absolute: whatever is late does not delay what comes after it.
+    Deadlines are absolute: a late message does not delay later ones.
 
     Args:
         bag_ns: time of the bag at the beginning.
@@ -162,7 +162,7 @@ class Timeline:
         return self._bag_ns + round((now_ns - self._from_ns) * self._rate)
 
     def deadline_ns(self, bag_ns: int) -> int:
-        """Return when a time of the bag comes, if nobody pauses."""
+        """Return the steady time of a bag's time, unless paused before."""
         return self._from_ns + round((bag_ns - self._bag_ns) / self._rate)
 
     def pause(self, now_ns: int) -> None:
@@ -189,7 +189,7 @@ class Keyboard:
         return self._saved is not None
 
     def pressed(self) -> str:
-        """Return what was pressed since the last time."""
+        """Return the keys pressed since the last call."""
         if self._saved is None or not select.select([sys.stdin], [], [], 0.0)[0]:
             return ""
         return os.read(sys.stdin.fileno(), 64).decode(errors="replace")
@@ -278,7 +278,7 @@ ACKNOWLEDGE_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class PlayOptions:
-    """What to play, and how.
+    """Options of playing.
 
     Attributes:
         path: bag folder or file.
@@ -355,7 +355,7 @@ class BagPlayerNode(QuietEventsNode):
             self.pause()
 
     def deaf(self) -> list[str]:
-        """Return topics that nobody has subscribed to."""
+        """Return topics without subscribers."""
         return [name for name, p in self._sent.items() if p.get_subscription_count() == 0]
 
     def latched(self) -> list[Message]:

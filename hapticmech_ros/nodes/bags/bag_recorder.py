@@ -37,26 +37,27 @@ DISCOVERY_PERIOD_S = 0.2
 # those that are still silent after so long, s, are not waited for.
 NEVER_PAUSE: tuple[Rate, ...] = ("control", "view", "marker", "1 Hz")
 SILENT_S = 10.0
-# s, for which a recorder that is to end takes what has come before.
+# s, for which a recorder at its end takes messages received before.
 DRAIN_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class RecordOptions:
-    """What to record, and into what.
+    """Options of recording.
 
     Attributes:
         path: bag folder to make.
         topics: names; relative ones are below ``namespace``. Every topic if neither these nor
             ``regex`` are given.
-        regex: topics in whose names this is found, besides ``topics``.
-        namespace: of the graph; with neither topics nor a regex, only what is below it.
+        regex: topics whose names match this, besides ``topics``.
+        namespace: of the graph; with neither topics nor a regex, only topics below it.
         storage: ``mcap`` or ``sqlite3``.
         split_bytes: begin a new file at this size.
         split_s: begin a new file after so long, s.
         duration_s: end by itself after so long, s.
         use_sim_time: time of reception is the graph's ``/clock``, not the machine's.
-        transport: ``auto``: what processes of this host send directly is heard directly.
+        transport: ``auto``: messages that processes of this host send over the lane are received
+            there.
         ros_arguments: further arguments, beginning with ``--ros-args``.
     """
 
@@ -74,12 +75,12 @@ class RecordOptions:
 
 
 class BagRecorderNode(QuietEventsNode):
-    """Subscribes to what is wanted as soon as somebody publishes it.
+    """Subscribes to wanted topics as soon as they have a publisher.
 
     Args:
         spool: of the bag.
-        options: what is wanted.
-        exchange: brings what comes over the lane.
+        options: of the recording.
+        exchange: delivers messages from the lane.
 
     Raises:
         BagError: a regex that is none.
@@ -157,7 +158,7 @@ class BagRecorderNode(QuietEventsNode):
         ]
 
     def finish(self) -> None:
-        """Announce what was heard too briefly to be announced until now, and note what was lost."""
+        """Announce topics received too briefly to be announced until now, and note losses."""
         silent = self.silent()
         for topic in self.received.values():
             if not topic.is_announced:
@@ -165,7 +166,7 @@ class BagRecorderNode(QuietEventsNode):
             self._spool.note_lost(topic.name, None if topic.name in silent else topic.lost)
 
     def missing(self) -> list[str]:
-        """Return topics asked for by name that nobody published."""
+        """Return topics requested by name that were not published."""
         return sorted(self._names - set(self.received) - set(self.skipped))
 
     def _wants(self, name: str) -> bool:
@@ -178,7 +179,7 @@ class BagRecorderNode(QuietEventsNode):
         return not self._names and name.startswith(f"{self._below}/")
 
     def _offers(self, name: str) -> tuple[list[QoSProfile], set[str]]:
-        """Return what others offer on a topic, and the hashes of its type that they state."""
+        """Return other publishers' QoS on a topic, and the hashes of its type that they state."""
         own = (self.get_name(), self.get_namespace())
         others = [
             info
@@ -244,7 +245,7 @@ def record(options: RecordOptions) -> int:
         sys.stderr.write(f"error: {error}\n")
         return 1
     finally:
-        # First, so that others do not count on who is about to leave.
+        # First: other processes then expect no more from this one.
         exchange.close()
         if node is not None:
             node.destroy_node()
@@ -272,7 +273,7 @@ def _record(
             looked, known = now, len(node.received)
             node.discover()
             received = min(received, now) if node.receives else math.inf
-            # Nobody is new, and messages come: of a part of a graph perhaps not from every topic.
+            # No topic is new, and messages come: in a part of a graph perhaps not on every topic.
             late = now - received >= SILENT_S
             if not ready and len(node.received) == known and node.receives:
                 ready = late or not node.silent()
@@ -296,9 +297,9 @@ def _report(node: BagRecorderNode, spool: BagSpool, path: Path) -> None:
     for name, reason in sorted(node.skipped.items()):
         print(f"  {name}: not recorded, {reason}")
     if silent := node.silent():
-        print(f"  nothing came from {', '.join(silent)}: nobody sent, or the machine was too busy")
+        print(f"  no messages from {', '.join(silent)}: not sent, or the machine was too busy")
     for name in node.missing():
-        print(f"  {name}: nobody published it")
+        print(f"  {name}: not published")
     if spool.dropped:
         print(f"  {sum(spool.dropped.values())} messages dropped: the disk was too slow")
     sys.stdout.flush()

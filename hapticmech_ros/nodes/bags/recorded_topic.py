@@ -1,12 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One topic that is being recorded: its subscription, what it has brought, and what it missed.
+"""One topic that is being recorded: its subscription, its messages, and its losses.
 
-Its quality of service too: what to ask of a publisher, and what a player offers.
+Also its quality of service, as requested from publishers, and as offered by a player.
 
-Between the thread that hears messages and the disk: a queue, and a thread that writes.
-
-A disk that stalls delays nobody who listens. What is queued is on disk within half a second.
+Between the thread that receives messages and the disk are a queue, and a thread that writes. A
+stalled disk then delays no subscription. Queued messages are on disk within half a second.
 """
 
 from __future__ import annotations
@@ -39,14 +38,14 @@ from hapticmech_ros.nodes.sources import Batch, Info, Origin, WithInfo
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 FLUSH_PERIOD_S = 0.4
-# Most that may wait for a disk; what comes then is dropped, and counted.
+# Longest queue for a disk; further messages are dropped, and counted.
 LONGEST_QUEUE_BYTES = 512 << 20
 _Part = tuple[str, Messages]
 _NOTHING: _Part = ("", [])
 
 
 class _Topic(NamedTuple):
-    """What is announced."""
+    """An announced topic."""
 
     name: str
     msgtype: str
@@ -54,7 +53,7 @@ class _Topic(NamedTuple):
 
 
 class BagSpool:
-    """Writes messages to a bag from a thread of its own.
+    """Writes messages to a bag from a separate thread.
 
     Attributes:
         dropped: messages that found the queue full, by topic.
@@ -76,7 +75,7 @@ class BagSpool:
     def add_topic(self, name: str, msgtype: str, offered: Sequence[Qos]) -> None:
         """Queue the announcement of a topic, before its first message is put.
 
-        It takes milliseconds, in which whoever listens would lose messages; what the writer refuses
+        It takes milliseconds, in which subscriptions would lose messages; an error of the writer
         ends writing, as a full disk does.
         """
         self._queue.put(_Topic(name, msgtype, tuple(offered)))
@@ -90,11 +89,11 @@ class BagSpool:
         self._queue.put((name, messages))
 
     def note_lost(self, name: str, lost: int | None) -> None:
-        """Note how many messages of a topic were lost on their way; None: that is not known."""
+        """Note how many messages of a topic were lost in transit; None: not known."""
         self._lost[name] = lost
 
     def close(self) -> None:
-        """Write all that is queued, and finish the bag, with what was lost or dropped of it.
+        """Write the queue, and finish the bag, with its counts of lost or dropped messages.
 
         Raises:
             BagError: storage full.
@@ -143,9 +142,9 @@ def _bytes(messages: Messages) -> int:
 
 # A bag may be busy for a while: at 2 kHz this is half a second of one topic.
 RECORDED_DEPTH = 1000
-# History of a player's publisher: what it sends in one burst after a stall stays in it.
+# History of a player's publisher: it holds a burst after a stall.
 PLAYED_DEPTH = 1000
-# Of a latched one, if the bag does not know: whoever comes late gets no more than this.
+# Of a latched one, if not in the bag: a late subscriber gets no more than this.
 LATCHED_DEPTH = 10
 
 
@@ -165,7 +164,7 @@ def as_recorded(profile: QoSProfile) -> Qos:
 
 
 def adapted_request(offered: Sequence[QoSProfile]) -> QoSProfile:
-    """Return the most that a subscriber may ask for and still hear every one of the publishers.
+    """Return the strongest QoS of a subscriber that is compatible with every publisher.
 
     Reliable if all are, and latched messages if all keep them; deadlines and the like are not
     asked for.
@@ -211,9 +210,9 @@ def _time(duration: Duration) -> QosTime:
 SETTLE_S = 0.4
 # So many messages of the middleware may be ahead of their copies on the lane.
 MOST_AHEAD = 2048
-# Copies of what the lane has brought may come so late, s.
+# The middleware's copies of messages from the lane may come so late, s.
 UNDERWAY_S = 2.0
-# A subscription that replaces another one runs beside it for so long, so that nothing is missed.
+# A subscription that replaces another one runs beside it for so long: no message is missed.
 OVERLAP_S = 1.0
 
 
@@ -227,12 +226,12 @@ class RecordedTopic:
         msgtype: such as ``std_msgs/msg/UInt8``.
         clock: gives the time of reception, ns, of a message with its info; 0 if there is none yet.
         exchange: brings what comes over the lane.
-        watch: called with the times (ns) and bytes of messages as they come, if anybody looks on.
+        watch: called with the times (ns) and bytes of messages as they come, if set.
 
     Attributes:
         count: messages recorded.
         lost: numbers missing in the sequence of the topic's one publisher; None with several, whose
-            numbers the middleware does not tell apart.
+            numbers the middleware does not distinguish.
         untimed: messages left out because there was no time yet.
 
     Raises:
@@ -319,7 +318,7 @@ class RecordedTopic:
         self._spool.add_topic(self.name, self.type, [offered])
 
     def announce(self, offered: Sequence[QoSProfile]) -> None:
-        """Put the topic into the bag, if it is not there yet, and what was heard until now."""
+        """Put the topic into the bag, if it is not there yet, with the messages until now."""
         if self._held is None:
             return
         held, self._held = self._held, None
@@ -360,8 +359,8 @@ class RecordedTopic:
             if key in self._doubles:
                 return
             self._doubles.add(key)
-        # A number that goes back is a publisher that was started anew. As long as the lane brings
-        # messages, losses are counted there: what the middleware alone has dropped was brought.
+        # A lower number is from a restarted publisher. While the lane delivers messages, losses are
+        # counted there: messages that only the middleware dropped were received.
         by_middleware = time.monotonic() - self._lane_s > UNDERWAY_S
         if self._key[1] and number > self._key[1] and by_middleware:
             self._lost += number - self._key[1] - 1
@@ -392,7 +391,7 @@ class RecordedTopic:
 
 
 def _is_weaker(wanted: QoSProfile, present: QoSProfile) -> bool:
-    """Return whether a publisher has come that the present subscription does not hear."""
+    """Return whether a new publisher is incompatible with the present subscription."""
     reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
     return bool(
         (present.reliability == reliable and wanted.reliability != reliable)

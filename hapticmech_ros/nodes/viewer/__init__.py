@@ -1,3 +1,3 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What people look at: the scene viewer, as messages, and the live page, in a browser."""
+"""Visualisation: the scene viewer, as messages, and the live page, in a browser."""

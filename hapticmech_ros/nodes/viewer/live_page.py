@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page of a running graph: a node that looks on, and pushes as anybody may.
+"""The live page of a running graph: a node that displays it and can push the mechanism.
 
-It has a process of its own and uses topics and services only. The page's threads and the node's
-meet in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.
+It has a separate process and uses topics and services only. The page's threads and the node's meet
+in a :class:`~hapticmech_ros.nodes.viewer.page_device.PageLink`.
 """
 
 from __future__ import annotations
@@ -47,16 +47,17 @@ from hapticmech_ros.system.installation import refuse_unmet
 from hapticmech_ros.wire.state import WireState
 from hapticmech_ros.wire.topics import DIAGNOSTICS, STATE
 
-# Between two wrenches of a drag, s, and ticks between two states that are told: 33 a second.
+# Between two wrenches of a drag, s, and ticks between two reported states: 33 a second.
 TICK_S, TICKS_TOLD = 0.005, 6
-# From a sample to the end of what answers it: the sample's age, its way, a tick, and the way back.
+# From a sample to the end of its answer: the sample's age, its transit, a tick, and the transit
+# back.
 _DELAYED_S = 2.0 * TICK_S
 # How long the page's thread is given to end, s.
 _END_S = 5.0
 
 
 class LivePageNode(SceneSubscriber[LiveParameters]):
-    """Serves the page, tells it what it hears, and does what is asked for there.
+    """Serves the page, sends it received states, and executes its commands.
 
     Raises:
         HapticMechError: viser is not installed, the address is none, or a mesh cannot be read.
@@ -109,14 +110,14 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         return TICK_S
 
     def activate(self) -> None:
-        """Begin with what comes from now on."""
+        """Begin with messages from now on."""
         super().activate()
         for device in self._devices.values():
             device.forget()
         self._dragging.release()
 
     def deactivate(self) -> None:
-        """Push nothing, and listen to nobody."""
+        """Push nothing, and unsubscribe."""
         self._dragging.release()
         self._commands.push({}, self.now_ns())
         self._listen(False)
@@ -129,8 +130,8 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         self._page.close()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return where the page is, and whether anybody looks."""
-        looks = "somebody looks" if self._page.looked_at else "nobody looks"
+        """Return the page's address, and whether it is open in a browser."""
+        looks = "open in a browser" if self._page.looked_at else "not open in a browser"
         dragged = ", ".join(f"{body.kind} {body.name}" for body in self._dragging.grips)
         figures = {
             "address": self._page.address,
@@ -140,7 +141,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         return not self._ended, self._ended or f"{self._page.address}: {looks}", figures
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Do what was asked for, push what is dragged, and tell what is heard to those who look."""
+        """Execute commands, push dragged bodies, and send the state to open pages."""
         del periods, deadline_ns
         looked_at = self._page.looked_at and not self._ended
         self._listen(looked_at)
@@ -161,7 +162,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
     def _serve(self) -> None:
         try:
             self._page.serve(self._stop.is_set)
-        except Exception as error:  # noqa: BLE001 - whatever it was: nothing is pushed any more
+        except Exception as error:  # noqa: BLE001 - after any error nothing is pushed any more
             if not self._stop.is_set():
                 self._ended = f"the page has ended: {type(error).__name__}: {error}"
                 self.node.get_logger().error(self._ended)
@@ -190,7 +191,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
             self._commands.hold(command, now_ns)
 
     def _push(self, now_ns: int) -> None:
-        """Push what is dragged as it is now; nothing where that is not known."""
+        """Push dragged bodies by their present state; not where that is unknown."""
         wrenches: dict[Draggable, Array] = {}
         if self._dragging.grips:
             state = self.inputs.state(now_ns, nanoseconds(STALE.at(self.period_s)))
@@ -202,7 +203,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         self._commands.push(wrenches, now_ns)
 
     def _tell(self, now_ns: int) -> None:
-        """Tell the page what is known now; where nothing comes any more, what was known last."""
+        """Send the page the present state; without messages, the last known one."""
         received = self.inputs.now(now_ns, self._timeout_ns)
         if received is not None:
             self._first_ns = self._first_ns or received.state.stamp_ns
@@ -253,7 +254,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         )
 
     def _factor(self, stamp_ns: int, now_ns: int) -> float:
-        """Return how much the mechanism's time has gone on over this node's, in the last second."""
+        """Return the mechanism's elapsed time over this node's, in the last second."""
         times = self._times
         times.append((now_ns, stamp_ns))
         while len(times) > 2 and now_ns - times[1][0] >= NANOSECONDS:
@@ -269,7 +270,7 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
         }
 
     def _at_the_start(self) -> Received:
-        """Return what is drawn before anything is heard."""
+        """Return the state drawn before the first message."""
         mechanism = self.mechanism
         q, v = consistent_initial_state(mechanism)
         points = len(mechanism.point_names)
@@ -297,5 +298,5 @@ class LivePageNode(SceneSubscriber[LiveParameters]):
 
 
 def _or_none(wrench: Array | None) -> Array:
-    """Return a wrench, or no wrench where none is heard."""
+    """Return a wrench, or zero without one."""
     return np.zeros(6) if wrench is None else wrench

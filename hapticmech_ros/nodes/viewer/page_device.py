@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A user's device as a page on a graph knows it: where it is, and whether a mouse can drag it.
+"""A user's device for a page on a graph: its place, and whether a mouse can drag it.
 
-What a page asks of a running graph goes by topics and services that anybody could use.
+A page commands a running graph by public topics and services.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 
 class PageLink:
-    """What a page on a graph asks for, and what it is told; for one node and several threads."""
+    """Commands and reports of a page on a graph; for one node and several threads."""
 
     def __init__(self) -> None:
         self._asked: deque[Command] = deque()
@@ -74,11 +74,11 @@ class PageLink:
         return frozenset((Drag, Release, DragStiffness, Tune, SwitchClosure, Hold))
 
     def send(self, command: Command) -> None:
-        """Ask the node for something."""
+        """Send the node a command."""
         self._asked.append(command)
 
     def news(self, timeout_s: float) -> list[Report]:
-        """Return what the node has told: of states only the newest, the others in their order.
+        """Return the node's reports: of states only the newest, the others in their order.
 
         Args:
             timeout_s: how long to wait for anything.
@@ -89,19 +89,19 @@ class PageLink:
         return self._told.take(timeout_s)
 
     def asked(self) -> list[Command]:
-        """Return what was asked for since the last time, in its order."""
+        """Return the commands since the last call, in their order."""
         return [self._asked.popleft() for _ in range(len(self._asked))]
 
     def tell(self, report: Report) -> None:
-        """Tell the page something."""
+        """Send the page a report."""
         self._told.put(report)
 
     def close(self) -> None:
-        """Tell nothing more."""
+        """Send no more reports."""
         self._told.close()
 
 
-# A drag that has ended is told as a zero wrench so often: one message may be lost.
+# A drag's end is sent as a zero wrench so often: one message may be lost.
 _ENDINGS = 3
 _SET_PARAMETERS = f"{CONTROLLER}/set_parameters"
 # Key of a scene -> the controller's parameter for it.
@@ -116,8 +116,8 @@ class GraphCommands:
     Args:
         actor: whose they are; its name is that of the page's own topics.
         mechanism: of the graph.
-        users: what is before the names of a user's topics and nodes, by the point held.
-        refused: told why something was not done.
+        users: prefixes of the names of a user's topics and nodes, by the point held.
+        refused: called with the reason of a refusal.
 
     Attributes:
         changed: key of the scene, behind its user's prefix -> value that was set from here.
@@ -148,12 +148,12 @@ class GraphCommands:
             point: actor.output(SET_OPERATIONAL_POINT, PoseStamped, STREAM_PUBLISHER, point)
             for point in users
         }
-        # Of a body that is pushed, or was: how often it is still told that it is not.
+        # Of a body that is pushed, or was: how many zero wrenches are still to be sent.
         self._endings: dict[Draggable, int] = {}
         self.changed: dict[str, float] = {}
 
     def push(self, wrenches: Mapping[Draggable, Array], now_ns: int) -> None:
-        """Push bodies from now on; what was pushed and is not is told so.
+        """Push bodies from now on; bodies no longer pushed get zero wrenches.
 
         Args:
             wrenches: (6,) N and N m, world axes, on a hand's device at the point held, or on a
@@ -170,7 +170,7 @@ class GraphCommands:
             self._endings[body] = _ENDINGS
 
     def is_heard(self, body: Draggable) -> bool:
-        """Return whether anybody listens to what pushes a body."""
+        """Return whether a body's wrench has subscribers."""
         return self._wrenches[body].wanted
 
     def switch(self, command: SwitchClosure) -> None:
@@ -218,7 +218,7 @@ class GraphCommands:
     def _call(self, name: str, request: Any, answered: Callable[[Any], None]) -> None:
         client = self._clients.get(name)
         if client is None or not client.service_is_ready():
-            self._refused(f"{name}: nobody offers this service")
+            self._refused(f"{name}: this service is not available")
             return
 
         def done(answer: Any) -> None:
@@ -227,14 +227,14 @@ class GraphCommands:
         client.call_async(request).add_done_callback(done)
 
 
-# What is older nobody is pushed by.
+# Older states are not used to push.
 STALE = ByRate(12, 0.05)
 # Diagnostics come once a second; older ones (ns) are not shown.
 _TOLD_NS = 3 * NANOSECONDS
 
 
 class PageDevice:
-    """What is heard of the device that holds an operational point.
+    """The received state of the device that holds an operational point.
 
     Args:
         page: the node.
@@ -274,7 +274,7 @@ class PageDevice:
         self._state.forget()
 
     def receive(self, message: DiagnosticArray, now_ns: int) -> None:
-        """Take what its driver says of itself at a time (ns)."""
+        """Store its driver's diagnostics at a time (ns)."""
         for status in message.status:
             if status.name in self._drivers:
                 self._driver, self._said = self._drivers[status.name], status.message
@@ -289,7 +289,7 @@ class PageDevice:
         return sample.sample.position, sample.sample.twist[:3]
 
     def told(self, now_ns: int) -> str:
-        """Return what its driver says of its rate."""
+        """Return its driver's rate and missed deadlines."""
         if not self._is_told(now_ns):
             return f"nothing of {self._prefix}{DEVICE} on {DIAGNOSTICS.name}"
         rate, missed = (
@@ -298,7 +298,7 @@ class PageDevice:
         return f"{self._prefix}{self._driver} {rate} Hz, {missed} deadlines missed"
 
     def holding(self, now_ns: int) -> str:
-        """Return what holds it beside the mouse, and what its driver says of itself."""
+        """Return the hand that holds it besides the mouse, and its driver's status."""
         if not self._is_told(now_ns):
             return ""
         chosen = self._figures.get("hand", "")
@@ -311,9 +311,9 @@ class PageDevice:
         if self._is_told(now_ns) and self._driver in REAL_DEVICES:
             return f"{self._driver} drives a real device, which its own user's hand alone moves"
         if not self._commands.is_heard(self._body):
-            return f"no device listens to {topic}"
+            return f"no device subscribes to {topic}"
         if self.motion(now_ns) is None:
-            return f"nothing is heard on {self._prefix}{DEVICE_STATE.name}"
+            return f"no messages on {self._prefix}{DEVICE_STATE.name}"
         return ""
 
     def _is_told(self, now_ns: int) -> bool:

@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What viewer and live page hear: newest messages, kept as bytes until a picture is drawn."""
+"""Inputs of viewer and live page: newest messages, kept as bytes until a picture is drawn."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ReceivedUser:
-    """What is known now of one user, old messages left out.
+    """The present state of one user, without old messages.
 
     Attributes:
         device: pose of the device.
@@ -60,13 +60,13 @@ class ReceivedUser:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """What is known now, old messages left out.
+    """The present state, without old messages.
 
     Attributes:
         state: of the mechanism.
-        users: operational point held -> what is known of who holds it.
+        users: operational point held -> state of its user.
         point_commands: operational point -> (6,) on the mechanism, N and N m, world axes.
-        touching: points of contact; None in a scene without contacts, or not told of.
+        touching: points of contact; None in a scene without contacts, or if not received.
     """
 
     state: WireState
@@ -111,7 +111,7 @@ class SceneInput(Generic[T]):
         self.forget()
 
     def forget(self) -> None:
-        """Forget what was heard."""
+        """Forget received messages."""
         self._latest = Latest()
 
     def value(self, now_ns: int, timeout_ns: int) -> T | None:
@@ -131,7 +131,7 @@ class SceneInput(Generic[T]):
 
 
 class UserInputs:
-    """What is subscribed to of one user.
+    """Subscriptions of one user's topics.
 
     Args:
         actor: whose subscriptions they are.
@@ -159,7 +159,7 @@ class UserInputs:
         return [self._device, self._hand, self._command, self._count]
 
     def now(self, now_ns: int, timeout_ns: int) -> ReceivedUser:
-        """Return what is known of the user."""
+        """Return the user's present state."""
         return ReceivedUser(
             self._device.value(now_ns, timeout_ns),
             self._hand.value(now_ns, timeout_ns),
@@ -169,15 +169,15 @@ class UserInputs:
 
 
 class SceneInputs:
-    """All that who looks on subscribes to, while somebody looks.
+    """A viewer's subscriptions, while it has viewers itself.
 
-    Of what there is at the control rate only that is taken which comes no slower: the mechanism's
-    state and the commands.
+    At the control rate it subscribes only to topics without a slower copy: the mechanism's state
+    and the commands.
 
     Args:
         actor: whose subscriptions they are.
         mechanism: of the graph.
-        prefixes: what is before the names of a user's topics, by the operational point held.
+        prefixes: of the names of a user's topics, by the operational point held.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class SceneInputs:
                 one.close()
 
     def forget(self) -> None:
-        """Forget what was heard."""
+        """Forget received messages."""
         for one in self._all():
             one.forget()
 
@@ -226,7 +226,7 @@ class SceneInputs:
         return self._state.value(now_ns, timeout_ns)
 
     def now(self, now_ns: int, timeout_ns: int) -> Received | None:
-        """Return what is known; None without a state of the mechanism."""
+        """Return the present state; None without one of the mechanism."""
         state = self._state.value(now_ns, timeout_ns)
         if state is None:
             return None
@@ -260,13 +260,13 @@ P = TypeVar("P", bound=SceneSubscriberParameters)
 
 
 class SceneSubscriber(ClockedActor[P]):
-    """Hears a mechanism and all who hold it.
+    """Subscribes to a mechanism and all its users.
 
     Attributes:
         users: operational points that are held, in their order.
-        prefixes: what is before the names of a user's topics, by its point.
+        prefixes: of the names of a user's topics, by its point.
         mechanism: of the graph.
-        inputs: what is heard.
+        inputs: the subscriptions.
 
     Raises:
         InvalidInputError: no such operational point, or one that is named twice.
@@ -287,11 +287,11 @@ class SceneSubscriber(ClockedActor[P]):
         self._timeout_ns = nanoseconds(parameters.input_timeout)
 
     def activate(self) -> None:
-        """Begin with what comes from now on."""
+        """Begin with messages from now on."""
         self.inputs.forget()
 
     def ready(self, deadline_ns: int) -> bool:
-        """Return whether a tick can be done: always, with what there is."""
+        """Return whether a tick can be done: always, with the present inputs."""
         del deadline_ns
         return True
 
@@ -300,7 +300,7 @@ class SceneSubscriber(ClockedActor[P]):
         return self._analysers[user]
 
     def followed(self, grasps: Array) -> bool:
-        """Put operational points where the mechanism says that they are.
+        """Move operational points to the places published by the mechanism.
 
         Args:
             grasps: (points, 7) see :func:`~hapticmech_ros.mechanism.closures.flat_grasps`.
@@ -321,11 +321,11 @@ class SceneSubscriber(ClockedActor[P]):
         return True
 
     def count(self, user: str, received: Received, s: Array) -> int:
-        """Return how many joint constraints a user feels: as heard, or else found from s.
+        """Return how many joint constraints a user feels: as received, or else from s.
 
         Args:
             user: by the point held.
-            received: what is known.
+            received: the present state.
             s: (t,) of the spectrum at that point.
         """
         counted = received.users[user].count

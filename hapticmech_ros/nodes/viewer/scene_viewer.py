@@ -1,11 +1,11 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The scene viewer: an optional node that turns what the others say into what people look at.
+"""The scene viewer: an optional node that converts other nodes' messages to visualisation.
 
-It draws at its own rate, and only what somebody subscribes to; while nobody does it does not even
-listen. The other nodes neither know nor need it.
+It draws at its own rate, and only topics with subscribers; without any it subscribes to nothing
+itself. The other nodes do not depend on it.
 
-What the scene viewer publishes, as messages of viewers, and only while somebody subscribes.
+It publishes messages for viewers such as RViz, only while they have subscribers.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ def marker_array(
     """Return a picture as markers in ``world``.
 
     Args:
-        shapes: what is to be seen.
-        gone: what was seen before and is to vanish.
+        shapes: to show.
+        gone: shapes to delete.
         time_ns: stamp.
-        lifetime_s: after this a shape vanishes that nobody renews.
-        afresh: remove everything first, whoever put it there.
+        lifetime_s: a shape that is not renewed vanishes after this.
+        afresh: remove everything first, other nodes' markers too.
     """
     message = MarkerArray()
     if afresh:
@@ -111,7 +111,7 @@ def marker_of(shape: Shape) -> Marker:
         points=[Point(x=x, y=y, z=z) for x, y, z in shape.points.tolist()],
         text=shape.text,
     )
-    # Message fields take nothing but floats, and an int becomes a wrong number without a word.
+    # Message fields take nothing but floats, and an int silently becomes a wrong number.
     marker.scale.x, marker.scale.y, marker.scale.z = map(float, shape.size)
     return marker
 
@@ -148,7 +148,7 @@ def wrench_in(frame: str, wrench: Array, time_ns: int) -> WrenchStamped:
 
 
 def prefixed(name: str, prefix: str) -> str:
-    """Return the frame's name with ``prefix``; ``world`` is everybody's."""
+    """Return the frame's name with ``prefix``; ``world`` has no prefix."""
     return name if name == WORLD else prefix + name
 
 
@@ -168,7 +168,7 @@ def _pose(pose: pin.SE3) -> Pose:
 
 # One message per frame goes out at once: a reader has to get all of them.
 BURST_PUBLISHER = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-# What listeners of tf expect of /tf_static: the last value for whoever comes late.
+# QoS that tf's listeners expect of /tf_static: the last value for late subscribers.
 STATIC_PUBLISHER = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
@@ -176,12 +176,12 @@ TF, TF_STATIC = "/tf", "/tf_static"
 
 
 class SceneOutputs:
-    """Publishers of one viewer; what seldom changes is published at once.
+    """Publishers of one viewer; topics that seldom change are published at once.
 
     Args:
         actor: whose publishers they are.
-        mechanism: what is shown.
-        users: what is before the names of a user's topics and frames, by the point held.
+        mechanism: to show.
+        users: prefixes of the names of a user's topics and frames, by the point held.
         prefix: before the name of every frame but ``world``.
         tf_type: class of tf's messages; None: no tf.
     """
@@ -201,7 +201,7 @@ class SceneOutputs:
         names = frame_names(mechanism.scene, list(users.values()))
         self._names = {name: prefixed(frame, prefix) for name, frame in names.items()}
         self._joints = JointStates(mechanism)
-        # None: whatever is shown was put there by others, or by an earlier life.
+        # None: shown markers are from other nodes, or from an earlier activation.
         self._shown: list[Key] | None = None
         self._publish_markers = actor.output(MARKERS, MarkerArray)
         self._publish_frames = actor.output(FRAMES, TransformStamped, BURST_PUBLISHER)
@@ -226,7 +226,7 @@ class SceneOutputs:
         self.show_fixed_frames(actor.now_ns())
 
     def looked_at(self) -> bool:
-        """Return whether somebody subscribes to anything that moves."""
+        """Return whether any moving topic has subscribers."""
         moving = [self._publish_markers, self._publish_frames, self._publish_joints]
         moving += self._wrenches.values()
         if self._publish_tf is not None:
@@ -234,14 +234,14 @@ class SceneOutputs:
         return any(outlet.wanted for outlet in moving)
 
     def wants_markers(self) -> bool:
-        """Return whether somebody looks at markers; what was shown to nobody is forgotten."""
+        """Return whether markers have subscribers; without any, the shown ones are forgotten."""
         wanted = self._publish_markers.wanted
         if not wanted:
             self._shown = None
         return wanted
 
     def show_markers(self, shapes: Sequence[Shape], time_ns: int, lifetime_s: float) -> None:
-        """Publish a picture; what was in the last one and is not in this one is deleted."""
+        """Publish a picture; shapes of the last one that are not in this one are deleted."""
         gone = vanished(self._shown or (), shapes)
         afresh = self._shown is None
         message = marker_array(shapes, gone, time_ns, lifetime_s, afresh)
@@ -326,7 +326,7 @@ SHORTEST_LIFETIME_S = 1.0
 
 
 class SceneViewer(SceneSubscriber[ViewerParameters]):
-    """Draws the newest of what it hears, at ``marker_rate``."""
+    """Draws the newest messages, at ``marker_rate``."""
 
     name = "scene_viewer"
     parameters_type = ViewerParameters
@@ -343,7 +343,7 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
         self.pictures = 0
 
     def _prefix(self) -> str:
-        """Return what is before the names of frames: two graphs would place the same ones."""
+        """Return the prefix of frames' names: without it two graphs would use the same ones."""
         if self.parameters.frame_prefix != FROM_NAMESPACE:
             return self.parameters.frame_prefix
         topic: str = self.node.resolve_topic_name("frames")
@@ -363,22 +363,22 @@ class SceneViewer(SceneSubscriber[ViewerParameters]):
                 self.begin(self.now_ns())
 
     def deactivate(self) -> None:
-        """Leave an empty picture, and listen to nobody."""
+        """Leave an empty picture, and unsubscribe."""
         self._wanted = False
         self.inputs.listen(False)
         self._outputs.clear_markers(self.now_ns())
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return whether all that is looked at can be drawn."""
+        """Return whether all topics with subscribers can be drawn."""
         fresh = self.now_ns() - self._last_ns < self._timeout_ns + NANOSECONDS
         sentence = "drawing" if fresh else f"nothing on {STATE.name}"
         if not self._wanted:
-            sentence = "nobody looks"
+            sentence = "no subscribers"
         figures = {"pictures": str(self.pictures), **self.clock_figures()}
         return fresh or not self._wanted, sentence, figures
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Publish what is known now, to those who look."""
+        """Publish the present state, if there are subscribers."""
         del periods, deadline_ns
         self._wanted = self._outputs.looked_at()
         self.inputs.listen(self._wanted)
