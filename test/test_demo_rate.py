@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from hapticmech_ros.experiment import demo
+from hapticmech_ros.graph import demo
 from hapticmech_ros.graph.demo import GraphRun, record_graph, run_demo
 from hapticmech_ros.graph.processes import GraphLoad, events_of, start_process, stop_process
 from hapticmech_ros.system.readiness import Report
