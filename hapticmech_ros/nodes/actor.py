@@ -381,6 +381,7 @@ class Actor(Generic[P]):
         self.limits = self.scene.limits
         self.wrenches = wrench_bounds(self.limits)
         self.ages = DurationHistogram()
+        self.durations = {"message_age": self.ages}
         self._outlets: dict[str, Outlet] = {}
         self.apply_parameters(parameters)
 

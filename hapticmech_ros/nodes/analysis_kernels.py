@@ -10,8 +10,6 @@ from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     GRACE_NS,
     MONOTONIC,
-    NOTHING,
-    OTHER,
     PLAIN,
     TIME_IS_UP,
     TO_READ,
@@ -24,7 +22,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     publish,
     take,
     time_of,
-    wait_until,
+    wait_for_message,
 )
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.operational.observe_kernels import (
@@ -160,10 +158,12 @@ def answer_states(
         if time_of(MONOTONIC, words) >= link.until + grace:
             break
         grace = GRACE_NS
-        found = wait_until(link.until + grace, link, words, polled, 1)
-        if found == NOTHING:
+        found = wait_for_message(link.until + grace, link, words, polled)
+        if found == GOES_ON:
             continue
-        if found == OTHER or peek(link, states, words) != PLAIN:
+        if found != PLAIN:
+            return found
+        if peek(link, states, words) != PLAIN:
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_stamp(link, values, states.most, active, grasp)

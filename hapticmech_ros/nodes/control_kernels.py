@@ -44,7 +44,7 @@ from hapticmech_ros.nodes.lane_kernels import (
     send_to_all,
     take,
     time_of,
-    wait_until,
+    wait_for_message,
     went_on,
     write_stamp,
 )
@@ -271,11 +271,11 @@ def answer_samples(
         silent = link.last + link.timeout - link.ahead
         if now > silent:
             return TO_READ
-        found = wait_until(min(link.until + grace, silent + 1), link, words, polled, 1)
-        if found == NOTHING:
+        found = wait_for_message(min(link.until + grace, silent + 1), link, words, polled)
+        if found == GOES_ON:
             continue
-        if found == OTHER:
-            return TO_READ
+        if found != PLAIN:
+            return found
         # What there is to answer with comes first; nobody had to be there for it.
         while link.reads < ages.size:
             found = peek(link, models, words)

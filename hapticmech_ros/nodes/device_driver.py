@@ -39,7 +39,6 @@ from hapticmech_ros.nodes.messages import (
     checked_stamp,
     read_framed_pose,
 )
-from hapticmech_ros.nodes.node_time import DurationHistogram
 from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
@@ -367,7 +366,6 @@ class DeviceDriver(ClockedActor[D]):
         command_timeout: s, that a command stands, and a real device's sample.
         side: what is done with a command before it leaves.
         loop: remembers samples, and corrects commands.
-        latency: of samples and their answers.
         answers: to its samples.
         device: what is driven.
         held: its state when the hand could take hold; None if nobody is there.
@@ -394,7 +392,8 @@ class DeviceDriver(ClockedActor[D]):
         self._let_go_unpublished = False
         self.times_held = 0
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
-        self.latency = DurationHistogram()
+        # Of its commands, which answer its samples.
+        self.durations["loop_latency"] = self.ages
         self._ticks = 0
         self._wire = FlatArray(
             DeviceStateMessage.layout, message_bounds(DeviceStateMessage, self.limits)
@@ -682,7 +681,6 @@ class DeviceDriver(ClockedActor[D]):
                 **{reason.counted_as: str(count) for reason, count in counts.items()},
                 **self.answers.figures(),
                 **self._users.figures(self.loop, now),
-                **self.latency.summary("loop_latency"),
                 **self.figures(now),
             },
         )
@@ -838,7 +836,6 @@ class DeviceDriver(ClockedActor[D]):
                 what = f"while {self._obeyed_form.name} is obeyed"
                 raise InvalidInputError(form.name, what, ONE_KIND)
             self._obeyed_form = form
-        self.latency.add(now_ns - stamp_ns)
         self.ages.add(now_ns - stamp_ns)
         self._look_at_fault(now_ns)
         if self._poses is not None:

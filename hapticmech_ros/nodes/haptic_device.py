@@ -190,7 +190,6 @@ class DeviceTicks(PlainMessages):
     def did(self, code: int, reads: int) -> None:
         """Update the driver with the kernel's work."""
         actor, trips = self._driver, self._trips[: self.link.trips]
-        actor.latency.extend(self.ages[:reads])
         if self.inputs[own.GAINS].reading.read:
             link = self.link
             newest = link.gain_newest, link.gain_arrived

@@ -83,6 +83,7 @@ class Link(Record):
         until_view: after how many messages what is sent is looked at; 0 for never.
         idle: by the kernel: when it had to wait last, ns of the monotonic clock.
         paused: for how long the process had no processor just now, ns.
+        asked: since when Python is wanted, ns of the monotonic clock; 0: it is not.
         reads: how many messages it has read.
     """
 
@@ -95,6 +96,7 @@ class Link(Record):
     until_view = Whole()
     idle = Whole()
     paused = Whole()
+    asked = Whole()
     reads = Whole()
 
 
@@ -239,6 +241,9 @@ DEAF_NS = 100_000_000
 # Time that is up in the midst of a wait is up after the next message, or so much later, ns: whoever
 # returned at any time would keep the next one waiting.
 GRACE_NS = 5_000_000
+# Python is given to whoever asks for it after the next step or message, if that comes so soon, ns:
+# then there is a whole period for it.
+SOON_NS = 2_000_000
 # Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
 _UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.
@@ -297,6 +302,22 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
             ready += 1
             bits |= 1 << i
     return bits if ready == found else OTHER
+
+
+@inner
+def wait_for_message(end: int, link: Link, words: Array, polled: Array) -> int:
+    """Wait for a message of the first connection; arguments as of :func:`wait_until`.
+
+    Returns:
+        PLAIN if there may be one; else why the kernel is to return, or GOES_ON.
+    """
+    if link.asked != 0:
+        found = wait_until(link.asked + SOON_NS, link, words, polled[:1], 1)
+        return PLAIN if found > 0 else TO_READ
+    found = wait_until(end, link, words, polled, 1)
+    if found == OTHER:
+        link.asked = time_of(MONOTONIC, words)
+    return PLAIN if found > 0 else GOES_ON
 
 
 @inner
@@ -517,7 +538,9 @@ def went_on(link: Link, left: bool) -> int:
         link.until_view -= 1
         if link.until_view == 0:
             return TO_LOOK_AT
-    return TO_SEND if left else GOES_ON
+    if left:
+        return TO_SEND
+    return TO_READ if link.asked != 0 else GOES_ON
 
 
 @inner
@@ -530,12 +553,18 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
         polled: (n,) struct pollfd of all connections but that of the commands.
         now: ns of the monotonic clock.
     """
+    deadline = link.next - link.ahead
+    if link.asked != 0:
+        wait_until(deadline, link, words, polled[:0], 0)
+        return GOES_ON
     if now >= link.until:
         return TIME_IS_UP
     # After a step there is time for Python, and not in the midst of the wait for the next.
-    deadline = link.next - link.ahead
     end = deadline if link.done > 0 else min(deadline, link.until)
-    return GOES_ON if wait_until(end, link, words, polled, 0) == NOTHING else TO_READ
+    if wait_until(end, link, words, polled, 0) == NOTHING:
+        return GOES_ON
+    link.asked = time_of(MONOTONIC, words)
+    return GOES_ON if deadline - link.asked <= SOON_NS else TO_READ
 
 
 @inner

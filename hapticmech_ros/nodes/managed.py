@@ -626,8 +626,9 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         # The next entries are not the actor's: it may go on meanwhile.
         with self.exchange.taken():
             well, sentence, figures = actor.failures.status(actor.status)
-            figures = {**figures, **actor.ages.summary("message_age")}
-            figures.update(actor.ways())
+            figures = {**figures, **actor.ways()}
+        for name, durations in actor.durations.items():
+            figures.update(durations.summary(name))
         figures["transport"] = self._transport()
         if self.realtime is not None:
             figures.update(self.realtime.figures())

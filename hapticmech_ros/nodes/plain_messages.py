@@ -257,7 +257,7 @@ class PlainMessages:
             return False
         link.until = until_ns
         link.oldest = self._actor.age_limit_ns
-        link.idle = link.reads = link.paused = 0
+        link.idle = link.reads = link.paused = link.asked = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:

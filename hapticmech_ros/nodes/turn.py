@@ -40,6 +40,8 @@ class Turn:
         self._loop, self.kernel_runs = 0, False
         # Threads that wait for their turn: a lock alone lets a busy loop have it again and again.
         self._wanting: set[int] = set()
+        # Of contexts that have the turn, one within another.
+        self._depth = 0
         self.listened = np.array([FOR_EVER])
         # Of what people see: whose it is to publish that, and what there is to be published.
         self._publishing = threading.Lock()
@@ -140,7 +142,19 @@ class Turn:
                 # No other one begins: for that the loop's thread needs the turn.
                 with self._kernel:
                     pass
-            yield
+            self._depth += 1
+            try:
+                yield
+            finally:
+                self._depth -= 1
+                is_over = self._depth == 0
+        if is_over:
+            self.let_loop_go_on()
+
+    def let_loop_go_on(self) -> None:
+        """Let the loop's thread have Python's lock, if it waits for that and another one asks."""
+        if not self.is_of_loop:
+            time.sleep(LETS_S)
 
     def view(self, publish: Callable[[], None]) -> bool:
         """Have what people see published while a kernel goes on; return whether that is done.

@@ -591,6 +591,41 @@ def test_a_command_that_is_not_renewed_ends(moving: Process) -> None:
     assert actor.state.account.work_in == work
 
 
+def test_whoever_wants_python_gets_it_after_a_step(
+    moving: Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actor, link, turn = moving.actor, moving.wait.link, moving.exchange.lane.turn
+    moving.settle(lambda: command(moving))
+    kernel, left_ns = moving.wait.kernel, []
+
+    def noted() -> Callable[[], int]:
+        run = kernel()
+
+        def noting() -> int:
+            code = run()
+            if link.asked:
+                left_ns.append(link.next - link.ahead - time.monotonic_ns())
+            return code
+
+        return noting
+
+    monkeypatch.setattr(moving.wait, "kernel", noted)
+
+    def ring() -> None:
+        for _ in range(60):
+            time.sleep(0.0037)
+            turn.ring()
+
+    thread = threading.Thread(target=ring)
+    thread.start()
+    while thread.is_alive():
+        command(moving)
+        moving.go(10 * MS)
+    assert len(left_ns) >= 10
+    # In the midst of a wait it would be half a period in the mean, and less than a tenth at times.
+    assert np.median(left_ns) > 0.7 * actor.period_ns
+
+
 class Inputs:
     """What a device and an analyser tell, one sample and one model after another.
 
@@ -930,7 +965,7 @@ def test_the_device_moves_as_pythons_does(driven: Process) -> None:
     sample = read(DeviceStateMessage, FlatArray(DeviceStateMessage.layout).decode(got[-1]))
     assert sample.round_trip > 0.0
     assert np.linalg.norm(sample.sample.twist) > 1e-4
-    assert actor.latency.count > 100
+    assert actor.ages.count > 100
 
 
 @pytest.mark.parametrize("spoil", [nan, old])
