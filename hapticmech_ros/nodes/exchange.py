@@ -171,8 +171,6 @@ class Outlet:
             self._exchange.publish_later(self, message)
         else:
             self.publish_bytes(message)
-            if self.later and self._exchange.lane is not None:
-                self._exchange.lane.turn.let_loop_go_on()
 
     def publish_bytes(self, message: bytes) -> None:
         """Send a serialized message by all ways on which somebody listens."""

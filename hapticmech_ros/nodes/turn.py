@@ -148,12 +148,8 @@ class Turn:
             finally:
                 self._depth -= 1
                 is_over = self._depth == 0
-        if is_over:
-            self.let_loop_go_on()
-
-    def let_loop_go_on(self) -> None:
-        """Let the loop's thread have Python's lock, if it waits for that and another one asks."""
-        if not self.is_of_loop:
+        if is_over and not self.is_of_loop:
+            # The loop's thread needs Python's lock as well.
             time.sleep(LETS_S)
 
     def view(self, publish: Callable[[], None]) -> bool:
