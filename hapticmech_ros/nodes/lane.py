@@ -377,9 +377,9 @@ def is_ours(connection: socket.socket) -> bool:
 LOOK_NS = NANOSECONDS // 10
 # A socket is made ready in less than this, s.
 UNREADY_S = 10.0
-# A process that has found messages for so long without waiting is behind: of piled-up messages it
-# gets the newest. It has waited where finding them took longer than the second number.
-BEHIND_NS, WAITED_NS = 3_000_000, 20_000
+# A process that reads a message so long after it was sent is behind: of what has piled up it gets
+# the newest.
+BEHIND_NS = 3_000_000
 
 
 class Arrived(NamedTuple):
@@ -412,8 +412,8 @@ class Waits(Protocol):
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Return whether it can wait now; see ``PlainMessages``."""
 
-    def __call__(self, lane: Lane) -> tuple[bool, int]:
-        """Return whether there is something to read, and when it had to wait; see there."""
+    def __call__(self, lane: Lane) -> bool:
+        """Return whether there is something to read; see there."""
 
     @property
     def settled(self) -> bool:
@@ -463,7 +463,7 @@ class Lane:
         # Messages of each outlet.
         self._sent: dict[int, int] = {}
         self._known: set[str] = {self._name}
-        self._folder_ns = self._looked_ns = self._idle_ns = -1
+        self._folder_ns = self._looked_ns = -1
         self._listening = listening(folder, self._name)
         self._wait_for_all()
         self._frame = memoryview(bytearray(HEADER.size + MOST_BYTES))
@@ -635,22 +635,13 @@ class Lane:
                 rest with the next call, unless this process is behind.
         """
         found: list[Arrived] = []
-        asked = time.monotonic_ns()
-        wait, until_ns = self.wait, asked + int(max(timeout_s, longest_s) * NANOSECONDS)
-        if wait and timeout_s and wait.prepare(self, self._waited, until_ns):
-            self.worked = True
-            is_ready, idle_ns = wait(self)
-            # A kernel runs for long: whether this process is behind is known from its end alone.
-            self._idle_ns = max(self._idle_ns, idle_ns)
-            ready = select.select(self._waited, (), (), 0.0)[0] if is_ready else []
-            now = time.monotonic_ns()
-        else:
-            self.worked = False
+        wait, longest_s = self.wait, max(timeout_s, longest_s)
+        until_ns = time.monotonic_ns() + int(longest_s * NANOSECONDS)
+        self.worked = bool(wait and timeout_s and wait.prepare(self, self._waited, until_ns))
+        if wait is None or not self.worked:
             ready = self._select(timeout_s)
-            now = time.monotonic_ns()
-            idle_ns = now if not ready or now - asked > WAITED_NS else 0
-        whole |= now - self._idle_ns > BEHIND_NS
-        self._idle_ns = max(self._idle_ns, idle_ns)
+        else:
+            ready = select.select(self._waited, (), (), 0.0)[0] if wait(self) else []
         if not ready:
             return found
         for number in ready:
@@ -809,7 +800,8 @@ class Lane:
         newest: dict[tuple[int, int], int] = {}
         base = incoming.serial << 32
         size, frame = HEADER.size, self._frame
-        left = incoming.bytes_waiting() if whole or self._records else 0
+        counted = whole or self._records
+        left = incoming.bytes_waiting() if counted else 0
         while True:
             try:
                 length = incoming.connection.recv_into(frame)
@@ -823,6 +815,8 @@ class Lane:
             left -= length
             if length > size and frame[0] == MESSAGE:
                 _, both, code, outlet, number, count, sent_ns = HEADER.unpack_from(frame)
+                if left <= 0 and not counted and time.time_ns() - sent_ns > BEHIND_NS:
+                    left, counted = incoming.bytes_waiting(), True
                 # None: of before it was silenced.
                 subscription = self._codes.get(code)
             else:

@@ -81,8 +81,7 @@ class Link(Record):
         oldest: how old a stamp may be, ns.
         behind: how long a message may have been on its way, ns.
         until_view: after how many messages what is sent is looked at; 0 for never.
-        idle: by the kernel: when it had to wait last, ns of the monotonic clock.
-        paused: for how long the process had no processor just now, ns.
+        paused: by the kernel: for how long the process had no processor just now, ns.
         asked: since when Python is wanted, ns of the monotonic clock; 0: it is not.
         reads: how many messages it has read.
     """
@@ -94,7 +93,6 @@ class Link(Record):
     oldest = Whole()
     behind = Whole()
     until_view = Whole()
-    idle = Whole()
     paused = Whole()
     asked = Whole()
     reads = Whole()
@@ -235,7 +233,6 @@ WAITS_TO_READ = _IN << 32
 # Of a WrenchStamped: the word with its seconds and nanoseconds, behind header and encapsulation.
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
-_WAITED_NS = 20_000
 # Who has not listened to the middleware for longer than this, ns, does not hear who would stop it.
 DEAF_NS = 100_000_000
 # Time that is up in the midst of a wait is up after the next message, or so much later, ns: whoever
@@ -290,8 +287,6 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
         polled[i] &= (1 << _ANSWER_AT) - 1
     found = _ppoll(polled.ctypes.data, polled.size, words.ctypes.data, 0)
     then = time_of(MONOTONIC, words)
-    if found == 0 or then - now > _WAITED_NS:
-        link.idle = then
     if then - now - left > SHORTEST_PAUSE_NS:
         link.paused, link.until = then - now - left, 0
     if found == 0:

@@ -257,7 +257,7 @@ class PlainMessages:
             return False
         link.until = until_ns
         link.oldest = self._actor.age_limit_ns
-        link.idle = link.reads = link.paused = link.asked = 0
+        link.reads = link.paused = link.asked = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
@@ -322,14 +322,14 @@ class PlainMessages:
         row.connection = speaker[0]
         return speaker[0]
 
-    def __call__(self, lane: Lane) -> tuple[bool, int]:
+    def __call__(self, lane: Lane) -> bool:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
 
         Args:
             lane: of the process.
 
         Returns:
-            Whether there is something to read, and when it had to wait, ns of the monotonic clock.
+            Whether there is something to read.
         """
         link, self._lane = self._shared, lane
         kernel = self.kernel()
@@ -347,7 +347,7 @@ class PlainMessages:
         if code == kernels.TO_LOOK_AT:
             self._view()()
             self._actor.node.exchange.meet_failures()
-        return code == kernels.TO_READ, link.idle
+        return code == kernels.TO_READ
 
     def _show(self, turn: Turn) -> bool:
         """Have another thread publish a view, if there is one; return whether there is.

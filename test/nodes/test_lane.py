@@ -296,50 +296,38 @@ def test_of_what_has_piled_up_the_latest_of_each_publisher_counts(
     assert [message for _, message in receives.copied] == [b"%d" % n for n in range(0, 20, 2)]
 
 
-def test_whoever_looked_a_moment_ago_takes_one_at_a_time_and_loses_none(
-    lanes: list[Lane], received: Received
-) -> None:
-    receives, speaks, _ = lanes
-    receives._idle_ns = time.monotonic_ns() + 10**9
-    for number in range(3):
-        send(speaks, b"%d" % number)
-    for _ in range(3):
-        hand_on(receives, whole=False)
-    assert received.messages == [b"0", b"1", b"2"]
-
-
 class LongWait:
-    """Waits as a kernel does, for longer than after which a process that has not waited is behind.
-
-    Args:
-        idle_ns: returns when it had to wait last, ns.
-    """
+    """Waits as a kernel does."""
 
     settled = True
-
-    def __init__(self, idle_ns: Callable[[], int]) -> None:
-        self._idle_ns = idle_ns
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         del lane, waited, until_ns
         return True
 
-    def __call__(self, lane: Lane) -> tuple[bool, int]:
+    def __call__(self, lane: Lane) -> bool:
         del lane
-        time.sleep(2e-9 * lane_module.BEHIND_NS)
-        return True, self._idle_ns()
+        time.sleep(0.001)
+        return True
 
 
-@pytest.mark.parametrize(("idle_ns", "first"), [(time.monotonic_ns, [b"0"]), (lambda: 0, [b"2"])])
-def test_what_a_kernel_leaves_is_all_taken_if_it_was_waiting_a_moment_ago(
-    lanes: list[Lane], received: Received, idle_ns: Callable[[], int], first: list[bytes]
+@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize("by_kernel", [False, True])
+def test_messages_are_taken_one_at_a_time_unless_they_are_old(
+    lanes: list[Lane],
+    received: Received,
+    monkeypatch: pytest.MonkeyPatch,
+    old: bool,
+    by_kernel: bool,
 ) -> None:
     receives, speaks, _ = lanes
-    receives.wait = LongWait(idle_ns)
+    receives.wait = LongWait() if by_kernel else None
+    monkeypatch.setattr(lane_module, "BEHIND_NS", 0 if old else 10**10)
     for number in range(3):
         send(speaks, b"%d" % number)
-    hand_on(receives, whole=False, timeout_s=0.1)
-    assert received.messages == first
+    for _ in range(3):
+        hand_on(receives, whole=False, timeout_s=0.01)
+    assert received.messages == ([b"2"] if old else [b"0", b"1", b"2"])
 
 
 def test_whoever_is_slower_than_a_publisher_has_its_newest_messages(

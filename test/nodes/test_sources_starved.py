@@ -104,7 +104,7 @@ class Publisher:
             via, frames = self.connections[-1]
             if len(frames) < self.capacity:
                 self.full_ns = 0
-                frames.append((Origin(via, self.number, self.sent), both))
+                frames.append((Origin(via, self.number, self.sent, now_ns), both))
             else:
                 self.full_ns = self.full_ns or now_ns
         if both:
@@ -119,7 +119,6 @@ class Reader:
     publishers: list[Publisher]
     middleware: Middleware
     underway: dict = field(default_factory=dict)
-    idle_ns: int = 0
 
     def collect(self, now_ns: int, whole: bool) -> None:
         """Take of each connection one message, or all of which the newest is heard."""
@@ -132,7 +131,7 @@ class Reader:
                         self.underway[publisher.name, newest.number] = now_ns
                         if len(self.underway) > MOST_UNDERWAY:
                             del self.underway[next(iter(self.underway))]
-                    if not whole:
+                    if not whole and now_ns - newest.sent_ns <= BEHIND_NS:
                         break
                 if newest is not None:
                     self.sources.received(newest, now_ns)
@@ -140,9 +139,7 @@ class Reader:
                     publisher.connections.remove((via, frames))
 
     def run(self, now_ns: int) -> None:
-        behind = now_ns - self.idle_ns > BEHIND_NS
-        self.idle_ns = now_ns
-        self.collect(now_ns, behind)
+        self.collect(now_ns, whole=False)
         while self.middleware.brought:
             name, number, sent_ns = self.middleware.brought.popleft()
             self.collect(now_ns, whole=True)
