@@ -20,7 +20,7 @@ import numpy as np
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.nodes import lane_kernels as kernels
 from hapticmech_ros.nodes.exchange import Outlet
-from hapticmech_ros.nodes.lane import BEHIND_NS, MESSAGE, Lane, Outgoing
+from hapticmech_ros.nodes.lane import MESSAGE, Lane, Outgoing
 from hapticmech_ros.nodes.node_time import STEP_NS
 from hapticmech_ros.nodes.sources import OUTLETS, Origin, Sources
 from hapticmech_ros.nodes.turn import Turn
@@ -31,6 +31,9 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 # So many messages are enough for once, and so many processes on the lane that read one.
 MOST_READ, MOST_HEARERS = 256, 62
+# After a pause a kernel answers what has piled up, message for message, in microseconds. What was
+# sent longer ago than this, ns, is left to Python, which skips to the newest.
+OLD_NS = 8_000_000
 # Views come so far apart at the least, ns, for so long after a step was late.
 GIVE_WAY_NS = 50_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
@@ -199,7 +202,7 @@ class PlainMessages:
         self._late_ns = self._viewed_ns = 0
         self._passed_over = passed_over
         # What nobody wakes up for is found within a period.
-        link.step, link.behind = STEP_NS, BEHIND_NS + nanoseconds(actor.period_s)
+        link.step, link.behind = STEP_NS, OLD_NS + nanoseconds(actor.period_s)
         self._shared = link
         self.inputs = [one.made() for one in received]
         self.outputs = [one.made() for one in published]
