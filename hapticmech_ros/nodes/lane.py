@@ -464,6 +464,8 @@ class Lane:
         self._sent: dict[int, int] = {}
         self._known: set[str] = {self._name}
         self._folder_ns = self._looked_ns = -1
+        # Connections that have ended, to be closed by the loop's thread.
+        self._ended: list[socket.socket] = []
         self._listening = listening(folder, self._name)
         self._wait_for_all()
         self._frame = memoryview(bytearray(HEADER.size + MOST_BYTES))
@@ -493,6 +495,7 @@ class Lane:
             self._drop(outgoing)
         for incoming in list(self._incoming.values()):
             self._close_incoming(incoming)
+        self._close_ended()
         self._listening.close()
         self.turn.close()
         with suppress(OSError):  # others may still be there
@@ -635,6 +638,8 @@ class Lane:
                 rest with the next call, unless this process is behind.
         """
         found: list[Arrived] = []
+        if self.turn.is_of_loop:
+            self._close_ended()
         wait, longest_s = self.wait, max(timeout_s, longest_s)
         until_ns = time.monotonic_ns() + int(longest_s * NANOSECONDS)
         self.worked = bool(wait and timeout_s and wait.prepare(self, self._waited, until_ns))
@@ -844,7 +849,7 @@ class Lane:
         with self.turn.taken():
             if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
                 return
-            outgoing.connection.close()
+            self._close(outgoing.connection)
             if not for_good:
                 self._known.discard(outgoing.name)
                 self._folder_ns = -1
@@ -855,8 +860,18 @@ class Lane:
         """Receive from a process no more."""
         if self._incoming.pop(incoming.connection.fileno(), None) is None:
             return
-        incoming.connection.close()
+        self._close(incoming.connection)
         self._wait_for_all()
+
+    def _close(self, connection: socket.socket) -> None:
+        """Close a connection in the loop's thread: it may be about to wait for this very file."""
+        self._ended.append(connection)
+        if self.turn.is_of_loop:
+            self._close_ended()
+
+    def _close_ended(self) -> None:
+        while self._ended:
+            self._ended.pop().close()
 
     def _wait_for_all(self) -> None:
         bell, connections = self.turn.bell, (*self._incoming, *self._outgoing)

@@ -11,9 +11,11 @@ import stat
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -294,6 +296,33 @@ def test_of_what_has_piled_up_the_latest_of_each_publisher_counts(
     assert sorted(received.messages) == [b"19", b"other"]
     # Those that the middleware brings too are known, all of them.
     assert [message for _, message in receives.copied] == [b"%d" % n for n in range(0, 20, 2)]
+
+
+def test_a_connection_that_another_thread_drops_is_closed_by_the_loops(
+    lanes: list[Lane], received: Received, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As while a callback reads the lane, and the loop's thread is about to wait for it."""
+    lane, select = lanes[0], lane_module.select.select
+    connections = [one.connection for one in lane._incoming.values()]
+    assert connections
+
+    def drop() -> None:
+        with lane.turn.taken():
+            for one in list(lane._incoming.values()):
+                lane._close_incoming(one)
+
+    def dropping(waited: list[int], *rest: Any) -> Any:
+        thread = threading.Thread(target=drop)
+        thread.start()
+        thread.join()
+        return select(waited, *rest)
+
+    lane.turn.share()
+    monkeypatch.setattr(lane_module.select, "select", dropping)
+    for _ in range(2):
+        lane.collect(0.01)
+    lane.turn.end()
+    assert [one.fileno() for one in connections] == [-1] * len(connections)
 
 
 class LongWait:
