@@ -353,7 +353,7 @@ class PlainMessages:
         return code == kernels.TO_READ
 
     def _show(self, turn: Turn) -> bool:
-        """Have another thread publish a view, if there is one; return whether there is.
+        """Have another thread publish a view; return whether the kernel may go on at once.
 
         After a pause, or where steps are late, views give way for a while.
         """

@@ -153,7 +153,7 @@ class Turn:
             time.sleep(LETS_S)
 
     def view(self, publish: Callable[[], None]) -> bool:
-        """Have what people see published while a kernel goes on; return whether that is done.
+        """Have a view published while a kernel goes on; return whether the turn is shared.
 
         Args:
             publish: publishes it, from copies, without a turn. It is dropped if the one before is
