@@ -46,7 +46,7 @@ def impedance(
     delays: PeriodsOption = "1",
     over: Annotated[
         str,
-        typer.Option(help="session; composed or processes: a graph of real nodes, with a recorder"),
+        typer.Option(help="session; composed, processes or lockstep: a recorded graph of nodes"),
     ] = "session",
     changes: ChangesOption = None,
     out: OutOption = OUT,

@@ -298,9 +298,9 @@ def record_in_lockstep(
     bag: Path,
     composed: bool,
     seconds: float,
-    storage: str,
-    show: Show,
-    control_rate: float,
+    storage: str = "mcap",
+    show: Show = lambda stage, done: None,
+    control_rate: float = 0.0,
 ) -> GraphRun:
     """Record the same by a graph that advances by messages, not by time; return how it went.
 
