@@ -27,6 +27,7 @@ from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.loop import (
     StopRequest,
+    prepare_loops,
     print_report,
     run_until,
     wake_up_in_time,
@@ -221,7 +222,7 @@ def run(names: Sequence[str], arguments: Sequence[str]) -> int:
         for name in names:
             nodes.append(BareNode(name))
             nodes[-1].begin()
-        run_until(stop, nodes)
+        run_until(stop, nodes, begun=prepare_loops)
         for node in nodes:
             print_report(node)
         return 0

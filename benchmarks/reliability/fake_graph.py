@@ -7,7 +7,7 @@ Time goes on when it is told to, and every message that an actor sends is looked
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ from hapticmech_ros.nodes.exchange import Exchange
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
 from hapticmech_ros.nodes.nullspace_analyser import NullspaceAnalyser
-from hapticmech_ros.nodes.sources import INSIDE, Listener, WithInfo
+from hapticmech_ros.nodes.sources import WithInfo
 from hapticmech_ros.nodes.teleoperation_controller import TeleoperationController
 from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.nodes.viewer.scene_viewer import SceneViewer
@@ -74,7 +74,7 @@ class Host:
         self.name = name
         self.active = False
         self.exchange = graph.exchange
-        self.pauses = OwnPauses()
+        self.pauses = OwnPauses(lambda: None)
         self.log = Log()
         self.refused = 0
         self.last_refusal = ""
@@ -155,15 +155,19 @@ class Host:
         return ""
 
     def hand_over(self, topic: str, kind: Any, listener: Any) -> Callable[[bytes], bool]:
-        """Hear a topic within the process."""
-        self.graph.within[topic].append(listener)
-        self.exchange.listen(topic, listener)
-        # All goes by the exchange: what the subscription brings is dropped.
-        return lambda message: True
+        """All goes through the middleware."""
+        return lambda message: False
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Call back while active."""
-        self.timers.append([period_s, 0, callback])
+    def every(
+        self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
+    ) -> None:
+        """Call back while active, where it is due."""
+
+        def when_due() -> None:
+            if is_due():
+                callback()
+
+        self.timers.append([period_s, 0, when_due])
 
     def end(self) -> None:
         """Deactivate."""
@@ -198,7 +202,7 @@ class Host:
                 timer[2]()
         if isinstance(self.actor, ClockedActor):
             self.actor.act(now_ns)
-        self.exchange.deliver()
+        self.graph.deliver()
 
 
 class FakeGraph:
@@ -231,11 +235,11 @@ class FakeGraph:
         self.now_ns = START_NS
         self.exchange = Exchange()
         self.subscriptions: dict[str, list[Subscription]] = defaultdict(list)
-        self.within: dict[str, list[Listener]] = defaultdict(list)
         self.pushing = tuple(pushing)
         self.seen = Outputs()
         self.last: dict[str, Any] = {}
         self._numbers: dict[str, int] = defaultdict(int)
+        self._waiting: deque[tuple[Subscription, bytes, int]] = deque()
         self.hosts: dict[str, Host] = {}
         for kind in actors:
             host = self.hosts[kind.name] = Host(self, kind.name)
@@ -266,27 +270,35 @@ class FakeGraph:
         """Return every topic that somebody hears, and its message type."""
         return [(name, found[0].kind) for name, found in self.subscriptions.items() if found]
 
-    def put(self, topic: str, message: bytes) -> None:
-        """Bring a message's bytes to all who hear the topic, as the middleware would."""
-        for listener in self.within[topic]:
-            listener(message, INSIDE)
-        for one in list(self.subscriptions[topic]):
-            self._received(one, message)
+    def put(self, topic: str, message: bytes, number: int = 0) -> None:
+        """Bring a message's bytes to all who hear the topic, as the middleware would.
+
+        Args:
+            topic: its full name.
+            message: its bytes.
+            number: of another publisher's message; 0: the next one of the same publisher.
+        """
+        self._waiting += [(one, message, number) for one in self.subscriptions[topic]]
+        self.deliver()
 
     def sent(self, topic: str, kind: Any, message: Any) -> None:
-        """Look at what an actor sends, and bring it to those who do not hear it otherwise."""
+        """Look at what an actor sends, and bring it to those who hear the topic."""
         self.seen.look(topic, kind, message)
         self.last[topic] = message
         received = list(self.subscriptions.get(topic, ()))
         if received:
             given = message if isinstance(message, bytes) else serialize_message(message)
-            for one in received:
-                self._received(one, given)
+            self._waiting += [(one, given, 0) for one in received]
 
-    def _received(self, one: Subscription, message: bytes) -> None:
+    def deliver(self) -> None:
+        """Bring all that was sent, and what is sent meanwhile, one after the other."""
+        while self._waiting:
+            self._received(*self._waiting.popleft())
+
+    def _received(self, one: Subscription, message: bytes, number: int) -> None:
         if isinstance(one.callback, WithInfo):
-            self._numbers[one.topic] += 1
-            info = {"publication_sequence_number": self._numbers[one.topic]}
+            self._numbers[one.topic] += not number
+            info = {"publication_sequence_number": number or self._numbers[one.topic]}
             one.callback(message, info)
         else:
             one.callback(message)

@@ -10,12 +10,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
@@ -358,9 +358,36 @@ def parameters() -> None:
     print(markdown(), end="")
 
 
-def stop_by_signals() -> threading.Event:
+class StopEvent:
+    """An event that a signal's handler may set; the lock of ``threading.Event`` is not reentrant.
+
+    It may be held by what the handler interrupts, which would then wait for itself.
+    """
+
+    def __init__(self) -> None:
+        self._queue = SimpleQueue[None]()
+
+    def set(self) -> None:
+        """Set the event."""
+        self._queue.put(None)
+
+    def is_set(self) -> bool:
+        """Return whether it is set."""
+        return not self._queue.empty()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it is set, for ``timeout_s`` at most; return whether it is."""
+        try:
+            self._queue.get(timeout=timeout_s)
+        except Empty:
+            return False
+        self.set()
+        return True
+
+
+def stop_by_signals() -> StopEvent:
     """Return an event that SIGINT or SIGTERM sets."""
-    stop = threading.Event()
+    stop = StopEvent()
     # Also where a shell has switched SIGINT off, as for jobs in the background.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -65,8 +65,8 @@ class Host(Protocol):
 
     Attributes:
         active: whether the actor acts.
-        exchange: joins it with the other nodes of its process, and of its user's on this host.
-        pauses: of its process.
+        exchange: joins it with the other nodes of its user's on this host.
+        pauses: of its loop.
     """
 
     active: bool
@@ -136,8 +136,10 @@ class Host(Protocol):
         Returns what tells of a message from the middleware whether it has been handed over.
         """
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Call back at a period of the machine's clock while the node is active."""
+    def every(
+        self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
+    ) -> None:
+        """Call back at a period of the machine's clock where that is due; see ``ManagedNode``."""
 
     def begin(self) -> None:
         """Activate if configured and inactive."""
@@ -471,10 +473,9 @@ class Actor(Generic[P]):
         return f"{self.node.resolve_topic_name(name)} {kind}" if kind else ""
 
     def wait_by(self, waits: Waits | None) -> None:
-        """Let the lane be waited for in another way, where this is the process's only node."""
-        exchange = self.node.exchange
-        if exchange.lane is not None and len(exchange.nodes) == 1:
-            exchange.lane.wait = waits
+        """Let the lane be waited for in another way."""
+        if self.node.exchange.lane is not None:
+            self.node.exchange.lane.wait = waits
 
     def sources(self, name: str) -> Sources:
         """Return what watches that one publisher speaks on a topic; an input is told of it."""

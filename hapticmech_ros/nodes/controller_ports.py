@@ -134,9 +134,13 @@ class EngagementLog:
         self._engaged = False
         self._logger().info(f"disengaged: {reason}")
 
+    def has_counts(self) -> bool:
+        """Return whether there are counts that are not logged yet."""
+        return bool(self._unlogged)
+
     def report_counts(self) -> None:
         """Log the counts not logged yet; to be called once in ``PERIOD_S``."""
-        if not self._unlogged:
+        if not self.has_counts():
             return
         state = "engaged" if self._engaged else "disengaged"
         times = f"{self._unlogged} more time{'s' * (self._unlogged > 1)}"

@@ -578,7 +578,8 @@ class DeviceDriver(ClockedActor[D]):
         link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
         link.answered, link.answered_before = acting[1], before[1]
         link.newest, link.arrived = self.answers.last
-        link.done, link.held = 0, -1 if held is None else self._ticks_held
+        link.done = link.missed = link.sampled = 0
+        link.held = -1 if held is None else self._ticks_held
         link.gain_ns, link.remembers = gain[1], self.loop.count
         link.gain_newest, link.gain_arrived, link.gain_after = *order, self.loop.from_ns
         link.trips = 0
@@ -612,11 +613,10 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks_held = max(link.held, self._ticks_held)
         clock.next_ns = link.next
         clock.periods += steps
-        published = steps - (code == kernels.TO_SAY)
-        self._ticks += published
-        if published:
-            newest_ns = clock.last_deadline_ns - (steps - published) * self.period_ns
-            self.loop.went_on(link.remembers, newest_ns)
+        clock.missed += link.missed
+        self._ticks += steps - link.missed - (code == kernels.TO_SAY)
+        if link.sampled:
+            self.loop.went_on(link.remembers, link.sampled)
         if code == kernels.TO_SAY:
             # Of the states before, none is known any more but that of the last return.
             self.failures.run("tick", self._publish, clock.last_deadline_ns)

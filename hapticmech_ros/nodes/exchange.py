@@ -1,12 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages between nodes of one host, handed over without the middleware.
+"""A node's messages: to nodes of this user on this host over the lane, to others by the middleware.
 
-Between nodes of one process as rclcpp's intra-process communication does, which rclpy has not: a
-serialized message goes straight to the listeners there. To other processes of this user it goes
-over the lane (:mod:`~hapticmech_ros.nodes.lane`). To the middleware it goes only when somebody else
-listens too; what then comes that way to those who had it already is dropped. Outside, nothing looks
-different.
+A serialized message goes over the lane (:mod:`~hapticmech_ros.nodes.lane`) to whoever subscribes to
+its topic there, and to the middleware only if somebody else does too. The copies that the
+middleware then brings to subscribers on the lane are dropped. Other programs see no difference.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ import numpy as np
 
 from hapticmech_ros.nodes.lane import MOST_BYTES, Arrived, Lane, LaneError
 from hapticmech_ros.nodes.messages import check_finite
-from hapticmech_ros.nodes.sources import INSIDE, BatchListener, Listener
+from hapticmech_ros.nodes.sources import BatchListener, Listener
 from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
@@ -63,17 +61,7 @@ class Meets(Protocol):
         """Say what went wrong, and begin anew, or give up."""
 
 
-class Acts(Protocol):
-    """What is needed of a node of the process.
-
-    Attributes:
-        active: whether it acts now.
-    """
-
-    active: bool
-
-
-# As of a process with one thread.
+# As of a node with one thread.
 _ALWAYS = np.array([FOR_EVER])
 
 
@@ -87,13 +75,12 @@ def _rcl_publishes() -> int:
     return found or 0
 
 
-class _Line:
-    """One topic in this process: who listens, and what else is under way to them outside."""
+class _Copies:
+    """Messages of a topic that the middleware brings too."""
 
-    __slots__ = ("listeners", "underway")
+    __slots__ = ("underway",)
 
     def __init__(self) -> None:
-        self.listeners: list[Listener] = []
         # By hash: so many messages of ten seconds would take as many megabytes.
         self.underway: dict[int, int] = {}
 
@@ -114,11 +101,10 @@ class Outlet:
     """A publisher that knows who listens.
 
     Args:
-        exchange: of the process.
+        exchange: of the node.
         publisher: to those outside.
-        line: the topic in this process.
         topic: its full name and type on the lane; empty: it does not go there.
-        number: of this outlet in this process.
+        number: of this outlet of the node.
         stays: whether a message is kept for those who come later, and so must always be sent.
         later: whether a serialized message may wait until the loop has nothing else to do.
 
@@ -130,7 +116,6 @@ class Outlet:
         self,
         exchange: Exchange,
         publisher: Publishes,
-        line: _Line,
         topic: str,
         number: int,
         stays: bool = False,
@@ -141,7 +126,6 @@ class Outlet:
         self.topic = topic
         self.number = number
         self._exchange = exchange
-        self._line = line
         self._stays = stays
         self._published = 0
         self._readers = 0
@@ -178,26 +162,21 @@ class Outlet:
             self._publish(message)
 
     def _publish(self, message: bytes) -> None:
-        line, lane = self._line, self._exchange.lane
+        lane = self._exchange.lane
         if not self.topic or len(message) > MOST_BYTES:
             lane = None
         readers = 0 if lane is None else lane.readers(self.topic)
-        given = len(line.listeners) + readers
         now = time.monotonic_ns()
         if readers != self._on_lane:
             self._on_lane, self._settled_ns = readers, now + SETTLES_NS
-        if not given:
+        if lane is None or not readers:
             self.publish_outside(message)
             return
-        both = self._stays or now < self._settled_ns or self._count(now) > given
-        if lane is not None:
-            # First, so that whoever has both knows the second one when it comes.
-            lane.send(self.topic, self.number, self._published + both, message, both)
+        both = self._stays or now < self._settled_ns or self._count(now) > readers
+        # First, so that a subscriber by both ways knows the copy when it comes.
+        lane.send(self.topic, self.number, self._published + both, message, both)
         if both:
-            if line.listeners:
-                line.note(message)
             self.publish_outside(message)
-        self._exchange.send(line.listeners, message)
 
     @property
     def published(self) -> int:
@@ -218,11 +197,11 @@ class Outlet:
     def way(self) -> bool | None:
         """Whether a message would go to the middleware beside the lane.
 
-        None if it would not go there alone: not to the lane, or also within the process.
+        None if it would not go to the lane.
         """
         lane, now = self._exchange.lane, time.monotonic_ns()
         readers = lane.readers(self.topic) if lane and self.topic else 0
-        if not readers or readers != self._on_lane or self._stays or self._line.listeners:
+        if not readers or readers != self._on_lane or self._stays:
             return None
         return now < self._settled_ns or self._count(now) > readers
 
@@ -230,13 +209,11 @@ class Outlet:
         """Return by which ways a message goes now, in words."""
         lane = self._exchange.lane if self.topic else None
         readers = lane.readers(self.topic) if lane else 0
-        here = len(self._line.listeners)
         ways = {
-            "process": here > 0,
             "lane": readers > 0,
             "middleware": self._stays
             or time.monotonic_ns() < self._settled_ns
-            or self.publisher.get_subscription_count() > here + readers,
+            or self.publisher.get_subscription_count() > readers,
         }
         return ", ".join(way for way, goes in ways.items() if goes) or "nobody"
 
@@ -246,7 +223,7 @@ class Outlet:
         self.publisher.publish(message)
 
     def _count(self, now: int) -> int:
-        """Return how many subscriptions there are, those of this process included."""
+        """Return how many subscriptions there are, those on the lane included."""
         if now - self._census_ns >= CENSUS_NS:
             self._census_ns = now
             self._readers = self.publisher.get_subscription_count()
@@ -254,22 +231,20 @@ class Outlet:
 
 
 class Exchange:
-    """Joins the nodes of one process, which all run in one thread, and those of other processes.
+    """A node's messages by the lane and by the middleware.
 
-    Messages are delivered by :meth:`deliver`, in the order in which they were published, and never
+    What comes over the lane is delivered by :meth:`deliver`, in the order of arrival, and never
     from within another message's callback.
 
     Attributes:
-        lane: to other processes; None: all goes through the middleware.
+        lane: to other nodes of this host; None: all goes through the middleware.
         refusal: why there is no lane though one was asked for.
-        nodes: of this process: who waits for one of them keeps all waiting.
     """
 
     def __init__(self) -> None:
-        self.nodes: list[Acts] = []
         self.lane: Lane | None = None
         self.refusal = ""
-        self._lines: dict[str, _Line] = {}
+        self._copies: dict[str, _Copies] = {}
         self._failed: deque[Callable[[], None]] = deque()
         self._deferred: deque[Callable[[], object]] = deque()
         self._called_ns = 0
@@ -290,7 +265,7 @@ class Exchange:
 
     @property
     def settled(self) -> bool:
-        """Whether the process's node knows what its kernel has done."""
+        """Whether the node knows what its kernel has done."""
         wait = None if self.lane is None else self.lane.wait
         return wait is None or wait.settled
 
@@ -386,6 +361,11 @@ class Exchange:
         except LaneError as error:
             self.refusal = str(error)
 
+    def ring(self) -> None:
+        """Have the loop's thread stop waiting."""
+        if self.lane is not None:
+            self.lane.turn.ring()
+
     def close(self) -> None:
         """Leave the lane."""
         if self.lane is not None:
@@ -406,20 +386,20 @@ class Exchange:
         """
         self._outlets += 1
         lane_topic = f"{topic} {kind}" if kind and not stays else ""
-        return Outlet(self, publisher, self._line(topic), lane_topic, self._outlets, stays, later)
+        return Outlet(self, publisher, lane_topic, self._outlets, stays, later)
 
     def listen(self, topic: str, listener: Listener, kind: str = "") -> Callable[[bytes], bool]:
-        """Hand the latest message of each publisher of a topic to ``listener``.
-
-        Its subscription must hear the same topic, raw. Returned is what tells of a message that it
-        brings whether it has been handed over already.
+        """Hand the latest message of each publisher of a topic on the lane to ``listener``.
 
         Args:
             topic: its full name.
             listener: called with messages and their origin.
-            kind: the messages' type, if they may come over the lane.
+            kind: the messages' type; empty: they do not come over the lane.
+
+        Returns:
+            A function that tells whether a message of the topic's raw subscription was handed over
+            already.
         """
-        self._line(topic).listeners.append(listener)
         if self.lane is not None and kind:
             self.lane.listen(f"{topic} {kind}", listener)
         return self._detects_copies(topic, kind)
@@ -442,38 +422,37 @@ class Exchange:
         return self._detects_copies(topic, kind)
 
     def _detects_copies(self, topic: str, kind: str) -> Callable[[bytes], bool]:
-        line, lane = self._line(topic), self.lane
+        copies, lane = self._copies.setdefault(topic, _Copies()), self.lane
         if lane is None or not kind:
-            return line.had
+            return lambda message: False
 
         def had(message: bytes) -> bool:
-            if line.had(message):
+            if copies.had(message):
                 return True
             if lane.linked:
                 # Whoever sends both ways sends over the lane first: now it has come.
                 self.collect(whole=True)
                 self.deliver()
-                return line.had(message)
+                return copies.had(message)
             return False
 
         return had
 
     def silence(self, topic: str, listener: Listener, kind: str = "") -> None:
         """Hand over no more; what waits for the listener is dropped."""
-        self._line(topic).listeners.remove(listener)
         if kind and self.lane is not None:
             self.lane.silence(f"{topic} {kind}", listener)
         self._waiting = deque(one for one in self._waiting if one.listener != listener)
 
-    def send(self, listeners: list[Listener], message: bytes) -> None:
-        """Let a message wait for its listeners."""
-        for listener in listeners:
-            self._waiting.append(Arrived(listener, message, INSIDE))
-
     @property
     def is_linked(self) -> bool:
-        """Whether another process is on the lane."""
+        """Whether another node is on the lane."""
         return self.lane is not None and self.lane.linked
+
+    @property
+    def has_news(self) -> bool:
+        """Whether the loop's thread is to look after the lane; see :meth:`.lane.Lane.look`."""
+        return self.lane is not None and self.lane.has_news
 
     @property
     def may_wait(self) -> bool:
@@ -527,7 +506,7 @@ class Exchange:
     def _note_copied(self, lane: Lane) -> None:
         """Note what came over the lane and the middleware brings too, to know it then."""
         for topic, message in lane.copied:
-            self._line(topic.split(" ", 1)[0]).note(message)
+            self._copies.setdefault(topic.split(" ", 1)[0], _Copies()).note(message)
         lane.copied.clear()
 
     def deliver(self) -> None:
@@ -541,6 +520,3 @@ class Exchange:
                 listener(message, origin)
         finally:
             self._delivering = False
-
-    def _line(self, topic: str) -> _Line:
-        return self._lines.setdefault(topic, _Line())

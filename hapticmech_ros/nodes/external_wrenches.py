@@ -83,8 +83,13 @@ class ExternalWrenches:
         self._root = f"{resolve(root)}/" if root else ""
         self._timeout_ns = 0
         self._named: set[str] = set()
+        self._seen: dict[str, int] = {}
         self.sources: dict[str, Source] = {}
-        actor.node.every(SCAN_PERIOD_S, lambda: actor.failures.run("scan for pushes", self.scan))
+        actor.node.every(
+            SCAN_PERIOD_S,
+            lambda: actor.failures.run("scan for pushes", self.scan),
+            self._has_changed,
+        )
 
     def listen(self, relative: str) -> None:
         """Listen to a body's own topic from the start, without waiting for a publisher."""
@@ -128,11 +133,12 @@ class ExternalWrenches:
     def scan(self) -> None:
         """Subscribe to new publishers, drop those that left, log those that push no body."""
         node = self._actor.node
-        for name, types in node.get_topic_names_and_types():
-            if WRENCH_TYPE in types and name not in self.sources:
+        self._seen = self._publishers()
+        for name in self._seen:
+            if name not in self.sources:
                 self._consider(name)
         for name, source in list(self.sources.items()):
-            publishers = source.subscription.get_publisher_count()
+            publishers = self._seen.get(name, 0)
             if publishers > 1 and not source.shared:
                 source.shared = True
                 node.get_logger().warning(
@@ -145,6 +151,18 @@ class ExternalWrenches:
                 del self.sources[name]
                 node.drop(source.subscription)
 
+    def _publishers(self) -> dict[str, int]:
+        """Return how many publishers each topic of wrenches has."""
+        node = self._actor.node
+        found = node.get_topic_names_and_types()
+        return {name: node.count_publishers(name) for name, types in found if WRENCH_TYPE in types}
+
+    def _has_changed(self) -> bool:
+        """Return whether a scan would find anything; the node may go on meanwhile."""
+        seen = self._publishers()
+        leaving = [source.found and not seen.get(name) for name, source in self.sources.items()]
+        return seen != self._seen or any(leaving)
+
     def figures(self, now_ns: int) -> dict[str, str]:
         """Return who pushes now, for diagnostics."""
         pushing = [name for name, s in self.sources.items() if s.wrench.at(now_ns).any()]
@@ -154,7 +172,7 @@ class ExternalWrenches:
         node = self._actor.node
         for own, (body, persistent) in self._own.items():
             if name == own or name.startswith(f"{own}/"):
-                if node.count_publishers(name):
+                if self._seen[name]:
                     self._add(name, body, persistent, found=True)
                 return
         below = name.removeprefix(self._root) if self._root else name

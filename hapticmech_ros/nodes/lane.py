@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from hapticmech_ros.errors import HapticMechError
-from hapticmech_ros.nodes.sources import INSIDE, Batch, BatchListener, Listener, Origin
+from hapticmech_ros.nodes.sources import NO_ORIGIN, Batch, BatchListener, Listener, Origin
 from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
@@ -665,7 +665,7 @@ class Lane:
             # Of several publishers.
             subscription.batch.sort(key=_sent_ns)
             found += [
-                Arrived(one, subscription.batch, INSIDE) for one in subscription.batch_listeners
+                Arrived(one, subscription.batch, NO_ORIGIN) for one in subscription.batch_listeners
             ]
             subscription.batch = []
         self._filled.clear()
@@ -677,6 +677,19 @@ class Lane:
             return select.select(self._waited, (), (), 0.0)[0]
         with self.turn.given():
             return select.select(self._waited, (), (), timeout_s)[0]
+
+    @property
+    def has_news(self) -> bool:
+        """Whether :meth:`look` would find something to do; any thread may ask."""
+        if time.monotonic_ns() - self._looked_ns < LOOK_NS:
+            return False
+        if any(one.announced != self._version for one in list(self._incoming.values())):
+            return True
+        if any(one.is_behind for one in list(self._outgoing.values())):
+            return True
+        with suppress(OSError):
+            return self._folder.stat().st_mtime_ns != self._folder_ns
+        return False
 
     def look(self) -> None:
         """Search for new processes, and send again what was refused; now and then."""

@@ -108,6 +108,8 @@ class DeadlineLink(Link):
         received, received_before: since when a command stands, and the one before.
         newest, arrived: the newest stamp, and when it came.
         done: how many steps were done.
+        missed: how many of them were late, and made up for in one with the next.
+        sampled: by the kernel: stamp of the last step that was published; 0: none was.
     """
 
     next = Whole()
@@ -119,6 +121,8 @@ class DeadlineLink(Link):
     newest = Whole()
     arrived = Whole()
     done = Whole()
+    missed = Whole()
+    sampled = Whole()
 
 
 class Reading(Record):
@@ -246,6 +250,8 @@ _UNSEEN_NS = 5_000_000
 # Shorter pauses are none: a timer is as late, ns.
 SHORTEST_PAUSE_NS = 1_000_000
 NOTHING, PLAIN, OTHER = 0, 1, -1
+# So many missed deadlines are made up for at once.
+MOST_MISSED = 7
 
 _ppoll = c_function("ppoll", "int32(intp, uint64, intp, intp)")
 _recv = c_function("recv", "int64(int32, intp, uint64, int32)")
@@ -352,7 +358,8 @@ def peek(link: Link, topic: SubscribedTopic, words: Array) -> int:
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
     words[0], words[1] = monotonic + link.ahead, real
     late = is_set(link, monotonic, real) or real - words[3] > link.behind
-    return OTHER if late else PLAIN
+    # Copies are noted by Python before there are too many.
+    return OTHER if late or read.copied == topic.copies.shape[0] else PLAIN
 
 
 @inner
@@ -621,17 +628,29 @@ def known_since(link: DeadlineLink) -> int:
 
 
 @inner
-def is_late(link: DeadlineLink, words: Array, now: int, real: int) -> bool:
-    """Return whether a step cannot be done as if it were done at its deadline.
+def missed_deadlines(link: DeadlineLink, words: Array, now: int, real: int) -> int:
+    """Return how many deadlines have passed before the last one.
 
     Args:
         link: how things stand.
         words: (5,) to work with.
         now: ns of the monotonic clock.
         real: the machine's time, ns.
+
+    Returns:
+        As many as can be made up for with the last one; -1: more, or the machine's clock was set.
     """
-    missed = now >= link.next - link.ahead + link.period
-    return bool(missed or is_set(link, time_of(MONOTONIC, words), real))
+    missed = int((now - (link.next - link.ahead)) // link.period)
+    unfit = missed > MOST_MISSED or is_set(link, time_of(MONOTONIC, words), real)
+    return -1 if unfit else missed
+
+
+@inner
+def made_up(link: DeadlineLink) -> None:
+    """Note that a step was done whose deadline was missed, and which is not published."""
+    link.next += link.period
+    link.done += 1
+    link.missed += 1
 
 
 @inner

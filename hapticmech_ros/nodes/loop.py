@@ -41,6 +41,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import partial
 from types import FrameType
 from typing import Any, Protocol, TypeVar
@@ -229,6 +230,8 @@ class Watchdog:
 
 # Longest wait for a message or deadline: also how late a signal is answered at the worst.
 LONGEST_WAIT_S = 0.1
+# Longest run of a kernel, which whoever has something to do for Python ends before.
+LONGEST_RUN_S = 1.0
 # A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
 # A processor that idles wakes up late, by 50 to 100 us where it is a virtual one. A deadline is
@@ -257,19 +260,31 @@ _PR_SET_TIMERSLACK = 29
 
 
 class StopRequest:
-    """Set by the first SIGINT or SIGTERM; further ones change nothing, nor disturb the end."""
+    """Set by the first SIGINT or SIGTERM; further ones change nothing, nor disturb the end.
+
+    Attributes:
+        asked: whether to stop.
+        calls: called then, in the main thread.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self.calls: list[Callable[[], None]] = []
         signal.signal(signal.SIGINT, self._handle)
         signal.signal(signal.SIGTERM, self._handle)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         del number, frame
-        self.asked = True
+        self.ask()
         # Python takes its handlers away as it ends: a second Ctrl-C would kill it there.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+    def ask(self) -> None:
+        """Ask to stop."""
+        self.asked = True
+        for call in self.calls:
+            call()
 
 
 def wake_up_in_time() -> None:
@@ -338,8 +353,6 @@ class Threads:
             return
         turn.share()
         self._turn = turn
-        # A signal may reach any thread; Python acts on it in the main one.
-        signal.set_wakeup_fd(turn.rope, warn_on_full_buffer=False)
         self._begun.set()
 
     def have_listened(self) -> bool:
@@ -360,13 +373,12 @@ class Threads:
         self._ended = True
         self._begun.set()
         if self._turn is not None:
-            signal.set_wakeup_fd(-1)
             self._turn.end()
         for thread in self._threads:
             thread.join()
 
     def _work(self, work: Callable[[Turn], None]) -> None:
-        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        leave_signals()
         self._begun.wait()
         if self._turn is not None:
             come_after_loop()
@@ -386,6 +398,8 @@ class Threads:
                 turn.ring()
                 return
             turn.listen()
+            if self._exchange.has_news:
+                turn.ring()
 
     def _publish_views(self, turn: Turn) -> None:
         while turn.wait_for_view():
@@ -470,7 +484,7 @@ class Inbox:
         exchange, lane = self._exchange, self._exchange.lane
         early = min(self._late_ns, AWAKE_NS, (deadline - now) // AWAKE_SHARE)
         timeout_s = (deadline - early - now) / NANOSECONDS
-        exchange.collect(timeout_s, longest_s=LONGEST_WAIT_S)
+        exchange.collect(timeout_s, longest_s=LONGEST_RUN_S)
         if exchange.is_waiting or (lane is not None and lane.worked):
             return
         now = time.monotonic_ns()
@@ -505,29 +519,57 @@ class HasDeadlines(Protocol):
         """Act on the deadlines that have come."""
 
 
+def run_each(stop: StopRequest, works: Sequence[Callable[[], None]]) -> None:
+    """Run each in a thread of its own until one ends, or a signal comes; then stop all.
+
+    Args:
+        stop: looked at by each.
+        works: to run.
+
+    Raises:
+        Exception: what one of them has raised.
+    """
+    with ThreadPoolExecutor(len(works), initializer=leave_signals) as pool:
+        running = [pool.submit(work) for work in works]
+        wait(running, return_when=FIRST_COMPLETED)
+        stop.ask()
+    for one in running:
+        one.result()
+
+
+def leave_signals() -> None:
+    """Leave signals to the main thread, where Python acts on them, from the one that calls."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+
+
+def prepare_loops() -> None:
+    """Set Python up for loops with deadlines, once all is made."""
+    _find_callers()
+    gc.collect()
+    gc.freeze()
+    sys.setswitchinterval(SWITCH_S)
+
+
 def run_until(
     stop: StopRequest,
     nodes: Sequence[HasDeadlines],
     exchange: Exchange | None = None,
-    begun: Callable[[], None] = lambda: None,
+    begun: Callable[[], object] = lambda: None,
 ) -> None:
     """Run nodes in this thread until a signal: messages as they come, deadlines when they come.
 
     Args:
         stop: set by a signal.
         nodes: to run.
-        exchange: of the process.
+        exchange: of theirs.
         begun: called once there are all threads.
     """
     executor, exchange = EventsExecutor(), exchange or Exchange()
     for node in nodes:
         executor.add_node(node)  # type: ignore[arg-type]
     threads = Threads(executor, exchange)
+    stop.calls.append(exchange.ring)
     begun()
-    _find_callers()
-    gc.collect()
-    gc.freeze()
-    sys.setswitchinterval(SWITCH_S)
     watchdog = Watchdog()
     inbox = Inbox(executor, exchange, threads)
     try:
@@ -542,6 +584,7 @@ def run_until(
                     node.act(now)
                     inbox.acted()
     finally:
+        stop.calls.remove(exchange.ring)
         threads.end()
     watchdog.end()
     executor.shutdown()

@@ -213,21 +213,18 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
 
     Args:
         actor_type: of the actor built on configure.
-        exchange: shared by the nodes of the process.
-        pauses: likewise; None: it is the only one.
+        exchange: of its messages.
 
     Attributes:
         actor: the node's work; None while unconfigured.
         active: whether the actor works.
-        pauses: of its process.
+        pauses: of its loop.
         refused: messages refused so far.
         in_sim_time: whether its time is /clock's.
         realtime: requests of its process to the system; None: none yet.
     """
 
-    def __init__(
-        self, actor_type: type[Actor[Any]], exchange: Exchange, pauses: OwnPauses | None = None
-    ) -> None:
+    def __init__(self, actor_type: type[Actor[Any]], exchange: Exchange) -> None:
         self.exchange = exchange
         super().__init__(actor_type.name)
         # All that there are now, however they were made.
@@ -235,9 +232,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             service.callback = self._settled(service.callback)
         self._actor_type = actor_type
         self._listeners: list[tuple[str, Listener, str]] = []
-        exchange.nodes.append(self)
-        self.pauses = pauses or OwnPauses()
-        self.pauses.waits.append(self._wait_ns)
+        self.pauses = OwnPauses(self._wait_ns)
         self._on_lane = False
         self.actor: Actor[Any] | None = None
         self.active = False
@@ -388,14 +383,23 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         self._listeners.append((topic, listener, kind))
         return self.exchange.listen(topic, listener, kind)
 
-    def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Call back at a period of the machine's clock while the node is active, until cleanup."""
+    def every(
+        self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
+    ) -> None:
+        """Call back at a period of the machine's clock while the node is active, until cleanup.
+
+        Args:
+            period_s: s.
+            callback: called where it is due, while no kernel runs.
+            is_due: asked first, while the node's loop goes on.
+        """
+        call = self._settled(callback)
 
         def when_active() -> None:
-            if self.active:
-                callback()
+            if self.active and is_due():
+                call()
 
-        self.keep(self.create_timer(period_s, when_active, clock=self._steady))
+        self.keep(super().create_timer(period_s, when_active, clock=self._steady))
 
     def refuse(self, topic: str, error: HapticMechError) -> None:
         """Count a message that breaks a rule, and log that now and then."""
@@ -522,11 +526,8 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         super().destroy_node()
 
     def acknowledged(self) -> None:
-        """Wait until subscribers have this node's last messages, if no node here is active.
-
-        While it waits, no node of this process does anything.
-        """
-        if not any(node.active for node in self.exchange.nodes):
+        """Wait until subscribers have this node's last messages, if it is not active."""
+        if not self.active:
             wait_until_acknowledged(self._kept)
 
     def _stop(self) -> None:

@@ -23,8 +23,9 @@ from hapticmech_ros.nodes.lane_kernels import (
     PublishedTopic,
     SubscribedTopic,
     find_command,
-    is_late,
     known_since,
+    made_up,
+    missed_deadlines,
     publish,
     stepped,
     take_command,
@@ -129,22 +130,26 @@ def move_at_deadlines(
                 return TO_READ
             take_command(link, command, words, commands, found, ages)
         now_real = time_of(REALTIME, words)
-        if is_late(link, words, now, now_real):
+        missed = missed_deadlines(link, words, now, now_real)
+        if missed < 0:
             return TO_ACT
         acting = ActingWrenches(data.wrenches)
-        standing(link, commands, known_since(link), acting.on_mechanism)
-        moved = move_mechanism(
-            numbers,
-            constants,
-            data,
-            packed,
-            work,
-            contact_numbers,
-            contact_values,
-            clock,
-        )
-        if not moved:
-            return TO_ACT
+        for i in range(missed + 1):
+            standing(link, commands, known_since(link), acting.on_mechanism)
+            moved = move_mechanism(
+                numbers,
+                constants,
+                data,
+                packed,
+                work,
+                contact_numbers,
+                contact_values,
+                clock,
+            )
+            if not moved:
+                return TO_ACT
+            if i < missed:
+                made_up(link)
         stamp = stepped(link, commands)
         out[0], out[1] = stamp // SECOND, stamp % SECOND
         put(out[link.position : link.position + nv], data.q)
@@ -153,6 +158,7 @@ def move_at_deadlines(
         if sound_stamp(out, state.most, -1, 0.0) == UNSOUND:
             return TO_SAY
         code = publish(link, state, words, now_real)
+        link.sampled = stamp
         if code != GOES_ON:
             return code
     return TIME_IS_UP

@@ -122,7 +122,8 @@ class MechanismTicks(PlainMessages):
         if not actor.steps_plainly or actor.clock is None:
             return False
         port = actor.port
-        link.next, link.done = actor.clock.next_ns, 0
+        link.next = actor.clock.next_ns
+        link.done = link.missed = link.sampled = 0
         link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
         link.since = port.since_ns
         link.received, link.received_before = port.command.put_into(self._commands)
@@ -180,7 +181,7 @@ class MechanismTicks(PlainMessages):
             port.order.last = link.newest, link.arrived
         if link.done:
             self._known = state = self._state
-            actor.moved(state, link.done, link.next, code != kernels.TO_SAY)
+            actor.moved(state, link, code != kernels.TO_SAY)
 
     @property
     def _state(self) -> MechanismState:
@@ -338,28 +339,28 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """After how many more steps one is to be seen."""
         return 1 + -self._ticks % self.view_every
 
-    def moved(self, state: MechanismState, steps: int, next_ns: int, published: bool) -> None:
+    def moved(self, state: MechanismState, link: kernels.DeadlineLink, published: bool) -> None:
         """Go on from where the kernel has moved the mechanism to.
 
         Args:
             state: where.
-            steps: how many were done.
-            next_ns: the next deadline, ns.
-            published: whether all states were published.
+            link: how many steps were done, and when the next one is due.
+            published: whether the last state was published.
         """
         if self.clock is None:
             return
         before, self.state = self.state.account.inaccurate, state
-        self.clock.next_ns = next_ns
-        self.clock.periods += steps
+        self.clock.next_ns = link.next
+        self.clock.periods += link.done
+        self.clock.missed += link.missed
         self._note_inaccurate(before)
         self._sampled_ns = self.clock.last_deadline_ns
         self._commands[0] = self.port.command.at(self._sampled_ns)
-        self._ticks += steps - (not published)
+        self._ticks += link.done - link.missed - (not published)
         if not published:
             self.failures.run("tick", self._publish, self._sampled_ns)
             return
-        self._last_valid.keep(state, steps)
+        self._last_valid.keep(state, link.done)
 
     def deactivate(self) -> None:
         """Come to rest: on activation the mechanism goes on from here."""

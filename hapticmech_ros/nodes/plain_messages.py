@@ -29,8 +29,9 @@ from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once, and so many processes on the lane that read one.
-MOST_READ, MOST_HEARERS = 256, 62
+# So many messages are enough for once, and so many that the middleware brings too; and so many
+# processes on the lane that read one.
+MOST_READ, MOST_COPIED, MOST_HEARERS = 16_384, 256, 62
 # After a pause a kernel answers what has piled up, message for message, in microseconds. What was
 # sent longer ago than this, ns, is left to Python, which skips to the newest.
 OLD_NS = 8_000_000
@@ -94,7 +95,7 @@ class Received(NamedTuple):
             "prefix": words_of(alike),
             "between": self.between,
             "frame": frame,
-            "copies": np.zeros((MOST_READ, frame.size)),
+            "copies": np.zeros((MOST_COPIED, frame.size)),
             "values": values,
             "most": self.most,
         }

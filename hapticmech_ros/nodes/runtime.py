@@ -8,7 +8,9 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
+from threading import Barrier
 from typing import TYPE_CHECKING, Any
 
 import rclpy
@@ -23,9 +25,15 @@ from rclpy.signals import SignalHandlerOptions
 from hapticmech_ros.errors import HapticMechError, as_ours
 from hapticmech_ros.files import PARAMETER_FILE_LIMIT, check_file
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import StopRequest, print_report, run_until, wake_up_in_time
+from hapticmech_ros.nodes.loop import (
+    StopRequest,
+    prepare_loops,
+    print_report,
+    run_each,
+    run_until,
+    wake_up_in_time,
+)
 from hapticmech_ros.nodes.realtime import QuickStart, Realtime, Request
-from hapticmech_ros.nodes.timeouts import OwnPauses
 from hapticmech_ros.system.discovery import exposure
 from hapticmech_ros.system.readiness import SHOWN, report_ready
 
@@ -55,7 +63,7 @@ _ACTORS = {
 
 
 def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) -> int:
-    """Create the named nodes and run them in this thread until a signal; return the exit code.
+    """Create the named nodes, run each in a thread until a signal, and return the exit code.
 
     Args:
         names: of the nodes.
@@ -77,26 +85,26 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     from hapticmech_ros.nodes.managed import ManagedNode
 
     nodes: list[ManagedNode] = []
-    exchange, pauses = Exchange(), OwnPauses()
     realtime: Realtime | None = None
     try:
         # One by one: those made before a failure are destroyed.
         for name in names:
-            nodes.append(ManagedNode(actor_type(name), exchange, pauses))
+            nodes.append(ManagedNode(actor_type(name), Exchange()))
             nodes[-1].start()
         early_node.destroy_node()
         starting.end()
-        if exchange.refusal:
-            get_logger("lane").warning(
-                f"all messages go through the middleware: {exchange.refusal}"
-            )
+        refusals = {node.exchange.refusal: None for node in nodes if node.exchange.refusal}
+        for refusal in refusals:
+            get_logger("lane").warning(f"all messages go through the middleware: {refusal}")
 
-        def begun() -> None:
+        def begin() -> None:
             nonlocal realtime
             realtime = _ask_for_real_time(nodes)
             report_ready()
+            prepare_loops()
 
-        run_until(stop, nodes, exchange, begun)
+        begun = Barrier(len(nodes), begin)
+        run_each(stop, [partial(run_until, stop, [one], one.exchange, begun.wait) for one in nodes])
         for node in nodes:
             node.report_status(last=True)
             if SHOWN not in os.environ:
@@ -111,8 +119,9 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
     except ExternalShutdownException:
         return 0
     finally:
-        # First: other processes then expect no more from this one.
-        exchange.close()
+        # First: others then expect no more from this process.
+        for node in nodes:
+            node.exchange.close()
         for node in nodes:
             node.destroy_node()
         if realtime is not None:

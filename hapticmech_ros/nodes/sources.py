@@ -23,8 +23,6 @@ from hapticmech_ros.numerics.times import NANOSECONDS
 
 # By the middleware, which does not identify a message's publisher.
 MIDDLEWARE = 0
-# From a node of this process.
-WITHIN = -1
 # Bits of a lane publisher's id for its number in its process; the others are its process's
 # connection.
 OUTLETS = (1 << 32) - 1
@@ -34,8 +32,7 @@ class Origin(NamedTuple):
     """The path of a message, and its publisher where that is known.
 
     Attributes:
-        via: :data:`MIDDLEWARE`, :data:`WITHIN`, or the id of one publisher on the lane in this
-            process.
+        via: :data:`MIDDLEWARE`, or the id of one publisher on the lane in this process.
         number: of its publisher's messages through the middleware.
         sent: number of its messages over the lane; 0: it did not come over the lane.
         sent_ns: when it was sent, ns of the sending machine's clock; 0: that is not known.
@@ -47,7 +44,7 @@ class Origin(NamedTuple):
     sent_ns: int = 0
 
 
-INSIDE = Origin(WITHIN, 0)
+NO_ORIGIN = Origin(-1, 0)
 
 Listener = Callable[[bytes, Origin], None]
 # Of a topic's messages that came together, in the order in which they were sent.
@@ -204,7 +201,7 @@ class Sources:
     def __init__(self, node: KnowsPublishers, topic: str) -> None:
         self._node = node
         self._topic = topic
-        self.latest = INSIDE
+        self.latest = NO_ORIGIN
         self._sources: list[_Source] = []
         self._two = False
         self._received_ns = 0
@@ -290,7 +287,7 @@ class Sources:
             return one
         # Until now its messages came on another path, if it is only one.
         found = [one for one in self._sources if one.may_be_before(origin)]
-        if via < MIDDLEWARE or len(found) != 1:
+        if len(found) != 1:
             return None
         found[0].via = via
         return found[0]

@@ -254,7 +254,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs = self._outputs.to_device, self._outputs.to_point, self._outputs.to_gain
         self._plain = SampleAnswers(self, device, analyser, outputs, self._crtk.streams)
         self._log = EngagementLog(node.get_logger, self.now_ns)
-        node.every(PERIOD_S, self._log.report_counts)
+        node.every(PERIOD_S, self._log.report_counts, self._log.has_counts)
 
     @cached_property
     def _control(self) -> ControlArchitecture:

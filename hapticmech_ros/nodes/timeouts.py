@@ -94,27 +94,27 @@ class Remedy:
 
 
 class OwnPauses(Pauses):
-    """Those of this process, in which it wanted to go on and had no processor.
+    """Those of this process, in which a node's loop wanted to go on and had no processor.
 
     Args:
+        wait_ns: returns how long the node would still wait now, ns, negative if it wanted to go on
+            before; None: for ever.
         clock_ns: returns the time, ns.
         computed_ns: returns for how long this process has computed, ns.
 
     Attributes:
         remedy: advises.
-        waits: return how long each node would still wait now, ns, negative if it wanted to go on
-            before; None: for ever.
     """
 
     def __init__(
         self,
+        wait_ns: Callable[[], int | None],
         clock_ns: Callable[[], int] = time.monotonic_ns,
         computed_ns: Callable[[], int] = time.process_time_ns,
     ) -> None:
         super().__init__()
         self.remedy = Remedy()
-        self.waits: list[Callable[[], int | None]] = []
-        self._clock_ns, self._computed_ns = clock_ns, computed_ns
+        self._wait_ns, self._clock_ns, self._computed_ns = wait_ns, clock_ns, computed_ns
         self._computed = 0
 
     def look(self) -> None:
@@ -124,9 +124,9 @@ class OwnPauses(Pauses):
         self._computed = self._computed_ns()
         if before == NEVER or now - before <= SHORTEST_PAUSE_NS:
             return
-        waits = [wait for ask in self.waits if (wait := ask()) is not None]
-        if waits:
-            wanted = min(now - before, -min(waits))
+        wait_ns = self._wait_ns()
+        if wait_ns is not None:
+            wanted = min(now - before, -wait_ns)
             self._note(wanted - (self._computed - computed))
 
     def paused(self, length_ns: int) -> None:

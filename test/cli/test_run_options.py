@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of `hapticmech run` that are more than a word."""
 
+import subprocess
+import sys
+
 import pytest
 
 from commands import ran
@@ -95,3 +98,26 @@ def test_one_real_device_is_not_driven_from_two_points():
         refuse_one_device_twice(both, told[:1])
     # The other host has the other one.
     refuse_one_device_twice(nodes_of(["left"], drivers_of(["haply"], HELD), HELD))
+
+
+# A signal at each line of the wait: its handler would wait for a lock that the wait holds.
+INTERRUPTED = """
+import signal, sys
+from hapticmech_ros.cli.graph import StopEvent, stop_by_signals
+
+stop = stop_by_signals()
+
+def interrupt(frame, event, argument):
+    if frame.f_code is StopEvent.wait.__code__ and event == "line":
+        signal.raise_signal(signal.SIGTERM)
+    return interrupt
+
+sys.settrace(interrupt)
+print(stop.wait(20.0), stop.is_set())
+"""
+
+
+def test_a_signal_at_any_time_stops_the_wait_for_it():
+    command = [sys.executable, "-c", INTERRUPTED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.stdout, done.returncode) == ("True True\n", 0), done.stderr

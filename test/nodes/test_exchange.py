@@ -1,63 +1,13 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages within a process: each once, in order, and outside only if somebody listens there."""
-
-import time
-from types import SimpleNamespace
+"""What goes through the middleware, and how what came over the lane is delivered."""
 
 import pytest
 
-from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange
-from hapticmech_ros.nodes.sources import INSIDE, Origin
+from hapticmech_ros.nodes.exchange import MOST_UNDERWAY, Exchange, _Copies
+from hapticmech_ros.nodes.lane import Arrived
+from hapticmech_ros.nodes.sources import Origin
 from nodes.stand_ins import Publisher
-
-
-class Hears:
-    """Puts messages into a list; two of one list are equal."""
-
-    def __init__(self, received: list) -> None:
-        self.received = received
-
-    def __call__(self, message: bytes, origin: Origin) -> None:
-        assert origin == INSIDE
-        self.received.append(message)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Hears) and other.received is self.received
-
-    __hash__ = None
-
-
-def talk(subscriptions: int, stays: bool = False) -> SimpleNamespace:
-    """Return an exchange, who hears its topic, and its outlet, with what that sends outside."""
-    exchange, received, publisher = Exchange(), [], Publisher(subscriptions)
-    return SimpleNamespace(
-        exchange=exchange,
-        received=received,
-        is_own=exchange.listen("/topic", Hears(received)),
-        outlet=exchange.outlet(publisher, "/topic", stays),
-        publisher=publisher,
-        sent=publisher.sent,
-    )
-
-
-def test_within_the_process_nothing_goes_outside() -> None:
-    # The one subscription is that of the listener itself.
-    one = talk(1)
-    one.outlet.publish(b"a")
-    assert one.received == []
-    one.exchange.deliver()
-    assert one.received == [b"a"]
-    assert one.sent == []
-
-
-def test_who_listens_outside_gets_it_too_and_the_copy_is_dropped_here() -> None:
-    one = talk(2)
-    one.outlet.publish(b"a")
-    one.exchange.deliver()
-    assert one.received == one.sent == [b"a"]
-    assert all(one.is_own(message) for message in one.sent)
-    assert not one.is_own(b"of another process")
 
 
 def test_nothing_is_converted_that_nobody_wants_unless_it_stays() -> None:
@@ -72,56 +22,13 @@ def test_nothing_is_converted_that_nobody_wants_unless_it_stays() -> None:
     assert latched.sent == [b"a"]
 
 
-def test_what_stays_goes_outside_also_while_only_this_process_listens() -> None:
-    one = talk(1, stays=True)
-    one.outlet.publish(b"a")
-    one.exchange.deliver()
-    assert one.received == one.sent == [b"a"]
-
-
-def test_message_objects_take_the_way_through_the_middleware() -> None:
-    one, message = talk(1), object()
-    one.outlet.publish(message)
-    one.exchange.deliver()
-    assert one.sent == [message]
-    assert one.received == []
-
-
-def test_who_comes_later_is_noticed() -> None:
-    one = talk(1)
-    one.outlet.publish(b"a")
-    one.publisher.subscriptions = 2
-    deadline = time.monotonic() + 10.0
-    while not one.sent and time.monotonic() < deadline:
-        one.outlet.publish(b"b")
-    assert one.sent == [b"b"]
-
-
-def test_answers_come_after_the_message_they_answer() -> None:
-    exchange, received = Exchange(), []
-    outlet = exchange.outlet(Publisher(1), "/topic", False)
-
-    def answer(message: bytes, origin: Origin) -> None:
-        if message == b"question":
-            outlet.publish(b"answer")
-            exchange.deliver()
-        received.append(message)
-
-    exchange.listen("/topic", answer)
-    outlet.publish(b"question")
-    outlet.publish(b"next")
-    exchange.deliver()
-    assert received == [b"question", b"next", b"answer"]
-
-
-def test_a_silenced_listener_hears_no_more() -> None:
-    one = talk(1)
-    one.outlet.publish(b"a")
-    one.exchange.silence("/topic", Hears(one.received))
-    one.exchange.deliver()
-    one.outlet.publish(b"b")
-    one.exchange.deliver()
-    assert one.received == []
+def test_without_a_lane_all_goes_through_the_middleware() -> None:
+    publisher, message = Publisher(1), object()
+    outlet = Exchange().outlet(publisher, "/topic", False, "Kind")
+    outlet.publish(message)
+    outlet.publish(b"a")
+    assert publisher.sent == [message, b"a"]
+    assert (outlet.ways(), outlet.published) == ("middleware", 2)
 
 
 def test_delivery_goes_on_after_a_listener_that_raised() -> None:
@@ -129,9 +36,8 @@ def test_delivery_goes_on_after_a_listener_that_raised() -> None:
         raise ValueError(message)
 
     exchange, received = Exchange(), []
-    exchange.listen("/topic", refuse)
-    exchange.listen("/topic", Hears(received))
-    exchange.outlet(Publisher(2), "/topic", False).publish(b"a")
+    for listener in (refuse, lambda message, origin: received.append(message)):
+        exchange._waiting.append(Arrived(listener, b"a", Origin(1 << 32, 1)))
     with pytest.raises(ValueError, match="a"):
         exchange.deliver()
     exchange.deliver()
@@ -139,9 +45,8 @@ def test_delivery_goes_on_after_a_listener_that_raised() -> None:
 
 
 def test_copies_that_never_come_back_are_forgotten() -> None:
-    one = talk(2)
+    copies = _Copies()
     for number in range(MOST_UNDERWAY + 1):
-        one.outlet.publish(b"%d" % number)
-    one.exchange.deliver()
-    assert not one.is_own(b"0")
-    assert one.is_own(b"%d" % MOST_UNDERWAY)
+        copies.note(b"%d" % number)
+    assert not copies.had(b"0")
+    assert copies.had(b"%d" % MOST_UNDERWAY)

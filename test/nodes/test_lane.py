@@ -726,3 +726,32 @@ def test_a_path_too_long_for_a_socket_is_refused_in_a_sentence(tmp_path: Path) -
     deep.mkdir(mode=0o700)
     with pytest.raises(LaneError, match="no socket for the lane"):
         Lane.open({"XDG_RUNTIME_DIR": str(deep)})
+
+
+def test_there_is_news_of_who_comes_and_who_is_behind_only(
+    lanes: list[Lane], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kernel is left for it."""
+    monkeypatch.setattr(lane_module, "LOOK_NS", 0)
+    lane, other, _ = lanes
+    other.listen_to_all(TOPIC, Received().every)
+    meet(lanes)
+    os.utime(folder, (0, 0))
+    lane.look()
+    assert not lane.has_news
+    # A newcomer, and a change of what is subscribed to here.
+    os.utime(folder)
+    assert lane.has_news
+    os.utime(folder, (0, 0))
+    lane.look()
+    assert not lane.has_news
+    next(iter(lane._incoming.values())).announced = -1
+    assert lane.has_news
+    lane.look()
+    assert not lane.has_news
+    # Whoever wants all, and has not taken all.
+    end = time.monotonic() + 20.0
+    while not lane.has_news:
+        assert time.monotonic() < end
+        send(lane, bytes(50_000))
+    until(lambda: not lane.has_news, *lanes)

@@ -7,11 +7,12 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import pytest
 
-from hapticmech_ros.nodes.loop import print_report
+from hapticmech_ros.nodes.loop import print_report, run_each
 
 # Python has taken its own handlers away when it clears modules; what is told there comes last.
 ENDS = """
@@ -44,3 +45,19 @@ def test_the_last_line_is_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=pieces.append, flush=int))
     print_report(SimpleNamespace(final_report=lambda: "device: rendered"))
     assert pieces == ["device: rendered\n"]
+
+
+def test_a_loop_that_fails_stops_the_others_and_is_heard_of() -> None:
+    asked, ended = threading.Event(), list[str]()
+
+    def fail() -> None:
+        raise KeyError("as of a defect")
+
+    def go_on() -> None:
+        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        assert asked.wait(20.0)
+        ended.append("other")
+
+    with pytest.raises(KeyError, match="as of a defect"):
+        run_each(SimpleNamespace(ask=asked.set), [go_on, fail])  # type: ignore[arg-type]
+    assert ended == ["other"]

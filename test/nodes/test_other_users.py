@@ -14,7 +14,6 @@ from benchmarks.reliability.outputs import applied_in
 from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.local_loop import FRESH_NS
-from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin, WithInfo
 from hapticmech_ros.wire.cdr import FlatArray, decode
 from hapticmech_ros.wire.layouts import CouplingMatrices, CouplingWire
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
@@ -85,12 +84,7 @@ class Left:
 
     def intrude(self, topic: str, message: bytes) -> None:
         """Bring a message of somebody who is in none of the graph's processes."""
-        for listener in self.graph.within[topic]:
-            listener(message, Origin(MIDDLEWARE, 7))
-        # In lockstep all comes through the middleware.
-        for one in self.graph.subscriptions[topic] if self.host.actor.lockstep else ():
-            watched = isinstance(one.callback, WithInfo)
-            one.callback(message, *([{"publication_sequence_number": 7}] if watched else []))
+        self.graph.put(topic, message, 7)
 
     @property
     def applied(self) -> np.ndarray:
@@ -243,8 +237,7 @@ def test_of_two_analysers_nothing_is_told_of_others_and_rendering_goes_on() -> N
         last = graph.last.get(GAIN)
         for number in range(round(1000 * seconds)):
             if second and number % 7 == 0:
-                for listener in graph.within[topic]:
-                    listener(graph.last[topic], Origin(MIDDLEWARE, 7))
+                graph.put(topic, graph.last[topic], 7)
             graph.run(1e-3)
             command = encode_wrench(np.zeros(6), graph.now_ns)
             graph.put("/left/mechanism/right/servo_cf", command)

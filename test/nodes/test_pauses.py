@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from hapticmech_ros.nodes.sources import INSIDE, MIDDLEWARE, Origin
+from hapticmech_ros.nodes.sources import MIDDLEWARE, NO_ORIGIN, Origin
 from hapticmech_ros.nodes.timeouts import (
     MINUTE_NS,
     SEVERAL,
@@ -26,8 +26,11 @@ class Process:
     def __init__(self) -> None:
         self.now_ns = self.computed_ns = 1000 * MS
         self.due_ns: int | None = self.now_ns
-        self.pauses = OwnPauses(lambda: self.now_ns, lambda: self.computed_ns)
-        self.pauses.waits.append(lambda: None if self.due_ns is None else self.due_ns - self.now_ns)
+        self.pauses = OwnPauses(
+            lambda: None if self.due_ns is None else self.due_ns - self.now_ns,
+            lambda: self.now_ns,
+            lambda: self.computed_ns,
+        )
         self.said: list[str] = []
         self.losses = Losses(self.pauses, 1000.0, self.said.append)
         self.go_on(0)
@@ -78,12 +81,6 @@ def test_who_waits_for_ever_is_never_late(process: Process) -> None:
     process.due_ns = None
     process.go_on(1000 * MS)
     assert process.pauses.within(2000 * MS) == (0, 0)
-
-
-def test_of_several_nodes_the_first_deadline_counts(process: Process) -> None:
-    process.pauses.waits.append(lambda: 100 * MS)
-    process.go_on(15 * MS)
-    assert process.pauses.within(20 * MS) == (14 * MS, 14 * MS)
 
 
 def test_a_pause_that_does_not_explain_a_silence_is_not_blamed_for_it(process: Process) -> None:
@@ -139,7 +136,7 @@ def test_another_sender_and_one_that_is_not_counted_have_not_paused() -> None:
     receives(sender, range(1, 1000), via=1)
     receives(sender, range(1015, 1016), via=2, behind=15)
     for period in (2000, 2050):
-        sender.received(period * MS, INSIDE, period * MS)
+        sender.received(period * MS, NO_ORIGIN, period * MS)
     assert sender.within(5000 * MS) == (0, 0)
 
 

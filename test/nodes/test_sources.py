@@ -9,7 +9,6 @@ import random
 import pytest
 
 from hapticmech_ros.nodes.sources import (
-    INSIDE,
     MIDDLEWARE,
     STOPPED,
     UNNUMBERED,
@@ -21,6 +20,8 @@ from nodes.stand_ins import Listed
 from sampling import sampled
 
 MS = 1_000_000
+
+LANE, OTHER_LANE = 1 << 32, 2 << 32
 
 
 def received(sources: Sources, number: int, now_ns: int) -> None:
@@ -90,10 +91,10 @@ def test_a_second_that_speaks_at_the_same_rate_is_noticed_at_once(
     assert told == "more than one publisher of /topic: /left/one and /other"
 
 
-@pytest.mark.parametrize("other", [Origin(MIDDLEWARE, 1), Origin(1 << 32, 0)], ids=str)
-def test_one_of_this_process_and_another_are_two(sources: Sources, other: Origin) -> None:
+@pytest.mark.parametrize("other", [Origin(MIDDLEWARE, 1), Origin(OTHER_LANE, 0)], ids=str)
+def test_one_on_the_lane_and_another_are_two(sources: Sources, other: Origin) -> None:
     for now in range(50):
-        sources.received(INSIDE, now * MS)
+        sources.received(Origin(LANE, 20, sent=now + 1), now * MS)
     assert sources.fault(50 * MS) == ""
     sources.received(other, 50 * MS)
     assert sources.fault(50 * MS) != ""
@@ -177,9 +178,6 @@ def test_without_numbers_the_middleware_is_asked() -> None:
     two = Sources(Listed("/one", "/other"), "/topic")
     received(two, UNNUMBERED, 0)
     assert "/one and /other" in two.fault(0)
-
-
-LANE, OTHER_LANE = 1 << 32, 2 << 32
 
 
 def test_one_that_changes_to_the_lane_and_back_is_one(sources: Sources) -> None:
@@ -287,11 +285,10 @@ def test_late_copies_of_what_the_lane_took_over_are_of_one(sources: Sources) -> 
     assert sources.fault(100 * MS) == ""
 
 
-@pytest.mark.parametrize("via", [LANE, INSIDE.via])
-def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody(via: int) -> None:
+def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody() -> None:
     middleware = Listed("/one")
     sources = Sources(middleware, "/topic")
-    goes_on(sources, range(1000, 1200), 200, via, step=0)
+    goes_on(sources, range(1000, 1200), 200, LANE, step=0)
     late = [Origin(MIDDLEWARE, number, sent_ns=(900 + number) * MS) for number in (100, 101, 102)]
     sources.received(late[0], 1200 * MS)
     assert sources.fault(1200 * MS) == ""
@@ -300,10 +297,9 @@ def test_what_comes_late_is_somebody_elses_only_if_there_may_be_somebody(via: in
     assert sources.fault(1200 * MS).endswith("/one and /other")
 
 
-@pytest.mark.parametrize("via", [LANE, INSIDE.via])
-def test_what_comes_in_time_is_somebody_elses_before_he_is_listed(via: int) -> None:
+def test_what_comes_in_time_is_somebody_elses_before_he_is_listed() -> None:
     sources = Sources(Listed("/one"), "/topic")
-    goes_on(sources, range(1000, 1200), 200, via, step=0)
+    goes_on(sources, range(1000, 1200), 200, LANE, step=0)
     sources.received(Origin(MIDDLEWARE, 100, sent_ns=1199 * MS), 1200 * MS)
     assert sources.fault(1200 * MS).endswith("/one and one without a name")
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import threading
 import time
@@ -38,6 +39,9 @@ def process(tmp_path: Path) -> Iterator[tuple[Queued, Exchange, Threads]]:
     executor, exchange = Queued(), Exchange()
     tmp_path.chmod(0o700)
     exchange.lane = Lane(tmp_path)
+    # Nobody else comes.
+    os.utime(tmp_path, (0, 0))
+    exchange.lane.look()
     threads = Threads(executor, exchange)  # type: ignore[arg-type]
     threads.begin(exchange.lane.turn)
     yield executor, exchange, threads

@@ -12,7 +12,6 @@ import pytest
 
 from benchmarks.reliability.fake_graph import ACTORS, FakeGraph
 from benchmarks.reliability.outputs import applied_in
-from hapticmech_ros.nodes.sources import MIDDLEWARE, Origin
 from hapticmech_ros.wire.cdr import FlatArray
 from hapticmech_ros.wire.messages import LocalFeedbackGain
 
@@ -45,8 +44,7 @@ def gain_at(stamp_ns):
 
 def say(graph, message):
     """Bring a message of somebody who is in none of the graph's processes."""
-    for listener in graph.within[TOPIC]:
-        listener(message, Origin(MIDDLEWARE, 7))
+    graph.put(TOPIC, message, 7)
 
 
 def test_with_the_first_gain_of_a_second_publisher_force_is_zero(graph):

@@ -7,6 +7,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 from hapticmech_ros.nodes import loop
@@ -24,10 +25,9 @@ class Standing:
 
     def __init__(self, executor: loop.Executor) -> None:
         self._executor, self._stands = executor, False
-        signal.signal(signal.SIGUSR1, self._stand)
+        asked.append(self._stand)
 
-    def _stand(self, number: int, frame: object) -> None:
-        del number, frame
+    def _stand(self) -> None:
         self._stands = True
 
     def __getattr__(self, name: str) -> Any:
@@ -42,7 +42,11 @@ class Standing:
         self._executor.spin_once(timeout_sec=timeout_sec)
 
 
+# Called by SIGUSR1.
+asked: list[Callable[[], None]] = []
+
 if __name__ == "__main__":
+    signal.signal(signal.SIGUSR1, lambda *_: [stand() for stand in asked])
     made = loop.Threads.__init__
     loop.Threads.__init__ = lambda self, executor, exchange: made(  # type: ignore[method-assign]
         self, Standing(executor), exchange
