@@ -412,8 +412,8 @@ class Waits(Protocol):
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         """Return whether it can wait now; see ``PlainMessages``."""
 
-    def __call__(self, lane: Lane) -> bool:
-        """Return whether there is something to read; see there."""
+    def __call__(self, lane: Lane) -> Sequence[int]:
+        """Return the connections that may have something to read; see there."""
 
     @property
     def settled(self) -> bool:
@@ -646,7 +646,7 @@ class Lane:
         if wait is None or not self.worked:
             ready = self._select(timeout_s)
         else:
-            ready = select.select(self._waited, (), (), 0.0)[0] if wait(self) else []
+            ready = select.select(wait(self), (), (), 0.0)[0]
         if not ready:
             return found
         for number in ready:

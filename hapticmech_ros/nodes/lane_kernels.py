@@ -305,6 +305,11 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
     return bits if ready == found else OTHER
 
 
+def has_ended(polled: Array) -> bool:
+    """Return whether more than a message was found on any of (n,) struct pollfd: its end."""
+    return bool((polled >> _ANSWER_AT & ~_IN).any())
+
+
 @inner
 def wait_for_message(end: int, link: Link, words: Array, polled: Array) -> int:
     """Wait for a message of the first connection; arguments as of :func:`wait_until`.

@@ -212,6 +212,8 @@ class PlainMessages:
         self._passing = [kernels.Reading(row) for row in self.passed]
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
         self.polled = np.zeros(0, dtype=np.int64)
+        self._waited: list[int] = []
+        self._others: list[int] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
 
     def ready(self) -> bool:
@@ -303,7 +305,8 @@ class PlainMessages:
         topics = zip(self._received, self.inputs, strict=True)
         awaited = [topic for one, topic in topics if one.awaited and not one.beside]
         polled = [topic.reading.connection for topic in awaited]
-        polled += [number for number in waited if number not in first]
+        self._waited, self._others = waited, [one for one in waited if one not in first]
+        polled += self._others
         self.polled = np.array(polled, dtype=np.int64) | kernels.WAITS_TO_READ
         return len(set(first)) == len(first)
 
@@ -326,14 +329,15 @@ class PlainMessages:
         row.connection = speaker[0]
         return speaker[0]
 
-    def __call__(self, lane: Lane) -> bool:
+    def __call__(self, lane: Lane) -> Sequence[int]:
         """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
 
         Args:
             lane: of the process.
 
         Returns:
-            Whether there is something to read.
+            The connections that may have something for Python to read. Where Python is wanted for
+            something else, those of plain messages are left to the kernel, which skips none.
         """
         link, self._lane = self._shared, lane
         kernel = self.kernel()
@@ -351,7 +355,10 @@ class PlainMessages:
         if code == kernels.TO_LOOK_AT:
             self._view()()
             self._actor.node.exchange.meet_failures()
-        return code == kernels.TO_READ
+        if code != kernels.TO_READ:
+            return []
+        ended = kernels.has_ended(self.polled)
+        return self._others if link.asked and not ended else self._waited
 
     def _show(self, turn: Turn) -> bool:
         """Have another thread publish a view; return whether the kernel may go on at once.

@@ -331,13 +331,14 @@ class LongWait:
     settled = True
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        del lane, waited, until_ns
+        del lane, until_ns
+        self.waited = waited
         return True
 
-    def __call__(self, lane: Lane) -> bool:
+    def __call__(self, lane: Lane) -> list[int]:
         del lane
         time.sleep(0.001)
-        return True
+        return self.waited
 
 
 @pytest.mark.parametrize("old", [False, True])
