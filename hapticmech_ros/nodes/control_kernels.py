@@ -78,11 +78,13 @@ class Sender(Record):
     Attributes:
         counted: how the sender counts the message.
         stamp_ns: of the message.
+        paused: by the kernel: for how long it paused before a message, ns.
     """
 
     dtype = int
     counted = Whole()
     stamp_ns = Whole()
+    paused = Whole()
 
 
 class ControllerLink(Link):
@@ -121,23 +123,22 @@ class ControllerLink(Link):
 
 
 @inner
-def has_paused(sender: Sender, stamp: int, counted: int, period: int) -> bool:
-    """Return whether a sender's stamps went on faster than its count, see ``SenderPauses``.
+def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) -> None:
+    """Note a sender's message, and a pause before it, which Python is told of.
+
+    Stamps then went on faster than messages are counted; see ``SenderPauses``.
 
     Args:
-        sender: of a message.
+        link: how things stand; changed.
+        sender: of the message; changed.
         stamp: of the message, ns.
         counted: its number.
-        period: ns.
     """
     periods = counted - sender.counted
-    late = stamp - sender.stamp_ns - periods * period
-    return bool(periods > 0 and late > SHORTEST_PAUSE_NS)
-
-
-@inner
-def note_sender(sender: Sender, stamp: int, counted: int) -> None:
-    """Note a sender's message; arguments as of :func:`has_paused`."""
+    late = stamp - sender.stamp_ns - periods * link.period
+    if periods > 0 and late > SHORTEST_PAUSE_NS:
+        sender.paused += late
+        link.until = 0
     sender.counted, sender.stamp_ns = counted, stamp
 
 
@@ -283,13 +284,12 @@ def answer_samples(
                 break
             time, came, counted, sent = words[0], arrival(words), words[2], words[3]
             stamp = plain_model(link, model, models.most, grasp, time)
-            paused = has_paused(link.of_analyser, stamp, counted, link.period)
-            if found == OTHER or stamp == UNSOUND or paused:
+            if found == OTHER or stamp == UNSOUND:
                 return TO_READ
             take(models, words)
             put(known.values, model.operational_model.values)
             link.model_ns = stamp
-            note_sender(link.of_analyser, stamp, counted)
+            note_sender(link, link.of_analyser, stamp, counted)
             note_read(link, models.reading, ages, time, came - stamp, counted, sent)
         if link.reads == ages.size:
             break
@@ -299,7 +299,7 @@ def answer_samples(
             return TO_READ
         time, real, counted, sent = words[0], words[1], words[2], words[3]
         stamp = plain_sample(link, state, states.most, round_trips, time)
-        if stamp == UNSOUND or has_paused(link.of_device, stamp, counted, link.period):
+        if stamp == UNSOUND:
             return TO_READ
         sample = state.sample
         put(moved.values, motion.values)
@@ -350,7 +350,7 @@ def answer_samples(
         queue_wrench(side, queue, wrenches[0], wrenches[1])
         remember_commanded(past, wrenches[0])
         put(motion.values, moved.values)
-        note_sender(link.of_device, stamp, counted)
+        note_sender(link, link.of_device, stamp, counted)
         note_read(link, states.reading, ages, time, time - stamp, counted, sent)
         link.last, link.newest, link.arrived = time, stamp, time
         round_trips[0] = state.round_trip

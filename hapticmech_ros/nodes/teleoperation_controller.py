@@ -551,8 +551,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
         # What depends on other hands goes with each gain.
         link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
-        link.of_device.values[:] = self._device_pauses.last[1:]
-        link.of_analyser.values[:] = self._model_pauses.last[1:]
+        link.of_device.values[:] = *self._device_pauses.last[1:], 0
+        link.of_analyser.values[:] = *self._model_pauses.last[1:], 0
         link.sample_ns = link.answers = 0
         link.until_view = self._outputs.until_view
         known[:] = model.operational_model.values
@@ -577,7 +577,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             found = OperationalModelMessage(before.values.copy())
             found.stamp_ns, found.operational_model.values[:] = stamp_ns, known
             self._model.put(found, stamp_ns)
-        self._model_pauses.went_on(stamp_ns, origin, now_ns)
+        self._model_pauses.went_on(stamp_ns, origin, now_ns, link.of_analyser.paused)
 
     def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
         """Note what the kernel has answered.
@@ -592,7 +592,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._rendered_ns = link.rendered
         self.path.last = link.newest, link.arrived
         self.motion.stamp_ns = link.moved
-        self._device_pauses.went_on(stamp_ns, origin, now_ns)
+        self._device_pauses.went_on(stamp_ns, origin, now_ns, link.of_device.paused)
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
         self._outputs.answers += link.answers

@@ -169,11 +169,15 @@ class SenderPauses(Pauses):
         if count and periods > 0 and not anew:
             self._note(stamp_ns - before_ns - periods * self._period_ns)
 
-    def went_on(self, stamp_ns: int, origin: Origin, now_ns: int) -> None:
-        """Note a message before which there was no pause; arguments as of :meth:`received`."""
+    def went_on(self, stamp_ns: int, origin: Origin, now_ns: int, paused_ns: int = 0) -> None:
+        """Note the last of several messages, and how long it paused between them, ns.
+
+        Other arguments are those of :meth:`received`.
+        """
         self.looked_ns = now_ns
         self._via, self._count = origin.via, origin.sent or origin.number
         self._stamp_ns = stamp_ns
+        self._note(paused_ns)
 
 
 # A periodic message is sometimes late by a period, and sometimes lost: a timeout shorter than so

@@ -770,6 +770,41 @@ def test_samples_are_answered_as_python_answers_them(
         assert by_kernel.tobytes() == by_python.tobytes()
 
 
+def test_after_a_senders_pause_each_message_is_answered_and_the_pause_is_known(
+    rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, inputs = rendering
+    actor, (device, analyser, *_) = process.actor, process.peers
+    answered, noted, link = actor.answered, list[tuple[int, int]](), process.wait.link
+
+    def note(*given: Any) -> None:
+        noted.append((link.of_device.paused, link.of_analyser.paused))
+        answered(*given)
+
+    def speak() -> None:
+        sample, model = inputs.next()
+        analyser.speak(model)
+        device.speak(sample)
+
+    def has_just_told_gains() -> bool:
+        # Those that nobody reads are Python's.
+        answers = actor._outputs.answers
+        speak()
+        process.until(lambda: actor._outputs.answers > answers)
+        return bool(actor._outputs.gain_from_ns >= inputs.stamp_ns + 8 * MS)
+
+    process.until(has_just_told_gains)
+    monkeypatch.setattr(actor, "answered", note)
+    answers = actor._outputs.answers
+    inputs.stamp_ns += 5 * MS
+    for _ in range(2):
+        speak()
+    process.until(lambda: actor._outputs.answers == answers + 2)
+    assert (5 * MS, 5 * MS) in noted
+    for sender in (actor._device_pauses, actor._model_pauses):
+        assert sender.within(1000 * MS) == (5 * MS, 5 * MS)
+
+
 def test_a_round_trip_that_changes_no_gains_needs_no_python(
     rendering: tuple[Process, Inputs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
