@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of kernels that read and write messages of the lane, without Python and its lock.
 
-A node's kernel waits for the lane's connections as ``select`` does, and handles plain messages.
-What is not plain it leaves where it is, and returns: whatever a message of another topic, of
-another publisher, or one that breaks a rule needs, Python does.
+A node's kernel polls the lane's connections and handles plain messages. Any other message, for
+example of another topic or publisher, or one that breaks a rule, stays in its socket: the kernel
+returns, and Python handles it.
 
-Kernel that waits for a loop to stand still. It needs neither Python nor its lock.
+The watchdog's kernel, :func:`abort_when_still`, needs neither Python nor its lock.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from hapticmech_ros.compilation.records import Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
 
-# Numbers shared with the loop: how often it went round, and whether it has ended.
+# Indices of numbers shared with the loop: its count of iterations, and whether it has ended.
 ROUNDS, ENDED = 0, 1
 LOOK_US = 250_000
 _STANDARD_ERROR = 2
-# struct pollfd: standard error, whether it takes what is written (POLLOUT), and the answer.
+# A struct pollfd that waits until standard error can be written (POLLOUT); and the answer's bit.
 _POLLED, _TAKES = 2 | 4 << 32, 4 << 48
 _STATUS = 134
 
@@ -43,16 +43,16 @@ _exit = c_function("_exit", "void(int32)")
 
 @kernel("void(int64[:], int64[:], int64[:], int64)", waits=True)
 def abort_when_still(shared: Array, text: Array, polled: Array, looks: int) -> None:
-    """Abort the process when its loop has not gone round for so many looks.
+    """Abort the process if its loop made no iteration over a number of successive checks.
 
-    Looks are counted, not time: while the whole process is stopped there are none. Where standard
-    error takes nothing, a terminal that is held for instance, the process ends without a word.
+    Checks are counted, not time: a process that is stopped as a whole makes none. If standard error
+    cannot be written, as on a terminal that is held, the process exits without a message.
 
     Args:
         shared: (2,), [:data:`ROUNDS`, :data:`ENDED`]; the loop writes them.
-        text: (n,), what is written to standard error, eight bytes a number.
-        polled: (1,), a struct pollfd to work with.
-        looks: how many, :data:`LOOK_US` apart.
+        text: (n,), message to standard error, eight bytes a number.
+        polled: (1,), a struct pollfd, as work space.
+        looks: number of checks, :data:`LOOK_US` µs apart.
     """
     still, last = 0, shared[ROUNDS]
     while shared[ENDED] == 0:
@@ -66,24 +66,24 @@ def abort_when_still(shared: Array, text: Array, polled: Array, looks: int) -> N
             if _poll(polled.ctypes.data, 1, 0) != 1 or polled[0] & _TAKES == 0:
                 _exit(_STATUS)
             _write(_STANDARD_ERROR, text.ctypes.data, 8 * text.size)
-            # It may have gone on while that waited.
+            # The loop may have gone on during the write.
             if shared[ROUNDS] == last:
                 _abort()
 
 
 class Link(Record):
-    """How things stand, for a node's kernel and for Python; each kernel has fields of its own.
+    """State shared by a node's kernel and Python; each kernel adds fields of its own.
 
     Attributes:
-        until: by Python: when to return, ns of the monotonic clock.
-        ahead: by how much the node's time is ahead of the monotonic clock, ns.
-        step: how far the machine's time may be from that, ns.
-        oldest: how old a stamp may be, ns.
-        behind: how long a message may have been on its way, ns.
-        until_view: after how many messages what is sent is looked at; 0 for never.
-        paused: by the kernel: for how long the process had no processor just now, ns.
-        asked: since when Python is wanted, ns of the monotonic clock; 0: it is not.
-        reads: how many messages it has read.
+        until: when to return, ns of the monotonic clock, by Python; 0, by a kernel: return early.
+        ahead: the node's time minus the monotonic clock, ns.
+        step: largest difference of the machine's clock from the node's time, ns.
+        oldest: largest difference of a stamp from the node's time, ns.
+        behind: longest time since a message was sent, ns.
+        until_view: number of messages until a view is due; 0: never.
+        paused: set by the kernel: how long the process had no processor at its last pause, ns.
+        asked: since when a connection needs Python, ns of the monotonic clock; 0: none does.
+        reads: number of messages read, without gains and messages passed over.
     """
 
     dtype = int
@@ -99,17 +99,17 @@ class Link(Record):
 
 
 class DeadlineLink(Link):
-    """How things stand, for who acts at deadlines on the commands of another; times are ns.
+    """State of a kernel that does a step at each deadline, under commands; times are ns.
 
     Attributes:
         next, period: the next deadline, and the period.
-        timeout: how long a command stands; 0 for ever.
-        since: from what stamp on commands count.
-        received, received_before: since when a command stands, and the one before.
-        newest, arrived: the newest stamp, and when it came.
-        done: how many steps were done.
-        missed: how many of them were late, and made up for in one with the next.
-        sampled: by the kernel: stamp of the last step that was published; 0: none was.
+        timeout: how long a command is valid; for the mechanism, 0: for ever.
+        since: only commands with a later stamp count.
+        received, received_before: when the present command arrived, and the one before.
+        newest, arrived: the newest command's stamp, and when it arrived.
+        done: number of steps done.
+        missed: number of them that made up for a missed deadline, unpublished.
+        sampled: set by the kernel: stamp of the last published step; 0: none.
     """
 
     next = Whole()
@@ -129,15 +129,15 @@ class Reading(Record):
     """A topic that is read.
 
     Attributes:
-        head: by Python: the first word of a plain message's header.
-        connection: over which it comes, a file's number.
-        number: how often its publisher has used the middleware.
+        head: set by Python: first word of a plain message's header; 0: the kernel reads none.
+        connection: its file descriptor.
+        number: how many messages its publisher has sent through the middleware.
         length: of a message with its header, bytes.
-        data: where its numbers begin, bytes.
-        read: by the kernel, of the last message: when it was read, ns of the node's time; 0: none.
-        counted: how its publisher counts it.
-        sent_ns: when it was sent, ns.
-        copied: how many messages the middleware will bring too.
+        data: length of the header and of the bytes after it that all messages share, bytes.
+        read: set by the kernel: when the last message was read, ns of the node's time; 0: none.
+        counted: its number among its publisher's messages over the lane.
+        sent_ns: when it was sent, ns of the machine's clock.
+        copied: how many of the messages read the middleware delivers too.
     """
 
     dtype = int
@@ -156,16 +156,16 @@ class Sending(Record):
     """A topic that is sent.
 
     Attributes:
-        head: by Python: the first word of the header.
-        hearers: to how many it is sent over the lane.
-        number: how often the middleware was used.
+        head: set by Python: first word of the header, without the subscriber's topic number.
+        hearers: number of processes on the lane that it is sent to.
+        number: how many messages were sent through the middleware.
         length: of a message with its header, bytes.
-        sent: how many were sent.
+        sent: how many messages were sent over the lane.
         both: 1 if the middleware is to carry them too.
-        publishes, publisher: the function of rcl, 0 for by Python, and the publisher.
-        unsent: by the kernel: to whom the last one could not be sent, a bit each.
-        left: 1 if Python is to publish it.
-        message: what rcl takes for it: where its bytes are, and twice how many, come first.
+        publishes, publisher: addresses of rcl's function, 0: Python publishes; of the publisher.
+        unsent: set by the kernel: a bit for each process that it could not send to.
+        left: 1 if Python is to publish the last message.
+        message: for rcl; address of the bytes, their number and the buffer's size come first.
     """
 
     dtype = int
@@ -187,10 +187,10 @@ class SubscribedTopic(Structure):
 
     Attributes:
         reading: how it is read.
-        prefix: (words,) the bytes that all messages have between header and data.
-        between: (words,) of a WrenchStamped those between stamp and wrench.
-        frame: (words,) for a message, from :data:`BEGINS_AT` on.
-        copies: (n, words) for messages that the middleware will bring too.
+        prefix: (words,) the bytes after the header that all messages share.
+        between: (words,) for a WrenchStamped, the bytes between stamp and wrench.
+        frame: (words,) buffer of a message, which begins at byte :data:`BEGINS_AT`.
+        copies: (n, words) messages that the middleware delivers too.
         values: (n,) the data in ``frame``.
         most: (n,) largest magnitude of each of its numbers.
     """
@@ -205,8 +205,8 @@ class PublishedTopic(Structure):
 
     Attributes:
         sending: how it is sent.
-        frame: (words,) the message, from :data:`BEGINS_AT` on.
-        targets: (2 n,) connections, each with the topic's number there.
+        frame: (words,) buffer of the message, which begins at byte :data:`BEGINS_AT`.
+        targets: (2 n,) file descriptors, each followed by the subscriber's number of the topic.
         values: (n,) the data in ``frame``.
         most: (n,) largest magnitude of each of its numbers.
     """
@@ -216,41 +216,41 @@ class PublishedTopic(Structure):
     values, most = RealTail("frame"), Part(1)
 
 
-# Why a kernel returns: time is up, or enough is done; there is something for Python to read; what
-# was sent last is to be looked at, or to go to more than the kernel could reach; and Python has to
-# act at a deadline, or to say what the kernel did not dare to.
+# Why a kernel returns: time is up, or as many messages were read as fit into its arrays; Python has
+# to read; a view is due; Python has to send the last message on; Python has to do the step that is
+# due; or Python has to publish a step, whose message failed a check.
 TIME_IS_UP, TO_READ, TO_LOOK_AT, TO_SEND, TO_ACT, TO_SAY = range(6)
-# Why it does not return.
+# It does not return.
 GOES_ON = -1
-# Of the room that functions work in: times, and the words of a message's header.
+# Size of the functions' work space, for times and the words of a message's header.
 WORDS = 5
-# Of a message on the lane, before its bytes; and where in an array of words it begins, so that the
-# numbers in it, which follow four bytes of encapsulation, are at whole words.
+# Length of the header on the lane, and the byte where a message begins in an array of words, so
+# that its numbers, which follow four bytes of encapsulation, are at whole words.
 HEADER_BYTES, BEGINS_AT = 32, 4
 MONOTONIC, REALTIME = 1, 0
 SECOND = 1_000_000_000
 _IN, _ANSWER_AT = 1, 48
-# Of a header's first word whether the middleware carries the message too.
+# Bit of a header's first word: the middleware carries the message too.
 _BOTH_AT = 8
-# Of a struct pollfd: that it waits for something to read.
+# In a struct pollfd: wait for POLLIN.
 WAITS_TO_READ = _IN << 32
-# Of a WrenchStamped: the word with its seconds and nanoseconds, behind header and encapsulation.
+# Word of a WrenchStamped's frame with its seconds and nanoseconds, after the encapsulation.
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
-# Who has not listened to the middleware for longer than this, ns, does not hear who would stop it.
+# A process that has not listened to the middleware for longer than this, ns, may miss a stop.
 DEAF_NS = 100_000_000
-# Time that is up in the midst of a wait is up after the next message, or so much later, ns: whoever
-# returned at any time would keep the next one waiting.
+# If time is up during a wait, the kernel returns after the next message, or so much later, ns: a
+# return just before a message would delay its answer.
 GRACE_NS = 5_000_000
-# Python is given to whoever asks for it after the next step or message, if that comes so soon, ns:
-# then there is a whole period for it.
+# A connection that needs Python waits for the next step or message if that takes no longer, ns:
+# then Python has a whole period.
 SOON_NS = 2_000_000
-# Nobody waits for longer at once: what comes later than that after its end is a pause, ns.
+# Longest single wait, ns, so that a wait that ends late shows that the process paused.
 _UNSEEN_NS = 5_000_000
-# Shorter pauses are none: a timer is as late, ns.
+# A wait that ends no later than this is no pause: timers may be so late, ns.
 SHORTEST_PAUSE_NS = 1_000_000
 NOTHING, PLAIN, OTHER = 0, 1, -1
-# So many missed deadlines are made up for at once.
+# Most missed deadlines that are made up for at once.
 MOST_MISSED = 7
 
 _ppoll = c_function("ppoll", "int32(intp, uint64, intp, intp)")
@@ -264,27 +264,26 @@ _publish = function_at("int32(intp, intp, intp, intp)")
 
 @inner
 def time_of(clock: int, words: Array) -> int:
-    """Return a clock's time, ns; the first of ``words`` are worked with."""
+    """Return a clock's time, ns; overwrites the first two of ``words``."""
     _clock_gettime(clock, words.ctypes.data)
     return int(words[0] * SECOND + words[1])
 
 
 @inner
 def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) -> int:
-    """Wait for connections until a time, ns of the monotonic clock, or for some milliseconds.
+    """Wait for connections until a time, for 5 ms at most; return which can be read.
 
-    After a pause of the process there is no time left.
+    If the process paused meanwhile, note it, and set ``link.until`` to 0.
 
     Args:
-        end: when.
-        link: how things stand.
-        words: (5,) to work with.
-        polled: (n,) struct pollfd of all connections that it waits for, those of plain messages
-            first.
+        end: the time, ns of the monotonic clock.
+        link: shared state.
+        words: (5,) work space.
+        polled: (n,) struct pollfd of the connections, those of plain messages first.
         plain: how many these are.
 
     Returns:
-        NOTHING; a bit for each of the first ones that has something to read; or OTHER.
+        NOTHING; a bit for each of the first ones that can be read; or OTHER if there is more.
     """
     now = time_of(MONOTONIC, words)
     left = min(max(end - now, 0), _UNSEEN_NS)
@@ -306,16 +305,16 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
 
 
 def has_ended(polled: Array) -> bool:
-    """Return whether more than a message was found on any of (n,) struct pollfd: its end."""
+    """Return whether any of (n,) struct pollfd reports more than POLLIN, as at its end."""
     return bool((polled >> _ANSWER_AT & ~_IN).any())
 
 
 @inner
 def wait_for_message(end: int, link: Link, words: Array, polled: Array) -> int:
-    """Wait for a message of the first connection; arguments as of :func:`wait_until`.
+    """Wait for a message on the first connection; arguments as of :func:`wait_until`.
 
     Returns:
-        PLAIN if there may be one; else why the kernel is to return, or GOES_ON.
+        PLAIN if it can be read; else TO_READ if another one already needed Python, or GOES_ON.
     """
     if link.asked != 0:
         found = wait_until(link.asked + SOON_NS, link, words, polled[:1], 1)
@@ -328,25 +327,25 @@ def wait_for_message(end: int, link: Link, words: Array, polled: Array) -> int:
 
 @inner
 def is_set(link: Link, monotonic: int, real: int) -> bool:
-    """Return whether the machine's clock was set, by both clocks at one time, ns."""
+    """Return whether the machine's clock was set, from both clocks read together, ns."""
     return bool(abs(real - monotonic - link.ahead) > link.step)
 
 
 @inner
 def peek(link: Link, topic: SubscribedTopic, words: Array) -> int:
-    """Copy the message that has come, and leave it there; return what it is.
+    """Copy the next message into the topic's frame, but leave it in its socket; return its kind.
 
-    If it is a plain one the words are the node's time, the machine's, the message's number, when it
-    was sent, and how often its publisher has used the middleware. It is none if it was long under
-    way, or the machine's clock was set.
+    For a plain one, ``words`` are the node's time, the machine's, the message's number on the lane,
+    when it was sent, and the number of its publisher's messages through the middleware. It is
+    OTHER also if it was sent too long ago, the clock was set, or ``copies`` are full.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: that is read.
-        words: (5,) to fill.
+        words: (5,) to fill; times in ns.
 
     Returns:
-        NOTHING has come; PLAIN, or OTHER.
+        NOTHING if there is no message; PLAIN; or OTHER.
     """
     read, frame = topic.reading, topic.frame
     at, most = frame.ctypes.data + BEGINS_AT, 8 * frame.size - BEGINS_AT
@@ -363,22 +362,22 @@ def peek(link: Link, topic: SubscribedTopic, words: Array) -> int:
     monotonic, real = time_of(MONOTONIC, words), time_of(REALTIME, words)
     words[0], words[1] = monotonic + link.ahead, real
     late = is_set(link, monotonic, real) or real - words[3] > link.behind
-    # Copies are noted by Python before there are too many.
+    # Python notes the copies before there are too many.
     return OTHER if late or read.copied == topic.copies.shape[0] else PLAIN
 
 
 @inner
 def arrival(words: Array) -> int:
-    """Return when a message that was peeked at was sent, ns of the node's time.
+    """Return when a peeked message was sent, ns of the node's time.
 
-    It had come by then but for the time of a call: who reads it later was not waiting for it.
+    This is its arrival time too, to within one system call; the kernel may read it later.
     """
     return int(words[0] - max(words[1] - words[3], 0))
 
 
 @inner
 def differs(frame: Array, word: int, expected: Array) -> bool:
-    """Return whether a frame has other words than expected, from a number of its words on."""
+    """Return whether a frame's words from index ``word`` on differ from the expected (n,)."""
     found = False
     for i in range(expected.size):
         found = found or frame[word + i] != expected[i]
@@ -387,7 +386,7 @@ def differs(frame: Array, word: int, expected: Array) -> bool:
 
 @inner
 def take(topic: SubscribedTopic, words: Array) -> None:
-    """Take a message away that was peeked at.
+    """Remove a peeked message from its socket; keep a copy if the middleware delivers it too.
 
     Args:
         topic: of the message.
@@ -403,16 +402,15 @@ def take(topic: SubscribedTopic, words: Array) -> None:
 
 @inner
 def pass_over(link: Link, passed: Array, words: Array, connection: int) -> bool:
-    """Take away a message that nobody reads now; return whether there was one.
+    """Remove a message of a topic that is passed over; return whether there was one.
 
-    One that the middleware carries too is left to Python, which knows it by its bytes.
+    If the middleware delivers it too, Python has to read it, to detect the copy by its bytes.
 
     Args:
-        link: how things stand.
-        passed: (n, 9) a :class:`Reading` of each topic that is passed over; with a head of 0 it is
-            not.
-        words: (5,) to work with.
-        connection: over which it has come, a file's number.
+        link: shared state.
+        passed: (n, 9) a :class:`Reading` of each such topic; one with head 0 is not passed over.
+        words: (5,) work space.
+        connection: its file descriptor.
     """
     at = words.ctypes.data
     if _recv(connection, at, HEADER_BYTES, _PEEK | _DONT_WAIT) != HEADER_BYTES:
@@ -434,13 +432,13 @@ def note_read(
     """Note a message that was read.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: that is read.
         ages: (n,) of messages, ns; to fill.
-        time: when, ns of the node's time.
+        time: when it was read, ns of the node's time.
         age: its age, ns.
-        counted: how its publisher counts it.
-        sent: when it was sent, ns.
+        counted: its number among its publisher's messages over the lane.
+        sent: when it was sent, ns of the machine's clock.
     """
     ages[link.reads] = age
     link.reads += 1
@@ -453,7 +451,7 @@ def send_to_all(topic: PublishedTopic, words: Array, real: int) -> None:
 
     Args:
         topic: of the message.
-        words: (5,) to work with.
+        words: (5,) work space.
         real: the machine's time, ns.
     """
     sends, targets = topic.sending, topic.targets
@@ -470,10 +468,10 @@ def send_to_all(topic: PublishedTopic, words: Array, real: int) -> None:
 
 @inner
 def read_command(link: Link, topic: SubscribedTopic, time: int) -> int:
-    """Return the stamp, ns, of a WrenchStamped that keeps the rules; or UNSOUND.
+    """Return the stamp, ns, of a valid WrenchStamped; UNSOUND if it breaks a rule.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: of the command.
         time: now, ns of the node's time.
     """
@@ -488,7 +486,7 @@ def read_command(link: Link, topic: SubscribedTopic, time: int) -> int:
 
 @inner
 def is_within(numbers: Array, most: Array) -> bool:
-    """Return whether numbers (n,) are within magnitudes (n,), which no NaN is."""
+    """Return whether magnitudes of numbers (n,) are at most ``most`` (n,); NaN is not."""
     within = True
     for i in range(most.size):
         within = within and abs(numbers[i]) <= most[i]
@@ -497,13 +495,13 @@ def is_within(numbers: Array, most: Array) -> bool:
 
 @inner
 def write_stamp(frame: Array, stamp: int) -> None:
-    """Stamp a WrenchStamped in a frame, ns."""
+    """Write the stamp, ns, of a WrenchStamped into its frame."""
     frame[_STAMP_AT] = stamp // SECOND | stamp % SECOND << 32
 
 
 @inner
 def publish_outside(topic: PublishedTopic) -> bool:
-    """Have the middleware carry what was sent last; return whether Python has to send it on.
+    """Publish the last message through rcl if needed; return whether Python has to send it on.
 
     Args:
         topic: of the message.
@@ -521,12 +519,12 @@ def publish_outside(topic: PublishedTopic) -> bool:
 
 @inner
 def publish(link: Link, topic: PublishedTopic, words: Array, real: int) -> int:
-    """Send a topic's message by all ways; return why the kernel is to return, or GOES_ON.
+    """Send a message by lane and middleware; return why the kernel is to return, or GOES_ON.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: of the message.
-        words: (5,) to work with.
+        words: (5,) work space.
         real: the machine's time, ns.
     """
     send_to_all(topic, words, real)
@@ -535,11 +533,11 @@ def publish(link: Link, topic: PublishedTopic, words: Array, real: int) -> int:
 
 @inner
 def went_on(link: Link, left: bool) -> int:
-    """Return why the kernel is to return after a message, or GOES_ON.
+    """Return why the kernel is to return after sending a message, or GOES_ON.
 
     Args:
-        link: how things stand.
-        left: whether Python has to send some of it.
+        link: shared state.
+        left: whether Python has to send it on.
     """
     if link.until_view != 0:
         link.until_view -= 1
@@ -555,8 +553,8 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
     """Wait for the next deadline; return why the kernel is to return, or GOES_ON.
 
     Args:
-        link: how things stand.
-        words: (5,) to work with.
+        link: shared state.
+        words: (5,) work space.
         polled: (n,) struct pollfd of all connections but that of the commands.
         now: ns of the monotonic clock.
     """
@@ -566,7 +564,7 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
         return GOES_ON
     if now >= link.until:
         return TIME_IS_UP
-    # After a step there is time for Python, and not in the midst of the wait for the next.
+    # Once a step was done, the kernel returns after a step, not during the wait for the next one.
     end = deadline if link.done > 0 else min(deadline, link.until)
     if wait_until(end, link, words, polled, 0) == NOTHING:
         return GOES_ON
@@ -576,12 +574,13 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
 
 @inner
 def find_command(link: DeadlineLink, topic: SubscribedTopic, words: Array) -> int:
-    """Return the stamp, ns, of the command that has come; NOTHING has, or OTHER than a plain one.
+    """Return the stamp, ns, of the next command, left in its socket; or NOTHING or OTHER.
 
-    It is left there, as by :func:`peek`. One that a newer one has overtaken is no plain one.
+    It is OTHER if it is not plain, breaks a rule, is older than the newest one, not newer than
+    ``link.since``, or stamped with the present time.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: of the commands.
         words: (5,) to fill, as :func:`peek`.
     """
@@ -602,15 +601,15 @@ def take_command(
     stamp: int,
     ages: Array,
 ) -> bool:
-    """Take a command away that was found; return whether the one before stood at the last step.
+    """Take a found command; return whether the one before is kept for the step that is due.
 
-    That one acts in the step that is due: nobody had to be there for what came meanwhile.
+    It is kept if it arrived before that step's period began, and the new one afterwards.
 
     Args:
-        link: how things stand.
+        link: shared state.
         topic: of the commands.
         words: (5,) as :func:`find_command` left them.
-        commands: (2, 6) the command that stands, and the one before; changed.
+        commands: (2, 6) the present command, and the one before; changed.
         stamp: of the command, ns.
         ages: (n,) of messages, ns; to fill.
     """
@@ -628,22 +627,22 @@ def take_command(
 
 @inner
 def known_since(link: DeadlineLink) -> int:
-    """Return until when, ns, a command must have come to act in the step that is due."""
+    """Return the latest arrival time, ns, of a command that acts in the step that is due."""
     return int(link.next - link.period - 1)
 
 
 @inner
 def missed_deadlines(link: DeadlineLink, words: Array, now: int, real: int) -> int:
-    """Return how many deadlines have passed before the last one.
+    """Return how many deadlines were missed before the latest one that has passed.
 
     Args:
-        link: how things stand.
-        words: (5,) to work with.
+        link: shared state.
+        words: (5,) work space.
         now: ns of the monotonic clock.
         real: the machine's time, ns.
 
     Returns:
-        As many as can be made up for with the last one; -1: more, or the machine's clock was set.
+        Their number; -1 if it exceeds :data:`MOST_MISSED`, or the machine's clock was set.
     """
     missed = int((now - (link.next - link.ahead)) // link.period)
     unfit = missed > MOST_MISSED or is_set(link, time_of(MONOTONIC, words), real)
@@ -652,7 +651,7 @@ def missed_deadlines(link: DeadlineLink, words: Array, now: int, real: int) -> i
 
 @inner
 def made_up(link: DeadlineLink) -> None:
-    """Note that a step was done whose deadline was missed, and which is not published."""
+    """Note a step that made up for a missed deadline, and is not published."""
     link.next += link.period
     link.done += 1
     link.missed += 1
@@ -660,7 +659,7 @@ def made_up(link: DeadlineLink) -> None:
 
 @inner
 def stepped(link: DeadlineLink, commands: Array) -> int:
-    """Note a step that was done under the commands (2, 6); return its stamp, ns."""
+    """Note a step done under the commands (2, 6), N and N m; return its stamp, ns."""
     put(commands[1], commands[0])
     link.received_before = link.received
     stamp = link.next
