@@ -1,11 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node's kernel does while its process waits: plain messages, without Python.
+"""Lets a node's kernel handle plain messages, without Python, while its process waits.
 
-A message is plain if it comes over the lane from the one publisher of its topic that has sent them
-so far, and keeps all rules; what is sent goes to the lane's listeners, and to those outside by rcl,
-as rclpy would. Whatever is not so, the kernel leaves to Python, which does all that it would do
-without a kernel: see :mod:`.lane_kernels`.
+A message is plain if it comes over the lane from the only publisher of its topic so far, and keeps
+all rules. The kernel publishes to subscribers on the lane, and through rcl to others, as rclpy
+would. Python handles all other messages as it would without a kernel: see :mod:`.lane_kernels`.
 """
 
 from __future__ import annotations
@@ -29,26 +28,26 @@ from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.wire.bounds import SixBounds
 from hapticmech_ros.wire.wrench import encode_wrench
 
-# So many messages are enough for once, and so many that the middleware brings too; and so many
-# processes on the lane that read one.
+# Most messages of one run of a kernel; most of them that the middleware delivers too, of a topic;
+# and most processes on the lane that subscribe to a topic.
 MOST_READ, MOST_COPIED, MOST_HEARERS = 16_384, 256, 62
-# After a pause a kernel answers what has piled up, message for message, in microseconds. What was
-# sent longer ago than this, ns, is left to Python, which skips to the newest.
+# After a pause a kernel answers each message of a backlog, within microseconds. Python handles
+# messages that were sent longer ago than this, ns: it skips to the newest.
 OLD_NS = 8_000_000
-# Views come so far apart at the least, ns, for so long after a step was late.
+# Least time between views, ns, for as long after a late step or a pause.
 GIVE_WAY_NS = 50_000_000
 # Where in the bytes of a WrenchStamped its stamp, the name of its frame, and its wrench begin.
 _STAMP_AT, _FRAME_AT, _WRENCH_AT = 4, 12, 28
-# Two clocks are read at one time if they are no further apart, ns.
+# Clock readings no further apart than this, ns, count as simultaneous.
 _CLOSE_NS = 50_000
 
 
 def frame_of(prefix: bytes, size: int) -> tuple[Array, Array]:
-    """Return words (n,) for a message of the lane, with all but its header, and a view of its data.
+    """Return the frame (n,) of a lane message with its prefix in place, and a view of its data.
 
     Args:
         prefix: its bytes before the data.
-        size: how many numbers it has.
+        size: number of its data.
     """
     before = kernels.BEGINS_AT + kernels.HEADER_BYTES + len(prefix)
     words = np.zeros(before // 8 + size, dtype=np.int64)
@@ -57,7 +56,7 @@ def frame_of(prefix: bytes, size: int) -> tuple[Array, Array]:
 
 
 def words_of(data: bytes) -> Array:
-    """Return bytes as words (n,), filled up with zeros."""
+    """Return bytes as words (n,), padded with zeros."""
     return np.frombuffer(data.ljust(-(-len(data) // 8) * 8, b"\0"), np.int64).copy()
 
 
@@ -65,17 +64,17 @@ NO_WORDS = np.zeros(0, dtype=np.int64)
 
 
 class Received(NamedTuple):
-    """A topic of which messages are read.
+    """A topic that is read.
 
     Attributes:
         topic: its full name and type on the lane.
-        sources: who speaks on it.
+        sources: its publishers.
         prefix: bytes of a message before its numbers.
         most: (n,) largest magnitude of each number.
-        alike: how many of the bytes all messages have; all if left out.
+        alike: how many bytes of ``prefix`` all messages share; None: all.
         between: (words,) see :class:`.lane_kernels.SubscribedTopic`.
-        beside: whether it comes over the connection of the topic before, or is left to Python.
-        awaited: whether the kernel wakes up for a message, rather than to find it when it acts.
+        beside: whether the kernel reads it only if it shares the previous topic's connection.
+        awaited: whether a message wakes the kernel, which else reads it when it acts.
     """
 
     topic: str
@@ -88,7 +87,7 @@ class Received(NamedTuple):
     awaited: bool = True
 
     def made(self) -> kernels.SubscribedTopic:
-        """Return room for its messages."""
+        """Return buffers for its messages."""
         alike, (frame, values) = self.prefix[: self.alike], frame_of(self.prefix, self.most.size)
         parts = {
             "reading": np.zeros(kernels.Reading.layout.size),
@@ -106,13 +105,13 @@ class Received(NamedTuple):
 
 
 class Publication(NamedTuple):
-    """A topic of which messages are sent.
+    """A topic that is published.
 
     Attributes:
-        outlet: that they go through.
+        outlet: its publisher.
         prefix: bytes of a message before its numbers.
         most: (n,) largest magnitude of each number.
-        optional: whether the kernel may do all else where nobody on the lane reads it.
+        optional: whether the kernel may run without a subscriber to it on the lane.
     """
 
     outlet: Outlet
@@ -121,7 +120,7 @@ class Publication(NamedTuple):
     optional: bool = False
 
     def made(self) -> kernels.PublishedTopic:
-        """Return a message."""
+        """Return a buffer for its message."""
         frame, values = frame_of(self.prefix, self.most.size)
         parts = {
             "sending": np.zeros(kernels.Sending.layout.size),
@@ -137,7 +136,7 @@ class Publication(NamedTuple):
 
 
 def _head(origin: Origin, code: int) -> int:
-    """Return the first word of the header of a publisher's messages, by their topic's number."""
+    """Return the first header word of a publisher's messages; ``code`` is their topic's number."""
     return MESSAGE | code << 16 | (origin.via & OUTLETS) << 32
 
 
@@ -147,14 +146,14 @@ def _continued(origin: Origin, row: kernels.Reading) -> Origin:
 
 
 class PlainCommand:
-    """A WrenchStamped in ``world``, as bytes that are all alike but for stamp and wrench.
+    """The bytes of a WrenchStamped in ``world``, of which only stamp and wrench vary.
 
     Args:
         bounds: of the wrench.
 
     Attributes:
         prefix: bytes before the wrench.
-        between: (2,) words of those between stamp and wrench.
+        between: (2,) words with the bytes between stamp and wrench.
         most: (6,) largest magnitudes, N and N m.
     """
 
@@ -165,27 +164,27 @@ class PlainCommand:
         self.most = np.array([bounds.first] * 3 + [bounds.last] * 3)
 
     def received(self, topic: str, sources: Sources) -> Received:
-        """Return a topic of such commands that are read."""
+        """Return a topic on which such commands are read."""
         return Received(
             topic, sources, self.prefix, self.most, _STAMP_AT, self.between, awaited=False
         )
 
 
 class PlainMessages:
-    """Lets a kernel handle an actor's plain messages; a kind of actor is a subclass.
+    """Lets a kernel handle an actor's plain messages; each kind of actor has a subclass.
 
     Args:
-        actor: whose.
+        actor: the actor.
         received: topics that are read.
         published: topics that are sent.
-        link: how things stand, for the actor's kernel.
-        passed_over: topics of the first one's publisher that the actor does not read while it
-            reads that one, by their names on the lane.
+        link: state shared with the kernel.
+        passed_over: topics that the kernel discards where they share the first one's connection,
+            by their names on the lane, and their publishers.
 
     Attributes:
-        inputs, outputs: each topic that is read, and each that is sent.
+        inputs, outputs: buffers of each topic that is read, and of each that is sent.
         passed: (k, 9) a :class:`~.lane_kernels.Reading` of each topic that is passed over.
-        polled, ages: for the kernel.
+        polled, ages: arguments of the kernel.
     """
 
     def __init__(
@@ -197,12 +196,12 @@ class PlainMessages:
         passed_over: Sequence[tuple[str, Sources]] = (),
     ) -> None:
         self._actor, self._received, self._published = actor, received, published
-        # While there is something that the actor does not know yet.
+        # Not None while the actor lacks some of the kernel's work.
         self._lane: Lane | None = None
         self._code = kernels.TIME_IS_UP
         self._late_ns = self._viewed_ns = 0
         self._passed_over = passed_over
-        # What nobody wakes up for is found within a period.
+        # Messages that do not wake the kernel are read within a period.
         link.step, link.behind = STEP_NS, OLD_NS + nanoseconds(actor.period_s)
         self._shared = link
         self.inputs = [one.made() for one in received]
@@ -217,19 +216,19 @@ class PlainMessages:
         self._hearers: list[list[tuple[Outgoing, int]]] = []
 
     def ready(self) -> bool:
-        """Tell the kernel how the actor is; return whether it may do anything for it now."""
+        """Give the kernel the actor's state; return whether the kernel may run now."""
         raise NotImplementedError
 
     def kernel(self) -> Callable[[], int]:
-        """Return the kernel, which returns why it returned, with all that it is called with."""
+        """Return the kernel with its arguments; a call returns why the kernel has returned."""
         raise NotImplementedError
 
     def view(self) -> Callable[[], None]:
-        """Return what publishes, for people, what the kernel sent last, from copies."""
+        """Return a function that publishes a view of the kernel's last message, from copies."""
         raise NotImplementedError
 
     def did(self, code: int, reads: int) -> None:
-        """Tell the actor what the kernel did.
+        """Update the actor with the kernel's work.
 
         Args:
             code: why it returned.
@@ -238,25 +237,25 @@ class PlainMessages:
         raise NotImplementedError
 
     def origin(self, at: int) -> Origin:
-        """Return the origin of the last message that was read of a topic, as the kernel left it.
+        """Return the origin of the last message that the kernel read of a topic.
 
         Args:
-            at: which topic.
+            at: index of the topic in ``inputs``.
         """
         return _continued(self._received[at].sources.latest, self.inputs[at].reading)
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        """Tell the kernel how things stand; return whether it may do anything.
+        """Fill the state shared with the kernel; return whether the kernel may run.
 
         Args:
             lane: of the process.
-            waited: its connections.
+            waited: file descriptors of its connections.
             until_ns: until when to wait, ns of the monotonic clock.
         """
         link = self._shared
         before, now, after = time.monotonic_ns(), self._actor.now_ns(), time.monotonic_ns()
         if after - before > _CLOSE_NS or not self._actor.node.active:
-            # Interrupted: how far one is ahead of the other would be wrong by as much.
+            # Inactive, or interrupted: the clocks' difference would be wrong by as much.
             return False
         link.ahead = now - (before + after) // 2
         if not (self._prepare_to_send(lane) and self._prepare_to_read(lane, waited)):
@@ -267,7 +266,10 @@ class PlainMessages:
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
-        """Find who hears; return whether somebody does on the lane."""
+        """Find subscribers on the lane; return whether there are some, and not too many.
+
+        An optional topic needs none.
+        """
         self._hearers = []
         for one, topic in zip(self._published, self.outputs, strict=True):
             outlet, row = one.outlet, topic.sending
@@ -287,7 +289,10 @@ class PlainMessages:
         return True
 
     def _prepare_to_read(self, lane: Lane, waited: list[int]) -> bool:
-        """Find who speaks; return whether that is one process for each topic."""
+        """Find publishers; return whether each topic has one, over a connection of its own.
+
+        Topics that are read ``beside`` another, or passed over, need not.
+        """
         first: list[int] = []
         for one, topic in zip(self._received, self.inputs, strict=True):
             row = topic.reading
@@ -312,12 +317,12 @@ class PlainMessages:
 
     @staticmethod
     def _connection(lane: Lane, topic: str, sources: Sources, row: kernels.Reading) -> int:
-        """Return the connection over which a topic's one publisher sends it; -1: there is none.
+        """Return the file descriptor over which a topic's only publisher sends; -1: none.
 
         Args:
             lane: of the process.
             topic: its full name and type on the lane.
-            sources: who speaks on it.
+            sources: its publishers.
             row: to fill.
         """
         origin = sources.only
@@ -330,14 +335,14 @@ class PlainMessages:
         return speaker[0]
 
     def __call__(self, lane: Lane) -> Sequence[int]:
-        """Do what is plain until there is something else to do, once :meth:`prepare` allows it.
+        """Run the kernel until there is work for Python, once :meth:`prepare` allows it.
 
         Args:
             lane: of the process.
 
         Returns:
-            The connections that may have something for Python to read. Where Python is wanted for
-            something else, those of plain messages are left to the kernel, which skips none.
+            The connections that Python is to read. If one without plain messages needs Python,
+            those with plain messages are left out, so that the kernel can answer each of these.
         """
         link, self._lane = self._shared, lane
         kernel = self.kernel()
@@ -363,7 +368,7 @@ class PlainMessages:
     def _show(self, turn: Turn) -> bool:
         """Have another thread publish a view; return whether the kernel may go on at once.
 
-        After a pause, or where steps are late, views give way for a while.
+        For a while after a pause or a late step, some views are left out.
         """
         now = time.monotonic_ns()
         give_way = now - self._late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
@@ -377,11 +382,11 @@ class PlainMessages:
 
     @property
     def settled(self) -> bool:
-        """Whether the actor knows what the kernel did."""
+        """Whether the actor is up to date with the kernel's work."""
         return self._lane is None
 
     def settle(self) -> None:
-        """Have the actor, the topics' sources and the lane know what the kernel did, once."""
+        """Update the actor, the topics' sources and the lane with the kernel's work, once."""
         lane, link, self._lane = self._lane, self._shared, None
         if lane is None:
             return
@@ -411,11 +416,11 @@ class PlainMessages:
         topic: kernels.PublishedTopic,
         hearers: list[tuple[Outgoing, int]],
     ) -> None:
-        """Send a topic's last message to all whom the kernel could not reach.
+        """Note what the kernel sent; send the last message to subscribers that it did not reach.
 
         Args:
             lane: of the process.
-            outlet: of the topic.
+            outlet: publisher of the topic.
             topic: as the kernel has left it.
             hearers: processes on the lane that subscribe to it.
         """
@@ -435,6 +440,6 @@ class PlainMessages:
 
     @staticmethod
     def _bytes(frame: Array, length: int) -> bytes:
-        """Return the message in a frame; ``length`` is with the lane's header."""
+        """Return the message in a frame; ``length`` includes the lane's header, bytes."""
         begin = kernels.BEGINS_AT + kernels.HEADER_BYTES
         return frame.tobytes()[begin : kernels.BEGINS_AT + length]
