@@ -1,9 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which of a process's threads may run the Python of its nodes; see :mod:`.loop`.
+"""Which of a process's threads may run the Python code of its nodes; see :mod:`.loop`.
 
-The loop's thread may, but while it waits: for messages, or in a kernel, which works on what the
-nodes have. Another one that wants to then does; for callbacks the kernel is stopped first.
+The loop's thread may, except while it waits for messages or runs a kernel, which works on the
+nodes' data. Another thread may then; for callbacks the kernel is stopped first.
 """
 
 from __future__ import annotations
@@ -20,83 +20,83 @@ import numpy as np
 from hapticmech_ros.nodes.lane_kernels import DEAF_NS
 
 FOR_EVER = 1 << 62
-# For how long the loop lets those who wait for their turn go first, at a time, s.
+# How long a thread sleeps at a time to let others take the turn or Python's lock first, s.
 LETS_S = 20e-6
 
 
 class Turn:
-    """Whose turn it is. As long as there is one thread only, all of this does nothing.
+    """The turn, which a thread needs to run nodes' Python code; with one thread, it does nothing.
 
     Attributes:
-        kernel_runs: whether a kernel works on what the nodes have.
-        bell: file that can be read when the loop's thread is to stop waiting.
-        rope: file by which it is rung.
-        listened: (1,) until when the middleware was last listened to, ns of the monotonic clock.
+        kernel_runs: whether a kernel works on the nodes' data.
+        bell: file descriptor that can be read when the loop's thread is to stop waiting.
+        rope: file descriptor that is written to for that.
+        listened: (1,) when the middleware was last listened to, ns of the monotonic clock.
     """
 
     def __init__(self) -> None:
         self.bell, self.rope = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._turn, self._kernel = threading.RLock(), threading.Lock()
         self._loop, self.kernel_runs = 0, False
-        # Threads that wait for their turn: a lock alone lets a busy loop have it again and again.
+        # Threads that wait for the turn: with a lock alone, a busy loop could starve them.
         self._wanting: set[int] = set()
-        # Of contexts that have the turn, one within another.
+        # How many nested contexts have the turn.
         self._depth = 0
         self.listened = np.array([FOR_EVER])
-        # Of what people see: whose it is to publish that, and what there is to be published.
+        # Views: lock for publishing them, those to publish, and what the publishing thread awaits.
         self._publishing = threading.Lock()
         self._views: deque[Callable[[], None]] = deque()
         self._has_views = threading.Semaphore(0)
 
     def close(self) -> None:
-        """Give back both files."""
+        """Close both files."""
         os.close(self.bell)
         os.close(self.rope)
 
     def share(self) -> None:
-        """Let other threads take turns with the one that calls, which is the loop's."""
+        """Let other threads take turns with the calling one, which is the loop's."""
         self._turn.acquire()
         self._loop = threading.get_ident()
         self.listen()
 
     def listen(self) -> None:
-        """Note that the middleware was listened to until now."""
+        """Note that the middleware was listened to now."""
         self.listened[0] = time.monotonic_ns()
 
     @property
     def is_deaf(self) -> bool:
-        """Whether nobody has listened to it for longer than :data:`DEAF_NS`."""
+        """Whether the middleware was not listened to for longer than :data:`DEAF_NS`."""
         return time.monotonic_ns() - int(self.listened[0]) > DEAF_NS
 
     def end(self) -> None:
-        """Share no more."""
+        """Stop sharing the turn."""
         self._loop, self.listened[0] = 0, FOR_EVER
         self._turn.release()
         self._has_views.release()
 
     @property
     def is_shared(self) -> bool:
-        """Whether there are other threads."""
+        """Whether other threads take turns."""
         return self._loop != 0
 
     @property
     def is_of_loop(self) -> bool:
-        """Whether the thread that asks is the loop's, or the only one."""
+        """Whether the calling thread is the loop's, or the only one."""
         return self._loop in (0, threading.get_ident())
 
     def ring(self) -> None:
-        """Have the loop's thread stop waiting."""
+        """Make the loop's thread stop waiting."""
         with suppress(BlockingIOError):
             os.write(self.rope, b"\0")
 
     def hear(self) -> None:
-        """Note that it has stopped."""
+        """Clear the request to stop waiting."""
         with suppress(BlockingIOError):
             os.read(self.bell, 1024)
 
     @contextmanager
     def given(self) -> Iterator[None]:
-        """Return a context in which the turn is given away, while the loop's thread waits."""
+        """Return a context that frees the turn for other threads while the loop's waits."""
         if not self.is_shared:
             yield
             return
@@ -113,7 +113,7 @@ class Turn:
 
     @contextmanager
     def given_to_kernel(self) -> Iterator[None]:
-        """Return a context in which it is given away while a kernel runs."""
+        """Return a context that frees the turn for other threads while a kernel runs."""
         if not self.is_shared:
             yield
             return
@@ -130,7 +130,7 @@ class Turn:
 
     @contextmanager
     def taken(self) -> Iterator[None]:
-        """Return a context that has the turn, and in which no kernel runs."""
+        """Return a context that holds the turn, and in which no kernel runs."""
         if not self.is_shared:
             yield
             return
@@ -139,7 +139,7 @@ class Turn:
             self._wanting.discard(threading.get_ident())
             if self.kernel_runs:
                 self.ring()
-                # No other one begins: for that the loop's thread needs the turn.
+                # Wait until it has ended. No other starts: the loop's thread needs the turn for it.
                 with self._kernel:
                     pass
             self._depth += 1
@@ -149,15 +149,15 @@ class Turn:
                 self._depth -= 1
                 is_over = self._depth == 0
         if is_over and not self.is_of_loop:
-            # The loop's thread needs Python's lock as well.
+            # The loop's thread needs Python's lock, too.
             time.sleep(LETS_S)
 
     def view(self, publish: Callable[[], None]) -> bool:
-        """Have a view published while a kernel goes on; return whether the turn is shared.
+        """Have another thread publish a view, if the turn is shared; return whether it is.
 
         Args:
-            publish: publishes it, from copies, without a turn. It is dropped if the one before is
-                still to be done.
+            publish: publishes the view from copies, without the turn; dropped if another view is
+                still to be published.
         """
         if not self.is_shared:
             return False
@@ -172,9 +172,9 @@ class Turn:
         return self.is_shared
 
     def publish_views(self) -> None:
-        """Publish those that there are, and wait for one that is being published.
+        """Publish the views that there are, after one that is being published.
 
-        What is published next is newer.
+        Views that the caller publishes next are newer.
         """
         with self._publishing:
             while self._views:
