@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernel that moves a device on at its deadlines, under the commands that come meanwhile."""
+"""Kernel that steps a device at its deadlines, under the commands received meanwhile."""
 
 from __future__ import annotations
 
@@ -65,30 +65,30 @@ from hapticmech_ros.wire.kernels import (
 )
 from hapticmech_ros.wire.messages import DeviceStateMessage, LocalFeedbackGain
 
-# Which topics are read.
+# Indices of the topics that are read.
 COMMANDS, GAINS = 0, 1
-# Where in a message what is published of a state begins; and in a gain's its second stamp.
+# Where in a sample's data the published state begins; and in a gain's data, its second stamp.
 PUBLISHED = DeviceStateMessage.layout.start("position")
 ANSWERED = LocalFeedbackGain.layout.start("answered")
 STAMP_SIZE = 2
 SAMPLE_SIZE = DeviceSample.layout.size
-# Who answers one sample several times tells the answers apart by nanoseconds.
+# Several answers to one sample have stamps that differ by nanoseconds, less than this.
 MICROSECOND = 1000
 
 
 class DeviceLink(DeadlineLink):
-    """How things stand, for the device; times are ns, by the node's time.
+    """State shared by Python and the device's kernel; times are ns, by the node's time.
 
     Attributes:
-        fresh: how long it counts what says how a command depends on the device.
-        answered, answered_before: which samples the commands answer.
-        held: for how many periods the hand has held, or -1.
-        gain_ns: since when it is known how commands depend on the device.
-        remembers: how many samples are remembered.
-        trips: how many round trips were noted.
+        fresh: how long a gain is valid.
+        answered, answered_before: stamps of the samples that the two commands answer.
+        held: periods since the hand could take hold; -1: no hand holds.
+        gain_ns: when the gain in use arrived.
+        remembers: number of samples remembered so far, overwritten ones included.
+        trips: number of round trips noted.
         gain_newest: stamp of the newest gain.
-        gain_arrived: when it came.
-        gain_after: which samples it must answer, those later than this.
+        gain_arrived: when it arrived.
+        gain_after: only gains that answer samples later than this are used.
     """
 
     fresh = Whole()
@@ -105,7 +105,7 @@ class DeviceLink(DeadlineLink):
 
 @inner
 def row_of(stamps: Array, count: int, stamp: int) -> int:
-    """Return the row of the sample with a stamp (ns), or -1; see :func:`find_sample`."""
+    """Return the row of the newest sample with a stamp (ns), or -1; see :func:`find_sample`."""
     rows = stamps.size
     for back in range(1, min(count, rows) + 1):
         row = (count - back) % rows
@@ -116,11 +116,11 @@ def row_of(stamps: Array, count: int, stamp: int) -> int:
 
 @kernel("int64(int64[::1], int64, int64)")
 def find_sample(stamps: Array, count: int, stamp: int) -> int:
-    """Return the row of the newest sample of a microsecond, or -1.
+    """Return the row of the newest sample with a stamp, compared in microseconds; -1: none.
 
     Args:
-        stamps: (n,) of the samples, microseconds; one row after the other, again and again.
-        count: how many samples there were.
+        stamps: (n,) of the samples, microseconds; a ring buffer.
+        count: number of samples so far, overwritten ones included.
         stamp: ns.
     """
     return int(row_of(stamps, count, stamp))
@@ -133,7 +133,7 @@ def remember_sample(
     """Remember a sample (19,); see ``local_loop``.
 
     Args:
-        link: how things stand.
+        link: shared state; changed.
         stamps: (n,) as of :func:`find_sample`.
         samples: (n, 19) the samples.
         hand: (22,) the hand's last wrenches.
@@ -151,17 +151,17 @@ def remember_sample(
 def take_gain(
     link: DeviceLink, topic: SubscribedTopic, words: Array, model: Array, energies: Array
 ) -> bool:
-    """Take a ``local_feedback_gain`` that keeps the rules, as ``LocalLoop.take`` does.
+    """Take the next ``local_feedback_gain`` if it is valid, as ``LocalLoop.take`` does.
 
     Args:
-        link: how things stand.
+        link: shared state; changed.
         topic: of the gains.
-        words: (5,) to work with.
+        words: (5,) work space.
         model: (108,) how commands depend on the device, a ``LocalModel``; changed.
-        energies: (2,) E_m as it was received, and from what on it counts, J; changed.
+        energies: (2,) E_m as received last, and its value that counts as zero, J; changed.
 
     Returns:
-        Whether it was one.
+        Whether one was taken.
     """
     read, values, most = topic.reading, topic.values, topic.most
     full = read.copied == topic.copies.shape[0]
@@ -218,36 +218,36 @@ def drive_at_deadlines(
     ages: Array,
     listened: Array,
 ) -> int:
-    """Take commands as they come, and do a step at each deadline.
+    """Do a step at each deadline, after taking the commands received by then.
 
     Args:
-        link: how things stand; changed.
+        link: shared state; changed.
         command: commands to the device.
-        gain: what says how they depend on it; over the same connection.
-        sampled: its samples.
+        gain: how they depend on the device; over the same connection.
+        sampled: the device's samples.
         polled: (n,) struct pollfd of all connections but that of the controller's process.
-        commands: (2, 6) the command that stands, and the one before; changed.
-        fastest: (2,) m/s and rad/s, that the device can be moved.
+        commands: (2, 6) the present command, and the one before, N and N m; changed.
+        fastest: (2,) greatest speeds of the device, m/s and rad/s.
         device: (numbers,) a :class:`~hapticmech_ros.device.kernels.DeviceModel`, and the plan of
             its hand.
         state: (107,) a :class:`~hapticmech_ros.device.kernels.SimulatedState`, changed.
-        later: (107,) to work with.
-        side: account of the device; changed.
-        safety: its envelope.
-        stamps: (n,) of the samples that are remembered; see :func:`find_sample`.
-        samples: (n, 19) these.
+        later: (107,) work space for the next one.
+        side: the device's account of energy; changed.
+        safety: its safety envelope.
+        stamps: (n,) of the remembered samples, microseconds; see :func:`find_sample`.
+        samples: (n, 19) these samples.
         hand: (22,) the hand's last wrenches.
         model: (108,) how commands depend on the device, a ``LocalModel``; changed.
-        others: of other hands, zeros.
+        others: correction for other hands, zeros.
         period: s.
-        energies: (2,) E_m as it was received, J, and from what on it counts; NaN while nobody
-            sends it; changed.
-        trips: (n,) to fill: s, of samples and their answers; as many as ``ages``.
-        ages: (n,) to fill: of the commands, ns.
-        listened: (1,) until when the middleware was listened to, ns of the monotonic clock.
+        energies: (2,) E_m as received last, J, and its value that counts as zero; NaN until it is
+            received; changed.
+        trips: (n,) to fill: times from samples to their answers' arrival, s; as long as ``ages``.
+        ages: (n,) to fill: ages of the commands when they arrived, ns.
+        listened: (1,) when the middleware was last listened to, ns of the monotonic clock.
 
     Returns:
-        Why it returns.
+        Why it returns, see ``lane_kernels``.
     """
     words, out = local_whole(WORDS), sampled.values
     body, now_there, next_there = DeviceModel(device), SimulatedState(state), SimulatedState(later)
