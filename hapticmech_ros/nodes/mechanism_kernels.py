@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernel that moves a mechanism on at its deadlines, under the commands that come meanwhile."""
+"""Kernel that steps a mechanism at its deadlines, under the commands received meanwhile."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from hapticmech_ros.wire.kernels import UNSOUND, sound_stamp
 
 
 class MechanismLink(DeadlineLink):
-    """How things stand, for the mechanism.
+    """State shared by Python and the mechanism's kernel.
 
     Attributes:
-        ramp: how long a command that has run out takes to reach zero, ns.
-        position, velocity, commanded: where in a state begins what changes.
+        ramp: time over which an expired command is ramped to zero, ns.
+        position, velocity, commanded: where these fields begin in a state message's data.
     """
 
     ramp = Whole()
@@ -53,13 +53,13 @@ class MechanismLink(DeadlineLink):
 
 @inner
 def standing(link: MechanismLink, commands: Array, known: int, wrench: Array) -> None:
-    """Fill the wrench (6,) that stands as of a time; see ``inputs.ExpiringWrench``.
+    """Fill the wrench (6,) commanded at a time, with its ramp; see ``inputs.ExpiringWrench``.
 
     Args:
-        link: how things stand.
-        commands: (2, 6) the command that stands, and the one before.
-        known: as of when, ns.
-        wrench: (6,) to fill.
+        link: shared state.
+        commands: (2, 6) the present command, and the one before, N and N m.
+        known: the time, ns; commands that arrived later do not count.
+        wrench: (6,) to fill, N and N m.
     """
     before = link.received > known
     put(wrench, commands[1 if before else 0])
@@ -93,26 +93,26 @@ def move_at_deadlines(
     clock: Array,
     ages: Array,
 ) -> int:
-    """Take commands as they come, and do a step at each deadline.
+    """Do a step at each deadline, after taking the commands received by then.
 
     Args:
-        link: how things stand; changed.
+        link: shared state; changed.
         command: commands to the mechanism.
         state: its states.
         polled: (n,) struct pollfd of all connections but that of the controller's process.
-        commands: (2, 6) the command that stands, and the one before; changed.
-        numbers: (integers,) of the mechanism, as of ``run_ticks``.
-        constants: (numbers,) likewise.
-        packed: (4, size) likewise.
-        work: (work,) likewise.
-        data: of a session, whose mechanism is moved.
-        contact_numbers: (integers,) as of ``run_ticks``.
-        contact_values: (numbers,) likewise.
-        clock: (9,) likewise.
-        ages: (n,) to fill: of the commands, ns.
+        commands: (2, 6) the present command, and the one before, N and N m; changed.
+        numbers: (integers,) constants of the mechanism, as for ``run_ticks``.
+        constants: (numbers,) the others, its ``values``.
+        packed: (4, size) as for ``run_ticks``.
+        work: (work,) as for ``run_ticks``.
+        data: session data with the mechanism's state; changed.
+        contact_numbers: (integers,) as for ``run_ticks``.
+        contact_values: (numbers,) as for ``run_ticks``.
+        clock: (9,) as for ``run_ticks``.
+        ages: (n,) to fill: ages of the commands when they arrived, ns.
 
     Returns:
-        Why it returns.
+        Why it returns, see ``lane_kernels``.
     """
     words, out, nv = local_whole(WORDS), state.values, data.v.size
     while link.reads < ages.size:
