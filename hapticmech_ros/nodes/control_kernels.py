@@ -64,21 +64,21 @@ from hapticmech_ros.wire.messages import (
     OperationalModelMessage,
 )
 
-# Which topics are read, and which are sent.
+# Indices of the topics that are read, and of those that are sent.
 STATES, MODELS = 0, 1
 TO_DEVICE, TO_POINT, AS_GAIN = 0, 1, 2
-# The point's pose is carried on by its twist over periods that the analysis has missed, by no more
-# than this: beyond it the twist says nothing.
+# Longest time between operational model and sample over which the point's pose is extrapolated by
+# its twist: beyond it the twist is no good estimate.
 PREDICTION_LIMIT_S = 0.005
 
 
 class Sender(Record):
-    """Who sends a topic: the number of its last message, and the stamp, ns.
+    """A topic's sender, by its last message.
 
     Attributes:
-        counted: how the sender counts the message.
-        stamp_ns: of the message.
-        paused: by the kernel: for how long it paused before a message, ns.
+        counted: the message's number among the sender's messages.
+        stamp_ns: its stamp, ns.
+        paused: set by the kernel: how long the sender paused between messages in total, ns.
     """
 
     dtype = int
@@ -88,21 +88,21 @@ class Sender(Record):
 
 
 class ControllerLink(Link):
-    """How things stand, for the controller; times are ns, by the node's time.
+    """State shared by Python and the controller's kernel; times are ns, by the node's time.
 
     Attributes:
-        timeout: how long inputs may be silent.
-        epoch: since when times count.
+        timeout: longest silence of an input.
+        epoch: when the controllers' time is zero.
         period: the period.
-        last: when the device was received last.
-        model_ns, rendered: stamp of the operational model, and of the one answered last.
-        newest, arrived: the newest sample's stamp, and when it came.
-        gain_from: from which stamp on an answer is to say how it depends on the device.
-        gain_every: how much later the one after it, ns; 0: Python says that.
-        moved: of the last sample that was held against what a hand can move.
-        of_device, of_analyser: what their senders sent last.
+        last: when the device's last sample was read.
+        model_ns, rendered: stamp of the operational model, and of the one answered with last.
+        newest, arrived: the newest sample's stamp, and when it was read.
+        gain_from: stamp of a sample from which on an answer includes a gain.
+        gain_every: least difference of such stamps; 0: Python sends gains.
+        moved: stamp of the last sample whose motion was checked against a hand's limits.
+        of_device, of_analyser: last messages of these senders.
         sample_ns: stamp of the sample that was answered last.
-        answers: how many were.
+        answers: number of samples answered.
     """
 
     timeout = Whole()
@@ -124,12 +124,12 @@ class ControllerLink(Link):
 
 @inner
 def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) -> None:
-    """Note a sender's message, and a pause before it, which Python is told of.
+    """Note a sender's message and any pause before it, after which the kernel returns early.
 
-    Stamps then went on faster than messages are counted; see ``SenderPauses``.
+    After a pause, stamps have advanced by more periods than messages; see ``SenderPauses``.
 
     Args:
-        link: how things stand; changed.
+        link: shared state; changed.
         sender: of the message; changed.
         stamp: of the message, ns.
         counted: its number.
@@ -146,10 +146,12 @@ def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) 
 def plain_model(
     link: ControllerLink, model: OperationalModelMessage, most: Array, grasp: Array, time: int
 ) -> int:
-    """Return the stamp, ns, of an operational model that keeps the rules, as before; or UNSOUND.
+    """Return the stamp, ns, of a valid model of a commanded point in its place; or UNSOUND.
+
+    It is UNSOUND also if the device is silent.
 
     Args:
-        link: how things stand.
+        link: shared state.
         model: the message.
         most: (151,) largest magnitudes.
         grasp: (7,) where the operational point is.
@@ -168,10 +170,10 @@ def plain_model(
 def plain_sample(
     link: ControllerLink, state: DeviceStateMessage, most: Array, round_trips: Array, time: int
 ) -> int:
-    """Return the stamp, ns, of a sample that is answered as those before it were; or UNSOUND.
+    """Return the stamp, ns, of a valid sample that is answered like those before; or UNSOUND.
 
     Args:
-        link: how things stand.
+        link: shared state.
         state: the message.
         most: (29,) largest magnitudes.
         round_trips: (2,) s, as of :func:`answer_samples`.
@@ -193,7 +195,7 @@ def plain_sample(
 
 @inner
 def write_gain(message: LocalFeedbackGain, stamp: int, answer: Answer) -> None:
-    """Fill a message with how an answer depends on the sample, of a time in ns, that it answers."""
+    """Fill a message with an answer's gain; both its stamps are the answered sample's, ns."""
     message.stamp[0], message.stamp[1] = stamp // SECOND, stamp % SECOND
     put(message.answered, message.stamp)
     message.to_mechanism = answer.to_mechanism
@@ -229,34 +231,34 @@ def answer_samples(
     round_trips: Array,
     ages: Array,
 ) -> int:
-    """Answer samples as they come.
+    """Answer samples as they arrive.
 
     Args:
-        link: how things stand; changed.
+        link: shared state; changed.
         states: samples of the device.
         models: operational models.
-        passed: (n, 9) a ``lane_kernels.Reading`` each, of the device's topics that are passed over.
+        passed: (n, 9) a ``lane_kernels.Reading`` of each topic of the device to pass over.
         to_device: commands to the device.
         to_point: commands to the mechanism.
-        as_gain: what says how the device's depend on the sample.
+        as_gain: gains: how the commands to the device depend on the sample.
         polled: (n,) struct pollfd of all connections but that of the analyser's process, that of
             the device's first.
-        known: the operational model as it was received last; changed.
-        grasp: (7,) where it has the point.
+        known: the operational model received last; changed.
+        grasp: (7,) where the operational point is, as in that model.
         side: account of the controller; changed.
         settings: of the controllers.
         faded: (6,) zeros.
-        queue: (d, 6) commands to the mechanism that do not act yet, changed.
-        past: (n, 6) those until now, changed.
-        closed: what the device closes.
+        queue: (d, 6) commands to the mechanism that do not act yet, N and N m; changed.
+        past: (n, 6) commands to the mechanism until now, newest first, N and N m; changed.
+        closed: loops that the device closes by itself; changed.
         given: the answer, to fill.
         motion: of the device; changed.
-        round_trips: (2,) s, of the device's samples and their answers: as it has reported it last,
-            changed; and what it may be without a change of anything.
-        ages: (n,) to fill: of the messages, ns.
+        round_trips: (2,) round trips, s, of the device's samples and their answers: the last one
+            reported, changed; and up to which another one changes nothing.
+        ages: (n,) to fill: ages of the messages, ns.
 
     Returns:
-        Why it returns.
+        Why it returns, see ``lane_kernels``.
     """
     words, moved, before = local_whole(WORDS), Motion(), ControllerAccount()
     wrenches = shaped(local(12), (2, 6))
@@ -268,7 +270,7 @@ def answer_samples(
         if now >= link.until + grace:
             break
         grace = GRACE_NS
-        # A device that is silent for longer is lost: Python says so with the next model.
+        # A device that is silent for longer is lost: Python reports that with the next model.
         silent = link.last + link.timeout - link.ahead
         if now > silent:
             return TO_READ
@@ -277,7 +279,7 @@ def answer_samples(
             continue
         if found != PLAIN:
             return found
-        # What there is to answer with comes first; nobody had to be there for it.
+        # Operational models are read before the sample; they do not wake the kernel.
         while link.reads < ages.size:
             found = peek(link, models, words)
             if found == NOTHING:
@@ -312,7 +314,7 @@ def answer_samples(
         ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
         flying = queue
         if ahead != 0.0 and closed.force_channel != 0.0:
-            # A state that is late by n periods lacks n commands more than others do.
+            # A model that is late by n periods lacks n commands more than others do.
             number = queue.shape[0] + round(ahead / period)
             if number > past.shape[0]:
                 return TO_READ
@@ -336,7 +338,7 @@ def answer_samples(
         if not sound:
             put(side.values, before.values)
             return TO_READ
-        # From here on it is answered.
+        # From here on the sample counts as answered.
         take(states, words)
         write_stamp(to_device.frame, stamp)
         send_to_all(to_device, words, real)
