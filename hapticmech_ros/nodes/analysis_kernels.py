@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernel that answers states of the mechanism with operational models, message for message."""
+"""Kernel that answers each state of the mechanism with an operational model."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ from hapticmech_ros.wire.messages import OperationalModelMessage
 
 
 class AnalyserLink(Link):
-    """How things stand, for the analyser.
+    """State shared by Python and the analyser's kernel.
 
     Attributes:
-        closed, position, velocity, contact, grasp, commanded: where in a state begin the flags of
-            closures, position, rates, the point's F_c, its place and its flag.
+        closed, position, velocity, contact, grasp, commanded: where in a state's data these begin:
+            flags of closures, position, rates, and the point's F_c, place and flag.
         point: number of the point.
-        pause: how long the last state may be ago, ns.
-        last: its stamp, ns.
-        first: since when constraints are counted, ns.
+        pause: stamps of successive states differ by less than this, ns.
+        last: stamp of the last state, ns.
+        first: stamp at which the time of the joint constraints' count is zero, ns.
     """
 
     closed = Whole()
@@ -69,11 +69,11 @@ class AnalyserLink(Link):
 
 @inner
 def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, grasp: Array) -> int:
-    """Return the stamp, ns, of a state that keeps the rules and is like the one before; or UNSOUND.
+    """Return the stamp, ns, of a valid state with closures and point as before; or UNSOUND.
 
     Args:
-        link: how things stand.
-        values: (n,) the state.
+        link: shared state.
+        values: (n,) the state's data.
         most: (n,) largest magnitude of each number.
         active: (closures,) 1 for each that is closed.
         grasp: (7,) the point's place.
@@ -123,35 +123,35 @@ def answer_states(
     rates: Array,
     ages: Array,
 ) -> int:
-    """Answer states as they come.
+    """Answer states as they arrive.
 
     Args:
-        link: how things stand; changed.
+        link: shared state; changed.
         states: of the mechanism.
         models: the answers.
         polled: (n,) struct pollfd of all connections, that of the mechanism's process first.
         active: (closures,) flags of closures.
         grasp: (7,) the point's place.
-        numbers: (integers,) of the mechanism, as of ``observe_point``.
-        constants: (numbers,) likewise.
-        packed: (size,) likewise.
-        q: (nq,) to fill, nq = nv.
-        v: (nv,) to fill.
-        metric: (numbers,) as ``constants`` of ``observe_point``.
-        rows: (t,) likewise.
-        length: likewise, m.
-        delay: likewise, s.
-        before: (1 + nv,) to fill.
-        ahead: (size,) as of ``observe_point``.
-        observation: (numbers,) to fill, likewise.
+        numbers: (integers,) constants of the mechanism, as for ``observe_point``.
+        constants: (numbers,) the others, its ``values``.
+        packed: (size,) as for ``observe_point``.
+        q: (nq,) configuration, to fill; nq = nv.
+        v: (nv,) rates, to fill.
+        metric: (numbers,) the ``constants`` of ``observe_point``.
+        rows: (t,) as for ``observe_point``.
+        length: of the mechanism, m.
+        delay: τ of the loop, s.
+        before: (1 + nv,) as for ``observe_point``, to fill.
+        ahead: (size,) as for ``observe_point``.
+        observation: (numbers,) as for ``observe_point``, to fill.
         counter: of joint constraints.
-        past: (5,) see ``observe_kernels``.
-        stamps: (states,) likewise.
-        rates: (states, nv) likewise.
-        ages: (n,) to fill: of the states answered, ns.
+        past: (5,) as for ``rates_before``; changed.
+        stamps: (states,) as for ``rates_before``, ns; changed.
+        rates: (states, nv) as for ``rates_before``, rad/s or m/s; changed.
+        ages: (n,) to fill: ages of the states answered, ns.
 
     Returns:
-        Why it returns.
+        Why it returns, see ``lane_kernels``.
     """
     words, values, nv, grace = local_whole(WORDS), states.values, v.size, 0
     while link.reads < ages.size:
@@ -197,7 +197,7 @@ def answer_states(
         sound = sound_stamp(models.values, models.most, quaternion, QUATERNION_TOLERANCE)
         if sound == UNSOUND:
             return TO_READ
-        # From here on it is answered.
+        # From here on the state counts as answered.
         take(states, words)
         remember_state(past, stamps, rates, stamp, v)
         since = (stamp - link.first) / 1e9
