@@ -75,7 +75,7 @@ class Link(Record):
     """State shared by a node's kernel and Python; each kernel adds fields of its own.
 
     Attributes:
-        until: when to return, ns of the monotonic clock, by Python; 0, by a kernel: return early.
+        until: set by Python: when to return, ns of the monotonic clock; 0, by a kernel: at once.
         ahead: the node's time minus the monotonic clock, ns.
         step: largest difference of the machine's clock from the node's time, ns.
         oldest: largest difference of a stamp from the node's time, ns.
@@ -220,7 +220,7 @@ class PublishedTopic(Structure):
 # to read; a view is due; Python has to send the last message on; Python has to do the step that is
 # due; or Python has to publish a step, whose message failed a check.
 TIME_IS_UP, TO_READ, TO_LOOK_AT, TO_SEND, TO_ACT, TO_SAY = range(6)
-# It does not return.
+# The kernel does not return.
 GOES_ON = -1
 # Size of the functions' work space, for times and the words of a message's header.
 WORDS = 5
@@ -234,7 +234,7 @@ _IN, _ANSWER_AT = 1, 48
 _BOTH_AT = 8
 # In a struct pollfd: wait for POLLIN.
 WAITS_TO_READ = _IN << 32
-# Word of a WrenchStamped's frame with its seconds and nanoseconds, after the encapsulation.
+# Word of a WrenchStamped's frame with its seconds and nanoseconds, after header and encapsulation.
 _STAMP_AT = 5
 _PEEK, _DONT_WAIT, _NO_SIGNAL = 0x2, 0x40, 0x4000
 # A process that has not listened to the middleware for longer than this, ns, may miss a stop.
@@ -564,7 +564,7 @@ def wait_for_deadline(link: DeadlineLink, words: Array, polled: Array, now: int)
         return GOES_ON
     if now >= link.until:
         return TIME_IS_UP
-    # Once a step was done, the kernel returns after a step, not during the wait for the next one.
+    # Once a step was done, time is up only after a step, not during the wait for the next one.
     end = deadline if link.done > 0 else min(deadline, link.until)
     if wait_until(end, link, words, polled, 0) == NOTHING:
         return GOES_ON
@@ -609,7 +609,7 @@ def take_command(
         link: shared state.
         topic: of the commands.
         words: (5,) as :func:`find_command` left them.
-        commands: (2, 6) the present command, and the one before; changed.
+        commands: (2, 6) the present command, and the one before, N and N m; changed.
         stamp: of the command, ns.
         ages: (n,) of messages, ns; to fill.
     """
@@ -659,7 +659,7 @@ def made_up(link: DeadlineLink) -> None:
 
 @inner
 def stepped(link: DeadlineLink, commands: Array) -> int:
-    """Note a step done under the commands (2, 6), N and N m; return its stamp, ns."""
+    """Note a step, and copy the present command to the one before (2, 6); return its stamp, ns."""
     put(commands[1], commands[0])
     link.received_before = link.received
     stamp = link.next
