@@ -81,7 +81,7 @@ class DeviceLink(DeadlineLink):
 
     Attributes:
         fresh: how long a gain is valid.
-        answered, answered_before: stamps of the samples that the two commands answer.
+        answered, answered_before: stamp of the sample that each of the two commands answers.
         held: periods since the hand could take hold; -1: no hand holds.
         gain_ns: when the gain in use arrived.
         remembers: number of samples remembered so far, overwritten ones included.
