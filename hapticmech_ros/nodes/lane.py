@@ -1,6 +1,6 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A lane between processes of one host and one user, for messages of the control rate.
+"""A lane between nodes of one host and one user, for messages of the control rate.
 
 A subscriber has a socket in a folder that only this user can access. A publisher connects to it,
 receives the list of topics subscribed to there, and sends their messages.
@@ -59,8 +59,8 @@ def lane_folder(environment: Mapping[str, str]) -> Path:
     temporary files.
 
     Raises:
-        LaneError: the folder cannot be made, other users can access it, or DDS security is on, whose
-            permissions only the middleware enforces.
+        LaneError: the folder cannot be made, other users can access it, or DDS security is on,
+            whose permissions only the middleware enforces.
     """
     if environment.get(SECURED, "").lower() == "true":
         raise LaneError(f"{SECURED} is true: only the middleware keeps to its permissions")
@@ -120,7 +120,7 @@ MOST_TOLD = 1 << 17
 MOST_BEHIND = 30_000
 # Most messages of a backlog sent at once, so as not to delay the sender's own work.
 MOST_AT_ONCE = 16
-# A process that has taken nothing for this long, ns, is stalled, and the middleware may soon drop it
+# A process that has taken nothing for this long, ns, is stalled; the middleware may soon drop it
 # from its subscribers. Longer than a process waits for a processor where the control loop takes
 # nearly all of them: using the middleware then, which costs more, would take the rest. Shorter than
 # the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
@@ -130,7 +130,7 @@ KEPT_BYTES = 1 << 22
 # Limit of file descriptors that select accepts.
 MOST_SOCKETS = 1024
 # Kind; whether the middleware carries the message too; the receiver's number of the topic; the
-# sender's outlet; number of the outlet's last message through the middleware; number of this message
+# sender's outlet; number of the outlet's last message through the middleware; number of this one
 # among the outlet's on the lane; when it was sent, ns of the machine's clock.
 HEADER = struct.Struct("<BBHIQQq")
 MESSAGE, TOPICS = 1, 2
@@ -291,7 +291,7 @@ class Incoming:
         return int.from_bytes(there, sys.byteorder)
 
     def announce(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
-        """Send this process's subscribed topics, unless sent; if the socket is full, a later call does.
+        """Send this process's subscribed topics, unless sent; with a full socket, do nothing.
 
         Args:
             topics: name and type, number, how many listeners, whether any wants all messages.
