@@ -174,7 +174,7 @@ class TeleoperationController(Actor[ControllerParameters]):
     """Runs a scene's :class:`ControlArchitecture` on every sample of the device.
 
     It is disengaged while an input is missing or stale, or the mechanism does not receive its
-    commands: device and mechanism then receive zero once, and no further commands to the device. It
+    commands: device and mechanism then receive zero once, and the device no further command. It
     engages again without a jump of the wrench. When the grasp moves to another place it continues
     there, also without a jump. In lockstep it answers once a sample and the operational model of
     the same time have arrived.
@@ -247,7 +247,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             analyser := self.watch(model),
         )
         self._of_device, self._of_analyser = device, analyser
-        # C3 of the hands whose wrenches the device receives directly, and their effect on the point.
+        # C3 of the hands whose wrenches the device receives directly, and how they move the point.
         self._direct = received_directly(self.shared_scene, self.point, self.other_points)
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
@@ -412,7 +412,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._answer_to(device, model, stamp, stamp)
 
     def _wants_crtk(self, now_ns: int) -> bool:
-        """Return whether the device uses CRTK only: no other sample arrived within a second."""
+        """Return whether to answer CRTK topics: no device state for 1 s, and not in lockstep.
+
+        With two publishers of an input: disengage, and return False.
+        """
         if self.lockstep:
             return False
         if rivals := self._rivals(now_ns):
@@ -489,7 +492,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._last_fault = ""
             self._log.engaged(self._losses.explained_now(now_ns))
         elif not (self.path.obeyed or self.lockstep):
-            # The device does not obey commands: the wrench begins from zero once it does.
+            # The device does not obey commands: the wrench ramps up once it does.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
         elif model.grasp.tobytes() != self._grasp:
             # The grasp has moved: the hand's wrench is carried over.
