@@ -96,7 +96,7 @@ class LockstepRun:
         feed_from, feed: bag whose inputs are fed, and which of them: ``hand`` (wrenches on the
             device), ``device`` (samples of the device, whose node is then left out), ``external``
             (wrenches on the mechanism's operational points).
-        stall_timeout: longest time without progress, s, the nodes' start and discovery included.
+        stall_timeout: longest time without a message, s, the nodes' start and discovery included.
         composed, namespace, hold, parameters, arguments, shown: as for :class:`Graph`.
     """
 
