@@ -283,10 +283,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._grasp(self._asked_for(parameters))
 
     def validate_parameters(self, parameters: MechanismParameters) -> None:
-        """Raise for parameters that do not fit the scene, and a grasp out of reach.
-
-        In lockstep also for any closure button, and for a grasp that changes after the first tick.
-        """
+        """Raise for parameters that do not fit the scene, or that are not allowed in lockstep."""
         self._command_timeout(parameters)
         if parameters.closure_button:
             self._refuse_in_lockstep("closure_button", parameters.closure_button)
@@ -409,10 +406,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish(deadline_ns)
 
     def _to_act(self, deadline_ns: int) -> Array:
-        """Return the wrenches (points, 6) of several hands' controllers that act next.
-
-        N and N m, world axes at each point; zero if fewer than two hands hold the mechanism.
-        """
+        """Return the wrenches (points, 6), N and N m, of two or more controllers that act next."""
         held, answered = self._held, deadline_ns - self.period_ns
         if not self.lockstep:
             held = [i for i, port in enumerate(self._ports) if port.command.stands(deadline_ns)]
@@ -456,10 +450,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return self.backlog.owed * self.period_ns > self._timeout_ns
 
     def _by_all(self) -> Array:
-        """Return F_c (points, 6): external wrenches, those of contacts, and those of other hands.
-
-        N and N m, world axes at each point.
-        """
+        """Return F_c (points, 6), N and N m: external, of contacts, and of other hands."""
         touching = self.state.touching
         touched = touching is not None and bool(touching.joint_force.any())
         if self._contact_wrenches is None or not (touched or self._commanded_wrenches.any()):
@@ -533,9 +524,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         )
 
     def _commanded(self, known_ns: int, deadline_ns: int) -> Array:
-        """Return the controllers' wrenches (points, 6) that act over a step.
-
-        N and N m, world axes at each point.
+        """Return the controllers' wrenches (points, 6), N and N m, that act over a step.
 
         Args:
             known_ns: by when the commands must have arrived, ns; not used in lockstep.
@@ -554,10 +543,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return wrenches
 
     def _pushing(self, now_ns: int) -> Array:
-        """Return the external wrenches (points, 6) from now on, and keep those on links.
-
-        N and N m, world axes at each point.
-        """
+        """Return the external wrenches (points, 6), N and N m, from now on; keep those on links."""
         if self._listened is None:
             return np.array([port.awaited.take(now_ns) for port in self._ports])
         pushed = self._listened.at(now_ns, self._rotation_of)
