@@ -654,7 +654,7 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks_held += held is not None
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return the device's state and figures."""
+        """Return whether the device renders, a sentence, and figures."""
         now, counts = self.now_ns(), self.side.envelope.counts
         fault = self._fault() or self._operating.withheld
         posed = self._poses.kind if self._poses is not None else ""
@@ -719,7 +719,7 @@ class DeviceDriver(ClockedActor[D]):
         return self._safe(self.loop.correct(command, answered_ns, now_ns))
 
     def take_hold(self) -> None:
-        """Let the hand take hold, unless it has."""
+        """Let the hand take hold of the device, unless it has."""
         if self.held is None:
             self.held = self._state
             self._ticks_held = 0
@@ -842,7 +842,7 @@ class DeviceDriver(ClockedActor[D]):
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
         elif not self.answers.is_next(stamp_ns, now_ns):
-            self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
+            self._command.renew(now_ns)  # the controller is alive, but a newer command is obeyed
             return
         self._command.put((wrench, stamp_ns), now_ns)
         if self.lockstep:
@@ -856,7 +856,7 @@ class DeviceDriver(ClockedActor[D]):
             self.act(now_ns)
 
     def _refusal(self, now_ns: int) -> str:
-        """Return why no command is obeyed, by a fault or by request; empty if commands are."""
+        """Return why no command is obeyed, a fault or a request; empty if commands are."""
         deaf = DEAF if self.node.exchange.is_deaf else ""
         withheld = self._operating.withheld
         return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf

@@ -61,7 +61,7 @@ from hapticmech_ros.wire.messages import (
 from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
-# After the last answers' stamps, which may be later than their samples' by up to a microsecond.
+# How much later than the last answers zeros are stamped, ns; these follow their samples by up to 1 us.
 ZERO_AFTER_NS = 2000
 
 
@@ -288,10 +288,9 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._input_timeout(parameters)
 
     def _input_timeout(self, parameters: ControllerParameters) -> float:
-        """Return the input timeout (s), with the bounds of the device's command timeout.
+        """Return the input timeout (s), before the allowance for a declared network's jitter.
 
-        A command computed from an old input is as old. The allowance for a declared network's
-        jitter is added later.
+        Its bounds are those of the device's command timeout: a command is as old as its input.
         """
         return timeout_of(parameters, "input_timeout", COMMAND, self.period_s, self.scene.device)
 
