@@ -367,7 +367,7 @@ class Exchange:
             self.lane.turn.ring()
 
     def close(self) -> None:
-        """Leave the lane."""
+        """Close the lane."""
         if self.lane is not None:
             self.lane.close()
             self.lane = None
