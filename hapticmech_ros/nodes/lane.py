@@ -151,6 +151,8 @@ class BrokenRuleError(Exception):
 class Outgoing:
     """A connection to a subscribing process.
 
+    If it is full, a message is dropped, or kept for a process that wants all messages.
+
     Args:
         name: of the process's socket.
         connection: to the process.
@@ -414,7 +416,7 @@ class Waits(Protocol):
     """Waits for connections in place of ``select``, and handles messages meanwhile."""
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        """Return whether it can wait now; see ``PlainMessages``."""
+        """Return whether this object can wait now; see ``PlainMessages``."""
 
     def __call__(self, lane: Lane) -> Sequence[int]:
         """Return the file descriptors that may be readable; see ``PlainMessages``."""
@@ -560,9 +562,7 @@ class Lane:
         return self._readers.get(topic, 0)
 
     def send(self, topic: str, outlet: int, number: int, message: bytes, both: bool) -> None:
-        """Send a message to all subscribers of its topic.
-
-        One with a full connection misses it, unless it wants all messages: then it is kept.
+        """Send a message to all subscribers of its topic; see :class:`Outgoing` for full ones.
 
         Args:
             topic: full name and type.
@@ -821,10 +821,10 @@ class Lane:
                 self._readers[topic] = self._readers.get(topic, 0) + counted
 
     def _receive(self, incoming: Incoming, found: list[Arrived], whole: bool) -> None:
-        """Read one message, or those that have arrived by now, but none that arrive meanwhile.
+        """Read one message, or all that have arrived by now, but none that arrive meanwhile.
 
-        A listener to the latest message gets only that of each publisher. The bytes are counted to
-        save a last read that finds nothing: it would cost as much as a message.
+        A listener to the latest message gets one per publisher. Counting the bytes saves a last
+        read that finds nothing, which would cost as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
         base = incoming.serial << 32
