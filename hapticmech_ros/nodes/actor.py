@@ -673,7 +673,7 @@ class Actor(Generic[P]):
 
 
 class ClockedActor(Actor[P]):
-    """An actor that acts on deadlines of its own as well as on messages.
+    """An actor that acts on deadlines as well as on messages.
 
     Attributes:
         clock: its deadlines; started on activation.
