@@ -61,7 +61,7 @@ from hapticmech_ros.wire.messages import (
 from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
-# How much later than the last answers zeros are stamped, ns; these follow their samples by up to 1 us.
+# Zeros are stamped this much after the last answers, ns, which follow their samples by up to 1 us.
 ZERO_AFTER_NS = 2000
 
 
