@@ -513,7 +513,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._send(answer, *self._command_stamps)
 
     def _coupled(self, inputs: ControllerInput, clutch: Clutch, now_ns: int) -> dict[str, Array]:
-        """Return coupling gains H_j (6, 6) by point; see :mod:`.control.other_hands`."""
+        """Return H_j (6, 6) by point; see :mod:`~hapticmech_ros.control.other_hands`."""
         found = self._transmissions.at(inputs.stamp_ns, now_ns)
         if not found or self._control.answers_in_python:
             return {}
