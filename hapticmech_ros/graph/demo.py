@@ -36,11 +36,11 @@ from hapticmech_ros.system.cpu_list import available_cores
 from hapticmech_ros.system.readiness import Report
 
 RECORDER = "hapticmech_ros.nodes.recorder"
-# A graph whose nodes are up and of which topics are still missing after so long, s, may not fit.
+# If topics are still missing this long after the nodes are up, s, check if the graph fits.
 STARTS_WITHIN_S = 8.0
 PATIENCE_S = 0.5
 
-# (stage, share done, or None if unknown)
+# Called with the stage and the share done, or None if unknown.
 Show = Callable[[str, float | None], None]
 
 
@@ -60,13 +60,13 @@ def run_demo(
 ) -> dict[str, object]:
     """Run the experiment over ROS.
 
-    Where the machine does not carry the scene's rate, or interrupts the rendering, the experiment
-    is run at a lower one, of :data:`.processes.RATES`, unless a rate is given. Where it does not
-    carry the lowest one either, or delays the loop, the experiment is run in lockstep.
+    Unless a rate is given, the experiment is repeated at lower ones, of :data:`.processes.RATES`,
+    while the machine cannot keep the rate or rendering is interrupted; then in lockstep if the last
+    run missed deadlines, was interrupted or had its gains reduced.
 
-    Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``; of
-    several users ``users.png``, ``coupling.png``, and the former ones in a folder for each. Files
-    of the same names from an earlier run are replaced.
+    Writes into ``out``: ``bag/``, ``fig5a.png``, ``fig5b.png``, ``fig5c.png``, ``summary.json``;
+    for several users ``users.png``, ``coupling.png``, and the former ones in a folder for each.
+    Files of the same names from an earlier run are replaced.
 
     Args:
         scene_name: shipped scene, or path.
@@ -75,16 +75,17 @@ def run_demo(
         duration: s, from when the first hand starts; the scene's if left out.
         storage: of the bag, mcap or sqlite3.
         show: called with the progress.
-        control_rate: Hz; 0: the scene's, or a lower one if the machine does not carry that.
-        notify: called with sentences on what the machine carries.
+        control_rate: Hz; 0: the scene's, or a lower one if the machine cannot keep that.
+        notify: called with sentences on the load of the machine.
 
     Returns:
         Summary of the run.
 
     Raises:
-        SceneError: no such scene, or a bad one.
-        DemoError: a node ended, or the hand never started.
-        LockstepError: the graph did not go on in lockstep.
+        SceneError: the scene does not exist, or is not valid.
+        DemoError: recording failed, or the hand never started.
+        NodeDiedError: a node ended by itself.
+        LockstepError: the graph stalled in lockstep.
         BagError: ``out/bag`` exists and is not a bag.
     """
     scene = load_scene(scene_name, control_rate)
@@ -119,7 +120,7 @@ def run_demo(
 def _results(
     scene: Scene, bag: Path, out: Path, seconds: float, run: GraphRun, show: Show
 ) -> dict[str, object]:
-    """Write figures and summary of a recorded run, beside a session's, and return the summary."""
+    """Write figures and summary of a recorded run and of a session, and return the summary."""
     show("reading the bag", None)
     health = replace(
         health_from_bag(bag),
@@ -147,10 +148,10 @@ class GraphRun:
     """How the run of a graph went.
 
     Attributes:
-        load: what the graph cost; None if its nodes reported too little.
-        interruptions: how often rendering broke off and began anew after the hands had started.
-        reduced_gains: whether a controller has reduced its gains meanwhile, since the round trip to
-            its device took longer than the scene's gains allow.
+        load: of the graph; None if its nodes reported too little.
+        interruptions: how often rendering was interrupted and resumed after the hands had started.
+        reduced_gains: whether a controller reduced its gains in the run, as the round trip to its
+            device took longer than the scene's gains allow.
         lockstep: whether the graph advanced by messages instead of by time.
     """
 
@@ -161,17 +162,17 @@ class GraphRun:
 
     @property
     def kept(self) -> bool:
-        """Whether rendering went on without a break, at the rate that was wanted."""
+        """Whether rendering was not interrupted, and the graph fits the machine at this rate."""
         return not self.interruptions and (self.load is None or self.load.fits)
 
     @property
     def undisturbed(self) -> bool:
-        """Whether the hand felt the scene as it is, whatever share of the machine that took."""
+        """Whether the hand felt the scene as modelled: deadlines kept, no break, full gains."""
         in_time = self.load is None or self.load.missed <= MOST_MISSED
         return in_time and not (self.interruptions or self.reduced_gains)
 
     def reason(self) -> str:
-        """Return in words what was not kept."""
+        """Return a clause on what disturbed the run."""
         if self.kept:
             return "the loop took longer than the gains allow, which were reduced"
         if not self.interruptions:
@@ -183,7 +184,7 @@ class GraphRun:
 
 
 def _engagements(reports: Mapping[str, Report]) -> int:
-    """Return how often controllers have engaged, and devices were held."""
+    """Return how often controllers engaged in all, or devices were held, whichever is more."""
     counted = ("engagements", "times_held")
     return max(
         sum(int(report.figures.get(name, 0)) for report in reports.values()) for name in counted
@@ -191,9 +192,9 @@ def _engagements(reports: Mapping[str, Report]) -> int:
 
 
 def _reduced_gains(reports: Mapping[str, Report], since: float) -> bool:
-    """Return whether the gains of a controller are those for a longer delay than declared.
+    """Return whether a controller's gains are those for a longer delay than declared.
 
-    Reports up to ``since``, s of the monotonic clock, are of a loop that nobody felt yet.
+    Reports up to ``since``, s of the monotonic clock, do not count: the hands had not started.
     """
     delays = (
         [float(report.figures.get(name, 0.0)) for name in ("softened_for_ms", "designed_delay_ms")]
@@ -227,13 +228,14 @@ def record_graph(
         storage: mcap or sqlite3.
         show: called with the progress.
         control_rate: Hz; 0: the scene's.
-        must_fit: whether to give up once it is seen that the machine does not carry the graph.
+        must_fit: whether to stop once the graph does not fit the machine or is interrupted.
 
     Returns:
-        How the run went, or had gone until it was given up, with an incomplete bag.
+        How the run went; if stopped early, until then, with an incomplete bag.
 
     Raises:
-        DemoError: a node ended, nothing came of a topic, or the hand never started.
+        DemoError: recording failed: a topic had no messages, or the hand never started.
+        NodeDiedError: a node ended by itself.
     """
     # Before the recorder waits for the graph: the first compilation takes longer than its timeout.
     compile_ahead()
@@ -247,12 +249,12 @@ def record_graph(
     if control_rate:
         parameters["control_rate"] = control_rate
     size = 1.0 / scene.simulation.period, available_cores(), composed, len(hold) or 1
-    # What starting costs is not counted, unless that takes too long.
+    # The load of starting does not count, unless that takes longer than STARTS_WITHIN_S.
     watch, starting = LoadWatch(*size), LoadWatch(*size, least_span_s=STARTS_WITHIN_S)
     load: GraphLoad | None = None
     engaged, reduced = 0, False
     try:
-        # A recorder without a processor tells nothing.
+        # A recorder that gets no processor time sends no events: go on after PATIENCE_S.
         events = events_of(recorder, PATIENCE_S)
         show("starting the recorder", None)
         _expect(events, "ready")
@@ -302,13 +304,13 @@ def record_in_lockstep(
     show: Show = lambda stage, done: None,
     control_rate: float = 0.0,
 ) -> GraphRun:
-    """Record the same by a graph that advances by messages, not by time; return how it went.
+    """Record the experiment in lockstep; return how the run went.
 
-    Arguments are those of :func:`record_graph`.
+    Arguments as for :func:`record_graph`.
 
     Raises:
-        NodeDiedError: a node ended.
-        LockstepError: the graph did not go on.
+        NodeDiedError: a node ended by itself.
+        LockstepError: the graph stalled.
     """
     scene = load_scene(scene_name, control_rate)
     start = min(scene.held_at(point).hand.start_delay for point in scene.held_points)
@@ -333,7 +335,7 @@ def record_in_lockstep(
 
 
 def _waiting(missing: Sequence[str]) -> str:
-    """Return what is waited for, in words."""
+    """Return the stage to show while topics are missing, or the load is being measured."""
     if not missing:
         return "looking whether the graph fits this machine"
     more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A graph that advances by messages and /clock instead of by time: repeatable to the bit.
 
-As fast as the machine can; equal to :class:`~hapticmech_ros.session.Session`. Inputs of a recorded
-session can be fed in, to replay it with a change.
+It runs as fast as the machine can, or at a given rate, with results equal to those of
+:class:`~hapticmech_ros.session.Session`.
 
-Selective replay: a recorded session's inputs, fed into a live graph in lockstep.
-
-What comes out is recorded, and can be compared with what was recorded then.
+Selective replay: inputs from a bag are fed into a live graph in lockstep. The outputs are recorded,
+and can be compared with those in the bag.
 """
 
 from __future__ import annotations
@@ -28,13 +27,14 @@ from hapticmech_ros.wire.topics import DEVICE_STATE, DIAGNOSTICS, check_feeds, u
 def replay(
     run: LockstepRun, environment: Mapping[str, str], asked_to_stop: Callable[[], bool]
 ) -> int:
-    """Run ``run`` with what its bag says it was recorded with; return the number of ticks.
+    """Run a replay; return the number of ticks.
 
-    An empty scene is the recorded one, an empty namespace that of the recorded device.
+    An empty scene stands for the recorded one, an empty namespace for that of the recorded device.
 
     Raises:
-        BagError: no bag, nothing of a device or a scene in it, or topics under former names.
-        LockstepError: the graph did not come to the end.
+        BagError: there is no bag, it has no device or scene, or topics under former names, or its
+            scene has several hands.
+        LockstepError: the graph did not run to the end.
     """
     if run.feed_from is None:
         raise BagError("a replay needs a bag")
@@ -60,7 +60,7 @@ def _namespace(bag: BagReader) -> str:
 
 
 def _scene(bag: BagReader) -> str:
-    """Return the scene that the nodes said they ran."""
+    """Return the scene recorded in the nodes' diagnostics."""
     if DIAGNOSTICS.name in bag.topics:
         for item in bag.messages(DIAGNOSTICS.name):
             for status in item.message.status:
@@ -84,20 +84,20 @@ class LockstepError(HapticMechError):
 
 @dataclass(frozen=True, slots=True)
 class LockstepRun:
-    """What to run.
+    """Settings of a run in lockstep.
 
     Attributes:
         scene: shipped scene, or path of a file.
-        control_rate: Hz; 0 is the scene's own.
-        duration: s of simulated time; 0 goes on until stopped, or to the end of what is fed.
-        rate: times real time at most; 0 is as fast as it can.
+        control_rate: Hz; 0: the scene's.
+        duration: simulated time, s; 0: until stopped, or until the end of the inputs fed.
+        rate: at most this multiple of real time; 0: as fast as the machine can.
         out: bag to record, or None.
         storage: mcap or sqlite3.
         feed_from, feed: bag whose inputs are fed, and which of them: ``hand`` (wrenches on the
             device), ``device`` (samples of the device, whose node is then left out), ``external``
             (wrenches on the mechanism's operational points).
-        stall_timeout: s of silence endured: nodes start, find each other, get over a stall.
-        composed, namespace, hold, parameters, arguments, shown: as of :class:`Graph`.
+        stall_timeout: longest time without a message, s, the nodes' start and discovery included.
+        composed, namespace, hold, parameters, arguments, shown: as for :class:`Graph`.
     """
 
     scene: str
@@ -123,19 +123,20 @@ def run_lockstep(
     asked_to_stop: Callable[[], bool],
     progress: Callable[[int], None] = lambda ticks: None,
 ) -> int:
-    """Run to the end, or until asked to stop; return the number of ticks.
+    """Run to the end, or until stopped; return the number of ticks.
 
     Args:
-        run: what to run.
+        run: the settings.
         environment: of the processes.
-        asked_to_stop: looked at now and then.
+        asked_to_stop: returns whether to stop; called with each event of the clock.
         progress: called with the number of ticks so far.
 
     Raises:
-        SceneError: no such scene, or a bad one.
-        InvalidInputError: unknown feed, or a feed without a bag or with several hands.
-        NodeDiedError: a node ended.
-        LockstepError: the graph did not go on.
+        SceneError: the scene does not exist, or is not valid.
+        InvalidInputError: an unknown feed, feeds that exclude each other, a feed without a bag or
+            with several hands, or a control rate among the nodes' parameters.
+        NodeDiedError: a node ended by itself.
+        LockstepError: the graph stalled, or the clock ended without a result.
     """
     load_scene(run.scene, run.control_rate)
     _check(run)

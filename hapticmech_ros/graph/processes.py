@@ -1,8 +1,8 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The graph as processes: starts the nodes, watches them, and always ends them. Imports no ROS.
+"""The graph as processes: starts the nodes, monitors them, and always ends them. Imports no ROS.
 
-Whether a graph fits its machine: what its nodes report of processor time and of deadlines.
+From the nodes' reports of processor time and deadlines it finds whether a graph fits its machine.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from hapticmech_ros.system.installation import refuse_middleware
 from hapticmech_ros.system.readiness import ADDRESS, SHOWN, Readiness, Report
 from hapticmech_ros.wire.topics import PAGE, VIEWER
 
-# Known after so long, s; from then on the last reports count against the first ones.
+# Shortest time between the first and the last reports, from which the load is computed, s.
 LEAST_SPAN_S = 0.9
-# A node's reports count from so long after its first one on, s: until then the middleware carries
-# its messages as well, and what handles them without Python does not.
+# A node's reports count from this long after its first one, s: until then the middleware carries
+# its messages too, and Python rather than a kernel handles them.
 SETTLES_S = 1.0
-# A graph fits if it misses no larger share of its deadlines, and takes no more of the processors:
-# other programs were there after 0.7 s beside one that takes a third of two, and 1.1 s beside 0.6.
+# A graph fits if it misses at most this share of its deadlines, and uses at most this share of the
+# processors: other programs started within 0.7 s beside one that used a third of two processors,
+# and within 1.1 s beside one that used 0.6.
 MOST_MISSED, MOST_USED = 0.03, 0.5
-# One that takes more of them than this and misses more keeps no deadlines, whatever it takes away
-# from others; nor does one that misses every second one, while a node that is started again beside
-# it was not up within a minute.
+# A graph saturates its machine if it uses more than TAKES_ALL of the processors and misses more
+# than MISSES_MANY of its deadlines, or misses more than MISSES_MOST: beside one that missed half, a
+# restarted node was not up within a minute.
 TAKES_ALL, MISSES_MANY, MISSES_MOST = 0.8, 0.1, 0.5
-# What is proposed would take no more than this: there are moments that are busier than a second's
-# mean.
+# A proposed rate would use at most this share of the processors: the load is a mean, with peaks.
 PROPOSED_USED = 0.4
-# The control rates that are proposed, Hz.
+# The control rates to propose, Hz.
 RATES = (1000.0, 500.0, 250.0)
 
 
 @dataclass(frozen=True, slots=True)
 class GraphLoad:
-    """What a graph costs, over a span of time.
+    """A graph's use of processors, and its missed deadlines, over a span of time.
 
     Attributes:
-        rate_hz: control rate that is wanted.
-        cores: processors that there are for it.
-        used: processors' worth of time that its processes took.
+        rate_hz: requested control rate, Hz.
+        cores: number of processors available to the graph.
+        used: processor time of its processes per time, in processors.
         missed: largest share of deadlines that a node missed.
         composed: whether its nodes share a process.
-        users: how many hands there are.
+        users: number of hands.
     """
 
     rate_hz: float
@@ -74,26 +74,26 @@ class GraphLoad:
 
     @property
     def period_us(self) -> float:
-        """Processor time of all nodes per control period that was kept, us."""
+        """Processor time of all nodes per control period that was not missed, us."""
         return 1e6 * self.used / (self.rate_hz * max(1.0 - self.missed, 0.1))
 
     @property
     def fits(self) -> bool:
-        """Whether deadlines are kept, and something is left to other programs."""
+        """Whether missed deadlines and processor use are within MOST_MISSED and MOST_USED."""
         return self.missed <= MOST_MISSED and self.used <= MOST_USED * self.cores
 
     @property
     def saturates(self) -> bool:
-        """Whether it keeps no deadlines, whatever it takes away from others."""
+        """Whether it misses its deadlines however much processor time it takes from others."""
         takes_all = self.missed > MISSES_MANY and self.used > TAKES_ALL * self.cores
         return takes_all or self.missed > MISSES_MOST
 
     @property
     def fitting_rate_hz(self) -> float | None:
-        """The highest of :data:`RATES` below the present one that would fit; None: none would.
+        """The highest of :data:`RATES` below the present one that would fit.
 
-        If none fits by what a period costs, the lowest is proposed: something else may take the
-        processors away.
+        If none would, by the processor time per period, the lowest one below, since other programs
+        may cause the load; None if there is no lower rate.
         """
         lower = [rate for rate in RATES if rate < 0.99 * self.rate_hz]
         for rate in lower:
@@ -102,18 +102,18 @@ class GraphLoad:
         return lower[-1] if lower else None
 
     def sentence(self) -> str:
-        """Return what a period costs, in a line."""
+        """Return in a line the processor time per period, the share used and deadlines missed."""
         cost = f"{self.period_us:.0f} us of processor time"
         share = f"{self.used:.2f} of {self.cores:g} cores"
         missed = f"{self.missed:.1%} of the deadlines missed"
         return f"a period of {1e3 / self.rate_hz:g} ms takes {cost}: {share}, {missed}"
 
     def sentences(self) -> list[str]:
-        """Return what to tell people: what a period costs, and what helps if that is too much."""
+        """Return :meth:`sentence`, and :meth:`advice` if the graph does not fit."""
         return [self.sentence(), *([] if self.fits else [self.advice()])]
 
     def advice(self) -> str:
-        """Return what helps if it does not fit, in a line."""
+        """Return in a line what to do if the graph does not fit."""
         rate = self.fitting_rate_hz
         helps = [f"--control-rate {rate:g}"] if rate is not None else []
         helps += [] if self.composed else ["--composed"]
@@ -128,15 +128,15 @@ class GraphLoad:
 
 
 class LoadWatch:
-    """Finds a graph's load from the reports of its nodes, once it has settled.
+    """Computes a graph's load from the reports of its nodes, once these have settled.
 
     Args:
-        rate_hz: control rate.
-        cores: processors that there are for it.
+        rate_hz: control rate, Hz.
+        cores: number of processors available to the graph.
         composed: whether its nodes share a process.
-        users: how many hands there are.
-        least_span_s: s between the reports that are compared.
-        settles_s: s after a node's first report, from when on its reports count.
+        users: number of hands.
+        least_span_s: shortest time between the two reports compared, s.
+        settles_s: time after a node's first report from which its reports count, s.
     """
 
     def __init__(
@@ -152,13 +152,13 @@ class LoadWatch:
         self._composed, self._users = composed, users
         self._least_span_s, self._settles_s = least_span_s, settles_s
         self._first: dict[str, Mapping[str, str]] = {}
-        # When each process reported first, s of its clock.
+        # When each process reported first, s of the monotonic clock.
         self._begun: dict[tuple[str, str], float] = {}
 
     def look(self, reports: Mapping[str, Report]) -> GraphLoad | None:
-        """Take what nodes have reported last; return the load since the first of their reports.
+        """Take the nodes' last reports, and return the load since their first ones that count.
 
-        None until all that have reported once have reported again, the least span later.
+        None until each node has reported again at least ``least_span_s`` later.
         """
         used: dict[str, float] = {}
         missed = 0.0
@@ -174,7 +174,7 @@ class LoadWatch:
             span = time_s - float(then["monotonic_s"])
             if span < self._least_span_s:
                 continue
-            # Of a process with several nodes, that of any of them.
+            # The nodes of one process report the same time: any of them is used.
             used[name] = (float(now["cpu_s"]) - float(then["cpu_s"])) / span
             periods = int(now.get("periods", 0)) - int(then.get("periods", 0))
             if periods > 0:
@@ -187,10 +187,10 @@ class LoadWatch:
         return GraphLoad(self._rate_hz, self._cores, total, missed, self._composed, self._users)
 
 
-# A node answers a signal within its longest wait; what does not end by then is killed.
+# A process that has not ended this long after a signal, s, gets the next, stronger one.
 STOP_TIMEOUT_S = 5.0
-# Nodes whose graph saturates its machine: they get six sevenths of a processor beside an ordinary
-# program's thread, and 99 of 100 parts at nice -20.
+# Nice value for nodes whose graph saturates its machine: beside an ordinary program's thread they
+# get six sevenths of a processor; at nice -20, 99 %.
 SHARING_NICE = -5
 _PR_SET_PDEATHSIG = 1
 _NAMESPACE = re.compile(r"/?(?:[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*/?)?", re.ASCII)
@@ -202,13 +202,13 @@ class NodeDiedError(HapticMechError):
 
 
 class AuxiliaryProcess:
-    """A process beside a graph that nobody in it needs: its death is told, and the graph goes on.
+    """A process beside a graph: if it ends by itself, the user is notified and the graph goes on.
 
     Args:
-        name: what it is to a person.
+        name: shown to the user.
         process: the process.
-        loss: what its death means.
-        notify: shows a sentence to a person.
+        loss: what no longer works without it.
+        notify: shows a sentence to the user.
     """
 
     def __init__(
@@ -220,17 +220,17 @@ class AuxiliaryProcess:
 
     @property
     def has_ended(self) -> bool:
-        """Whether it has ended, as :meth:`look` has told."""
+        """Whether its end has been reported to the user."""
         return self._reported
 
     def look(self) -> None:
-        """Tell once if it has ended."""
+        """Notify the user once if it has ended."""
         if not self._reported and self.process.poll() is not None:
             self._reported = True
             self._notify(f"{ending(self._name, self.process)}: the graph goes on, but {self._loss}")
 
     def end(self) -> bool:
-        """End it, if it still runs, and return whether it did its work to the end."""
+        """End it if it still runs, and return whether it ended normally, with exit code 0."""
         if not self._reported and stop_process(self.process):
             self._reported = True
             self._notify(f"{ending(self._name, self.process)}: {self._loss}")
@@ -248,18 +248,18 @@ class Graph:
         namespace: put all topics and nodes under this name.
         parameters: further parameters, ``node.parameter`` or just ``parameter`` for all nodes.
         environment: of the processes; this one's if left out.
-        nodes: which of :data:`NODES`, and who looks on; all of these if left out. A live page has a
-            process of its own, and its end is no failure of the graph. Of several points to hold
-            ``point/node`` is that of one of them, and ``node`` that of each.
+        nodes: which of :data:`NODES`, and viewer or live page; all of NODES if left out. A live
+            page has a process of its own, and its end is no failure of the graph. With several
+            points to hold, ``point/node`` is the node of one point, ``node`` that of each.
         hold: operational points, each held by a device of its own; none: the scene's first one.
-            Of several, each has its device, analyser and controller in a namespace of its name,
-            and who looks on sees all of them.
+            With several, each has its device, analyser and controller in a namespace of its name;
+            viewer and live page show all of them.
         arguments: further ROS arguments for all nodes.
-        shown: whether the nodes' last reports are shown by whoever asks for :meth:`endings`, and so
-            not printed by the nodes.
+        shown: whether the caller shows the nodes' last reports, by :meth:`endings`, so that the
+            nodes do not print them.
     """
 
-    # Of a file with parameters of single nodes, if there are such.
+    # Holds the file with parameters of single nodes, if there are any.
     _folder: TemporaryDirectory[str] | None = None
 
     def __init__(
@@ -296,14 +296,14 @@ class Graph:
             raise
 
     def _parameter_file(self, parameters: Mapping[str, object]) -> list[str]:
-        """Write a file with parameters of single nodes, and return the arguments that name it."""
+        """Write a file with parameters of single nodes, and return the ROS arguments for it."""
         self._folder = TemporaryDirectory(prefix="hapticmech_ros_")
         file = Path(self._folder.name) / "parameters.yaml"
         file.write_text(parameter_file(parameters), encoding="utf-8")
         return ["--params-file", str(file)]
 
     def check(self) -> None:
-        """Raise NodeDiedError if a node has ended that is not the live page."""
+        """Raise NodeDiedError if a process other than a live page has ended."""
         for name, process in self.processes.items():
             if name not in self.pages:
                 check_running(name, process)
@@ -315,35 +315,36 @@ class Graph:
 
     @property
     def notified(self) -> dict[str, str]:
-        """Environment in which a process beside the graph tells it that it is up."""
+        """Environment variables by which a process beside the graph reports that it is up."""
         return {ADDRESS: self._readiness.address}
 
     def is_up(self, process: subprocess.Popen[str]) -> bool:
-        """Return whether a process has said that it is up."""
+        """Return whether a process has reported that it is up."""
         return process.pid in self._readiness.pids()
 
     def is_ready(self) -> bool:
-        """Return whether all processes are up: their nodes are active, unless started by others."""
+        """Return whether all processes are up: nodes active, unless others manage their start."""
         return all(map(self.is_up, self.processes.values()))
 
     def reports(self) -> dict[str, Report]:
-        """Return how each node was when it said so last, by its full name."""
+        """Return each node's last report, by its full name."""
         if self._readiness.is_open:
             self._readiness.pids()
         return dict(self._readiness.reports)
 
     def endings(self) -> dict[str, Report]:
-        """Return what each node said as it ended, by its full name."""
+        """Return each node's final report, sent when it ended, by its full name."""
         return dict(self._readiness.endings)
 
     def leave_share(self) -> bool:
-        """Give up most of the nodes' precedence over ordinary programs; return whether they had it.
+        """Raise the nice value of threads below :data:`SHARING_NICE` to that one.
 
-        Threads with a lower nice value than :data:`SHARING_NICE` get that one.
+        Returns:
+            Whether there were any, and so the nodes had more precedence over other programs.
         """
         had = False
         for process in self.processes.values():
-            # One that ends meanwhile has no threads any more.
+            # A process that ends meanwhile has no threads any more.
             with suppress(OSError):
                 for thread in Path(f"/proc/{process.pid}/task").iterdir():
                     if os.getpriority(os.PRIO_PROCESS, int(thread.name)) < SHARING_NICE:
@@ -352,14 +353,14 @@ class Graph:
         return had
 
     def ended(self) -> list[str]:
-        """Return the names of the processes that are no more."""
+        """Return the names of the processes that have ended."""
         return [name for name, process in self.processes.items() if process.poll() is not None]
 
     def respawn(self) -> list[str]:
-        """Start processes again that have ended, and return what each ended by, in words.
+        """Restart processes that have ended, and return a sentence on how each has ended.
 
         Raises:
-            NodeDiedError: one that was never up; it would not be the next time either.
+            NodeDiedError: a process ended before it was ever up, and would again.
         """
         sentences, pids = [], self._readiness.pids()
         for name in self.ended():
@@ -370,19 +371,19 @@ class Graph:
         return sentences
 
     def kill(self, name: str) -> None:
-        """End a process as a crash would: without warning."""
+        """Kill a process by SIGKILL, as in a crash."""
         self.processes[name].kill()
         self.processes[name].wait()
 
     def restart(self, name: str) -> None:
-        """Start a process again that has ended.
+        """Restart a process that has ended.
 
         Raises:
-            InvalidInputError: it has not.
+            InvalidInputError: it has not ended.
         """
         if self.processes[name].poll() is None:
             raise InvalidInputError("process", name, "must have ended before it is started again")
-        # Read what was said, so that there is room for what this one will say.
+        # Read pending reports, to make room for those of the new process.
         self._readiness.pids()
         self.processes[name] = start_process(self._commands[name], self._environment)
 
@@ -409,10 +410,10 @@ class Graph:
 
 
 def parameter_file(parameters: Mapping[str, object]) -> str:
-    """Return a ROS parameter file with ``node.parameter``, of nodes in whatever namespace.
+    """Return the text of a ROS parameter file that sets ``node.parameter`` in any namespace.
 
-    ``-p node:parameter:=value`` is only that of a node without a namespace. A node whose name
-    begins with a slash is the one with that whole name.
+    ``-p node:parameter:=value`` only reaches a node without a namespace. A name that begins with a
+    slash is the full name of one node.
     """
     nodes: dict[str, dict[str, dict[str, object]]] = {}
     for name, value in parameters.items():
@@ -427,10 +428,10 @@ def ros_arguments(
     namespace: str = "",
     remaps: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """Return ``--ros-args`` that set parameters, a namespace, and other names of topics.
+    """Return ``--ros-args`` that set parameters, a namespace, and remapped topics.
 
     Raises:
-        InvalidInputError: ROS has no such namespaces.
+        InvalidInputError: the namespace is not valid in ROS.
     """
     if not _NAMESPACE.fullmatch(namespace):
         rule = "must be names of letters, digits and _ between slashes, none beginning with a digit"
@@ -438,7 +439,7 @@ def ros_arguments(
     arguments = ["--ros-args"]
     for name, value in parameters.items():
         node, _, parameter = name.rpartition(".")
-        # In YAML an apostrophe is doubled between apostrophes.
+        # In YAML, an apostrophe in a single-quoted string is doubled.
         quoted = str(value).replace("'", "''")
         text = f"'{quoted}'" if isinstance(value, str) else str(value).lower()
         arguments += ["-p", f"{node + ':' if node else ''}{parameter}:={text}"]
@@ -456,7 +457,7 @@ def _plan(
     nodes: Collection[str],
     hold: Sequence[str],
 ) -> Iterator[tuple[str, str, list[str]]]:
-    """Yield what each process is called, the nodes in it, and its ROS arguments."""
+    """Yield each process's name, its nodes, comma-separated, and its ROS arguments."""
     if len(hold) < 2:
         chosen = {**parameters, **({"operational_point": hold[0]} if hold else {})}
         arguments = ros_arguments(chosen, namespace)
@@ -464,7 +465,7 @@ def _plan(
             yield group, group, arguments
         return
     held = {**parameters, "held_points": ",".join(hold)}
-    # One for all.
+    # Nodes shared by all points.
     for name in (MECHANISM, VIEWER, PAGE):
         if name in nodes:
             yield name, name, ros_arguments(held, namespace)
@@ -479,13 +480,13 @@ def _plan(
 
 
 def _nodes_at(point: str, nodes: Collection[str]) -> list[str]:
-    """Return the nodes of one of several points: those of its own, and those that each has."""
+    """Return the nodes of one of several points: those named for it, and those for each point."""
     placed = [name.rpartition("/") for name in nodes if name not in (MECHANISM, VIEWER, PAGE)]
     return [node for where, _, node in placed if where in ("", point)]
 
 
 def _groups(nodes: Collection[str], composed: bool) -> list[str]:
-    """Return the nodes of each process, comma-separated."""
+    """Return the nodes of each process, comma-separated; a live page has its own process."""
     together = [name for name in nodes if name != PAGE]
     apart = [name for name in nodes if name == PAGE]
     return [*([",".join(together)] if composed and together else together), *apart]
@@ -494,12 +495,12 @@ def _groups(nodes: Collection[str], composed: bool) -> list[str]:
 def start_process(
     command: Sequence[str], environment: Mapping[str, str], pipe_output: bool = False
 ) -> subprocess.Popen[str]:
-    """Return a started process that ends with this one, whatever ends this one.
+    """Start a process that ends with this one, for whatever reason, and return it.
 
-    It is found from this machine alone, unless the environment asks for more.
+    ROS discovers it on this machine only, unless the environment sets a wider range.
 
     Raises:
-        HapticMechError: the environment asks for a middleware that is not installed.
+        HapticMechError: the environment selects a middleware that is not installed.
     """
     chosen = dict(environment)
     choose_discovery(chosen)
@@ -518,14 +519,14 @@ def check_running(name: str, process: subprocess.Popen[str]) -> None:
     """Raise NodeDiedError if a process has ended.
 
     Raises:
-        NodeDiedError: it has.
+        NodeDiedError: the process has ended.
     """
     if process.poll() is not None:
         raise NodeDiedError(ending(name, process))
 
 
 def ending(name: str, process: subprocess.Popen[str]) -> str:
-    """Return how a process has ended, in words."""
+    """Return a sentence on how a process has ended: by exit code or signal."""
     code = process.wait()
     why = f"exit code {code}" if code >= 0 else f"signal {-code}"
     return f"{name} ended by itself: {why}"
@@ -537,7 +538,7 @@ def stop_process(process: subprocess.Popen[str]) -> int:
 
 
 def stop_processes(processes: Mapping[str, subprocess.Popen[str]]) -> dict[str, int]:
-    """End processes together, each as :func:`stop_process`; return exit codes by name."""
+    """End processes together, each as in :func:`stop_process`; return exit codes by name."""
     for process in processes.values():
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -556,11 +557,11 @@ def _wait_for_end(process: subprocess.Popen[str]) -> int:
 def events_of(
     process: subprocess.Popen[str], patience_s: float | None = None
 ) -> Iterator[dict[str, Any]]:
-    """Yield the events that a process tells by lines of JSON on its standard output.
+    """Yield the events that a process prints as lines of JSON on its standard output.
 
     Args:
         process: with its output in a pipe.
-        patience_s: s after which the event ``nothing`` is yielded, if nothing else comes.
+        patience_s: time without output after which the event ``nothing`` is yielded, s.
     """
     lines: SimpleQueue[str | None] = SimpleQueue()
 
@@ -583,9 +584,9 @@ def events_of(
 
 
 def private_environment(domain: int | None = None) -> dict[str, str]:
-    """Return an environment for a ROS graph of its own: on this machine, away from other graphs.
+    """Return an environment for a separate ROS graph: on this machine, apart from other graphs.
 
-    A profile of Fast DDS that the user has chosen himself is left to him.
+    A Fast DDS profile chosen by the user is kept.
 
     Args:
         domain: ROS_DOMAIN_ID; if left out, the user's, or else one that is probably free.

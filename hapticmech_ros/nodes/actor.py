@@ -1,18 +1,14 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes do, apart from their life: an actor is made on configure and dropped on cleanup.
+"""What a node does, without its lifecycle: an actor is made on configure and dropped on cleanup.
 
-An actor is a thin shell around core objects of one scene. Its host (a
-:class:`~hapticmech_ros.nodes.actor.Host`) lends it topics, time and parameters.
+An actor is a thin shell around core objects of one scene. Its host, a node (:class:`Host`),
+provides topics, time and parameters.
 
-When a callback or a tick of its goes wrong it fails closed, says so and goes on. A failure never
-ends the process, and nobody is left under a force. The actor is put back to where all was well, at
-rest, and begins anew, so that the graph comes back by itself. What the package raises on purpose,
-such as a state that is no longer finite, may come as often as its cause does; anything else is a
-defect of the program, and an actor that keeps on meeting one is deactivated. What moves something
-goes back to its last valid state.
-
-What an actor may ask of the node that hosts it.
+An exception in a callback or tick never ends the process and leaves no force applied: it is logged,
+and the actor is reset to its last valid state, at rest, so that the graph recovers by itself. A
+HapticMechError, such as for a state that is not finite, may recur as often as its cause does. Any
+other exception is a defect of the program; an actor with repeated defects is deactivated.
 """
 
 from __future__ import annotations
@@ -59,13 +55,13 @@ E = TypeVar("E")
 
 
 class Host(Protocol):
-    """A ROS node that remembers what was made for its actor, and drops it on cleanup.
+    """A ROS node that keeps its actor's publishers and subscriptions, and drops them on cleanup.
 
-    What it has as an rclpy node has rclpy's types, which are none.
+    The members of an rclpy node have type Any, as rclpy declares no types.
 
     Attributes:
         active: whether the actor acts.
-        exchange: joins it with the other nodes of its user's on this host.
+        exchange: the node's messages, over the lane and by the middleware.
         pauses: of its loop.
     """
 
@@ -114,32 +110,34 @@ class Host(Protocol):
         """As of an rclpy node."""
 
     def look_at_clock(self) -> None:
-        """Begin anew if the machine's clock was set."""
+        """Check whether the machine's clock was set; if so, restart the actor."""
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""
 
     def keep(self, entity: E) -> E:
-        """Remember a publisher, subscription or service until cleanup, and return it."""
+        """Keep a publisher, subscription or service until cleanup, and return it."""
 
     def drop(self, entity: object) -> None:
-        """Destroy what is kept."""
+        """Destroy a kept entity."""
 
     def lane_kind(self, message_type: Any) -> str:
-        """Return what messages of a type are called on the lane; nothing: they do not go there."""
+        """Return a message type's name on the lane; empty: the type does not use the lane."""
 
     def hand_over(
         self, topic: str, message_type: Any, listener: Listener
     ) -> Callable[[bytes], bool]:
-        """Give a listener a topic's messages on this host until cleanup.
+        """Subscribe a listener to a topic on the lane until cleanup.
 
-        Returns what tells of a message from the middleware whether it has been handed over.
+        Returns:
+            A function that returns whether the middleware's message is a copy of one received over
+            the lane.
         """
 
     def every(
         self, period_s: float, callback: Callable[[], None], is_due: Callable[[], bool]
     ) -> None:
-        """Call back at a period of the machine's clock where that is due; see ``ManagedNode``."""
+        """Call back at a period of the machine's clock when ``is_due``; see ``ManagedNode``."""
 
     def begin(self) -> None:
         """Activate if configured and inactive."""
@@ -148,25 +146,25 @@ class Host(Protocol):
         """Deactivate if active."""
 
     def refuse(self, topic: str, error: HapticMechError) -> None:
-        """Count a message that breaks a rule, and say so now and then."""
+        """Count a message that breaks a rule, and log it at a limited rate."""
 
 
-# So many defects within this time, and the node deactivates itself.
+# The node deactivates itself after this many defects within this time, ns.
 MOST_DEFECTS, DEFECTS_WITHIN_NS = 20, 10 * NANOSECONDS
-# A failure of one callback is logged at most this often; all of them are counted.
+# Least time between two logged failures of one callback, ns; all of them are counted.
 LOG_PERIOD_NS = NANOSECONDS
 
 Status = tuple[bool, str, dict[str, str]]
-# As of SetBool and Trigger.
+# Of SetBool and Trigger.
 Response = TypeVar("Response", bound="Told")
 
 
 class Told(Protocol):
-    """A service's answer.
+    """A service's response.
 
     Attributes:
-        success: whether it was done.
-        message: in a sentence.
+        success: whether the request was carried out.
+        message: the result in a sentence.
     """
 
     success: bool
@@ -178,11 +176,11 @@ class Failures:
 
     Args:
         node: that hosts the actor.
-        reset: puts the actor back to where all was well, at rest, with nobody under a force.
+        reset: resets the actor to its last valid state, at rest, without forces.
 
     Attributes:
-        count, defects: failures so far, and unexpected ones among them.
-        last: what failed last, and how.
+        count, defects: number of failures so far, and of unexpected ones among them.
+        last: the last failure: what failed, and the error.
     """
 
     def __init__(self, node: Host, reset: Callable[[], None]) -> None:
@@ -195,7 +193,7 @@ class Failures:
         self._logged: dict[str, int] = {}
 
     def run(self, what: str, call: Callable[..., object], *arguments: object) -> None:
-        """Call; whatever goes wrong is said under the name ``what``, and the actor begins anew."""
+        """Call a function; an exception is logged under the name ``what``, and resets the actor."""
         try:
             call(*arguments)
         except Exception as error:  # noqa: BLE001 - a hand is held: no error may stop what stops it
@@ -204,13 +202,13 @@ class Failures:
     def answer(
         self, what: str, call: Callable[[], object], response: Response, done: str
     ) -> Response:
-        """Call for a service, and return its response: done, or why it was refused or failed.
+        """Call a function for a service, and return the response, with the reason if not done.
 
         Args:
-            what: the service.
-            call: does it, or refuses with a HapticMechError.
+            what: name of the service.
+            call: carries out the request, or refuses it with a HapticMechError.
             response: to fill.
-            done: sentence if all went well.
+            done: message of a request carried out.
         """
         before = self.count
         refusals: list[str] = []
@@ -219,7 +217,7 @@ class Failures:
             try:
                 call()
             except OutputError:
-                raise  # a failure: something is wrong in here
+                raise  # a failure of this node, not a refusal
             except HapticMechError as error:
                 refusals.append(str(error))
 
@@ -231,14 +229,14 @@ class Failures:
         return response
 
     def status(self, ask: Callable[[], Status]) -> Status:
-        """Return an actor's status with what failed, be it that the status cannot be told."""
+        """Return an actor's status with its failures; if ``ask`` raises, that failure."""
         statuses: list[Status] = []
         self.run("status", lambda: statuses.append(ask()))
         well, sentence, figures = statuses[0] if statuses else (False, self.last, {})
         return well, sentence, {**figures, "failures": str(self.count), "last_failure": self.last}
 
     def met(self, what: str, error: Exception) -> None:
-        """Say what went wrong, and begin anew, or give up."""
+        """Log an error, then reset the actor or, after repeated defects, deactivate its node."""
         self.count += 1
         self.last = f"{what}: {_sentence(error)}"
         now = time.monotonic_ns()
@@ -268,7 +266,7 @@ class Failures:
             self._give_up()
 
     def _give_up(self) -> None:
-        """Deactivate the node, whatever becomes of it meanwhile."""
+        """Deactivate the node, even if its own deactivation raises."""
         self._lately.clear()
         self._node.get_logger().fatal(
             f"this node deactivates itself after repeated errors; last error: {self.last}"
@@ -281,7 +279,7 @@ class Failures:
 
 
 def _sentence(error: Exception) -> str:
-    """Return what an error says; of a defect also what it is, and where it was."""
+    """Return an error's message; for a defect with its type, file and line."""
     if isinstance(error, HapticMechError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
@@ -290,21 +288,21 @@ def _sentence(error: Exception) -> str:
 
 
 T = TypeVar("T")
-# Who fails again so soon goes back to where it began, s.
+# An actor that fails again within this time, s, goes back to its start state.
 CALM_S = 0.25
-# How long one that failed is silent, so that everyone notices, before it goes on at rest.
+# An actor that failed publishes nothing for this long, ns, so that others detect its loss.
 SILENCE_NS = NANOSECONDS // 2
 
 
 class LastValidState(Generic[T]):
-    """The last state in which all was well, and the one to begin with where even that fails.
+    """An actor's last valid state, and its start state for when the last valid one fails too.
 
     Args:
-        start: the state to begin with.
-        period_s: between two ticks.
+        start: the start state.
+        period_s: between two ticks, s.
 
     Attributes:
-        resting: whether it is silent now, after a failure.
+        resting: whether the actor is silent now, after a failure.
     """
 
     def __init__(self, start: T, period_s: float) -> None:
@@ -314,12 +312,12 @@ class LastValidState(Generic[T]):
         self.resting = False
 
     def keep(self, state: T, ticks: int = 1) -> None:
-        """Remember a state that was sent to others, and those before it: they kept every rule."""
+        """Keep a published state as the last valid one, ``ticks`` ticks after the one before."""
         self._good = state
         self._since += ticks
 
     def go_back(self, now_ns: int) -> T:
-        """Return the last state that was well; the start, if it was gone back to just now."""
+        """Return the last valid state, or the start after less than CALM_S; begin a silence."""
         if self._since < self._calm:
             self._good = self._start
         self._since = 0
@@ -327,11 +325,11 @@ class LastValidState(Generic[T]):
         return self._good
 
     def rests(self, now_ns: int, begin: Callable[[], None]) -> bool:
-        """Return whether it is silent at a time; call ``begin`` when that is over.
+        """Return whether the actor is silent at a time, ns; call ``begin`` once that is over.
 
-        What was heard meanwhile was for one that was not there, and counts no more.
+        Activation then discards messages received meanwhile.
         """
-        # Time that was set back meanwhile prolongs nothing.
+        # A clock set back meanwhile does not prolong the silence.
         if self.resting and not self._until_ns - SILENCE_NS <= now_ns < self._until_ns:
             self.resting = False
             begin()
@@ -343,23 +341,23 @@ P = TypeVar("P", bound=NodeParameters)
 
 
 def always(now_ns: int) -> bool:
-    """Return that every message is wanted."""
+    """Return True: every message is wanted."""
     return True
 
 
 class Actor(Generic[P]):
-    """One of the graph's parts, configured.
+    """The function of a configured node.
 
     Attributes:
         name: of the node, and of the executable.
-        longest_wait_ns: for how long at most it waits for messages while active, ns, if it is to
-            notice its own pauses and has no deadlines; else 0.
-        parameters: as they stand; replaced as a whole between two callbacks.
-        scene, point: what is modelled, as one user has it, and the operational point held.
+        longest_wait_ns: longest wait for messages while active, ns, of an actor without deadlines
+            that detects its own pauses; else 0.
+        parameters: the current ones; replaced as a whole between two callbacks.
+        scene, point: the scene of one user, and the operational point held.
         shared_scene: the scene with all its ``hands``.
         ages: of messages on arrival.
         failures: of its callbacks and ticks.
-        limits, wrenches: how large numbers may be in messages, and those of wrenches.
+        limits, wrenches: bounds of numbers in messages, and those of wrenches.
     """
 
     name: ClassVar[str]
@@ -369,7 +367,7 @@ class Actor(Generic[P]):
     def __init__(self, node: Host, parameters: P) -> None:
         self.node = node
         self.failures = Failures(node, self.reset)
-        # Time that no stamp can hold is refused where it is first asked for.
+        # Refuse at once a time that no stamp can hold.
         seconds_of(node.now_ns())
         scene = load_scene(parameters.scene, parameters.control_rate, parameters.network_delay)
         self.point = scene.operational_point(
@@ -389,45 +387,45 @@ class Actor(Generic[P]):
 
     @property
     def other_points(self) -> list[str]:
-        """Operational points that other hands may hold."""
+        """Operational points of the scene other than this actor's."""
         points = self.shared_scene.operational_points
         return [point.name for point in points if point.name != self.point]
 
     def apply_parameters(self, parameters: P) -> None:
-        """Take new parameters, all of them at once."""
+        """Replace all parameters at once."""
         self.parameters = parameters
         self.view_every = max(1, round(1.0 / (parameters.view_rate * self.period_s)))
-        # Answers are older by the way there and back.
+        # Answers are older by the round trip over the network.
         there_and_back = 2.0 * self.scene.connection.latest
         limit_ns = nanoseconds(parameters.message_age_limit + there_and_back)
-        # In lockstep a sample may come before its own time has been told here.
+        # In lockstep a sample may arrive before the clock message of its time.
         self.age_limit_ns = FOR_EVER if self.lockstep else limit_ns
 
     def silence_ns(self, timeout: float) -> int:
-        """Return a timeout (s) in ns, with what a declared network's jitter may add to silence."""
+        """Return a timeout (s) in ns, plus the allowance for a declared network's jitter."""
         return nanoseconds(timeout + jitter_allowance(self.scene.connection))
 
     def validate_parameters(self, parameters: P) -> None:
-        """Refuse new parameters that this scene cannot have, by HapticMechError."""
+        """Raise a HapticMechError for new parameters that do not fit the scene."""
 
     def activate(self) -> None:
-        """Begin to act; what was heard before counts no more."""
+        """Begin to act; messages received before are discarded."""
 
     def deactivate(self) -> None:
-        """Stop acting, and leave nobody under a force."""
+        """Stop acting, and leave no force applied."""
 
     def close(self) -> None:
-        """Give back what it has beside ROS: it is not used any more."""
+        """Release resources other than ROS's, at the end of the actor's use."""
 
     def reset(self) -> None:
-        """Go back, after a failure, to where all was well, at rest, and leave nobody under a force.
+        """Return after a failure to the last valid state, at rest, and leave no force applied.
 
-        Does not send what may have failed; what was heard before counts no more.
+        Does not send what may have failed; messages received before are discarded.
         """
         self.activate()
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return whether all is well, a sentence, and figures, for diagnostics."""
+        """Return for diagnostics whether all is well, a sentence, and figures by name."""
         raise NotImplementedError
 
     @property
@@ -442,19 +440,19 @@ class Actor(Generic[P]):
     def output(
         self, topic: Topic, message_type: Any, qos: QoSProfile | None = None, point: str = ""
     ) -> Outlet:
-        """Return what a topic of the table is published through."""
+        """Return the outlet of a topic of :mod:`~hapticmech_ros.wire.topics`."""
         name = topic.of(point or self.point)
         return self.output_named(name, message_type, qos or self.output_qos)
 
     def view(self, topic: Topic, message_type: Any, point: str = "") -> Outlet:
-        """Return what a topic outside the control loop is published through, when there is time."""
+        """Return the outlet of a topic outside the control loop, sent when the loop has time."""
         name = topic.of(point or self.point)
         return self.output_named(name, message_type, self.output_qos, later=True)
 
     def output_named(
         self, name: str, message_type: Any, qos: QoSProfile, later: bool = False
     ) -> Outlet:
-        """Return what a topic of any name is published through."""
+        """Return the outlet of a topic of any name."""
         publisher = self.node.keep(self.node.create_publisher(message_type, name, qos))
         stays = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         kind = self.node.lane_kind(message_type)
@@ -464,21 +462,21 @@ class Actor(Generic[P]):
         return made
 
     def ways(self) -> dict[str, str]:
-        """Return by which ways each topic of the control rate goes, for diagnostics."""
+        """Return for diagnostics how each topic of the control rate is sent: lane, middleware."""
         return {f"transport of {topic}": found.ways() for topic, found in self._outlets.items()}
 
     def lane_topic(self, name: str, message_type: Any) -> str:
-        """Return what a topic is called on the lane; empty if it does not go there."""
+        """Return a topic's full name and type on the lane; empty if it does not use the lane."""
         kind = self.node.lane_kind(message_type)
         return f"{self.node.resolve_topic_name(name)} {kind}" if kind else ""
 
     def wait_by(self, waits: Waits | None) -> None:
-        """Let the lane be waited for in another way."""
+        """Set what waits for the lane's sockets; None: ``select`` does."""
         if self.node.exchange.lane is not None:
             self.node.exchange.lane.wait = waits
 
     def sources(self, name: str) -> Sources:
-        """Return what watches that one publisher speaks on a topic; an input is told of it."""
+        """Return a check that a topic has one publisher only; pass it to the topic's input."""
         return Sources(self.node, self.node.resolve_topic_name(name))
 
     def input(
@@ -488,9 +486,10 @@ class Actor(Generic[P]):
         qos: QoSProfile,
         accept: Callable[[M, int], None],
     ) -> Subscription:
-        """Subscribe; what ``accept(message, now_ns)`` refuses with InvalidInputError is counted.
+        """Subscribe; a message that ``accept`` refuses with InvalidInputError is counted.
 
-        Such messages come through the middleware only.
+        ``accept`` is called with a message and the time of arrival, ns. The topic is received by
+        the middleware only.
 
         Returns:
             The subscription.
@@ -499,7 +498,7 @@ class Actor(Generic[P]):
         def read(message: bytes, now_ns: int) -> None:
             accept(deserialized(message, message_type), now_ns)
 
-        # As bytes: what is no whole message is refused here, as all others are, and counted.
+        # As bytes: one that cannot be deserialized is refused here and counted like all others.
         callback = self.guarded(name, read)
         create = self.node.create_subscription
         made: Subscription = create(message_type, name, callback, qos, raw=True)
@@ -514,18 +513,18 @@ class Actor(Generic[P]):
         sources: Sources,
         wanted: Callable[[int], bool] = always,
     ) -> None:
-        """Subscribe to what may come at the control rate, whichever way it comes.
+        """Subscribe to a topic of the control rate, over the lane and by the middleware.
 
-        What ``accept(message, now_ns)`` refuses with InvalidInputError is counted. Messages are not
-        read where ``wanted(now_ns)`` is false.
+        A message that ``accept`` refuses with InvalidInputError is counted. Messages are not
+        deserialized when ``wanted`` returns False.
 
         Args:
             name: of the topic.
             message_type: of its messages.
             qos: of the subscription.
             accept: called with a message and the time of arrival, ns.
-            sources: told before whom each message comes from.
-            wanted: whether messages are wanted at a time, ns.
+            sources: receives each message's origin before ``accept`` is called.
+            wanted: returns whether messages are wanted at a time, ns.
         """
 
         def read(message: bytes, now_ns: int) -> None:
@@ -542,17 +541,16 @@ class Actor(Generic[P]):
         fields: Mapping[str, int],
         sources: Sources | None = None,
     ) -> None:
-        """Subscribe to a Float64MultiArray's data, read from the bytes on the wire.
+        """Subscribe to a Float64MultiArray's data, read from the serialized message.
 
-        Messages are expected to have ``fields``; those that have not are handed on as well.
-        ``sources`` is told before whom each message comes from.
+        Decoding is fastest for messages with ``fields``; others are passed to ``accept`` as well.
 
         Args:
             name: of the topic.
             qos: of the subscription.
             accept: called with data (n,) and the time of arrival, ns.
             fields: of the message.
-            sources: tells publishers apart.
+            sources: receives each message's origin before ``accept`` is called.
         """
         decode = FlatArray(fields).decode
 
@@ -569,18 +567,17 @@ class Actor(Generic[P]):
         unstamped_is_now: bool = True,
         sources: Sources | None = None,
     ) -> None:
-        """Subscribe to wrenches in ``world``, read from the bytes on the wire.
+        """Subscribe to wrenches in ``world``, read from the serialized message.
 
-        ``accept(wrench, stamp_ns, now_ns)`` gets those that keep the rules. As CRTK has it, a
-        command's header may be left empty: it then stands for now, and for ``world``. ``sources``
-        is told before whom each message comes from.
+        As in CRTK, a command's header may be empty: it then stands for now, and for ``world``.
 
         Args:
             name: of the topic.
             qos: of the subscription.
-            accept: called with a wrench (6,), N and N m, its stamp and the time of arrival, ns.
+            accept: called with a valid wrench (6,), N and N m, its stamp and the time of arrival,
+                ns.
             unstamped_is_now: whether a zero stamp stands for the time of arrival.
-            sources: tells publishers apart.
+            sources: receives each message's origin before ``accept`` is called.
         """
 
         def read(message: bytes, now_ns: int) -> None:
@@ -593,9 +590,9 @@ class Actor(Generic[P]):
         self._input_raw(name, WrenchStamped, qos, read, sources)
 
     def guarded(self, name: str, accept: Callable[[M, int], None]) -> Callable[[M], None]:
-        """Return a callback that hands on messages while active, and counts those refused.
+        """Return a callback that passes messages to ``accept`` while active, and counts refusals.
 
-        What goes wrong otherwise is a failure: see :mod:`~hapticmech_ros.nodes.actor`.
+        Any error other than InvalidInputError is a failure; see :class:`Failures`.
         """
 
         def accepted(message: M) -> None:
@@ -621,10 +618,10 @@ class Actor(Generic[P]):
         read: Callable[[bytes, int], None],
         sources: Sources | None = None,
     ) -> None:
-        """Subscribe to a topic's bytes, whichever way they come."""
+        """Subscribe to a topic's serialized messages, over the lane and by the middleware."""
         node = self.node
         callback: Callable[..., None] = self.guarded(name, read)
-        # In lockstep all goes one way: what is late there is waited for, not dropped.
+        # In lockstep by the middleware only: late messages there are waited for, not dropped.
         if not self.lockstep:
             callback = self._handed_over(name, message_type, callback, sources)
         elif sources is not None:
@@ -638,7 +635,7 @@ class Actor(Generic[P]):
         callback: Callable[[bytes], None],
         sources: Sources | None,
     ) -> Callable[..., None]:
-        """Hear a topic on this host, and return the callback for what the middleware brings."""
+        """Subscribe on the lane, and return the callback for the middleware's messages."""
 
         def handed(message: bytes, origin: Origin) -> None:
             if sources is not None:
@@ -661,7 +658,7 @@ class Actor(Generic[P]):
         callback: Callable[[M], None],
         had: Callable[[M], bool] = lambda message: False,
     ) -> WithInfo:
-        """Return a callback that tells ``sources`` first whom a message comes from."""
+        """Return a callback that drops copies, and reports other messages to ``sources`` first."""
 
         def receive(message: M, info: Info) -> None:
             number = info["publication_sequence_number"]
@@ -676,12 +673,12 @@ class Actor(Generic[P]):
 
 
 class ClockedActor(Actor[P]):
-    """An actor that acts on deadlines of its own as well as on messages.
+    """An actor that acts on deadlines as well as on messages.
 
     Attributes:
-        clock: its deadlines; begun on activation.
-        backlog: periods that it owes to the clock.
-        phase: share of a period by which its deadlines follow the common grid.
+        clock: its deadlines; started on activation.
+        backlog: periods passed for which no step has been made yet.
+        phase: offset of its deadlines from the common grid, as a share of a period.
     """
 
     phase: ClassVar[float] = 0.0
@@ -692,14 +689,14 @@ class ClockedActor(Actor[P]):
         self.backlog = Backlog()
 
     def begin(self, now_ns: int) -> None:
-        """Start the grid of deadlines: the next one common to all, or in lockstep right now."""
+        """Start the deadlines: on the grid common to all nodes, or in lockstep at ``now_ns``."""
         if self.lockstep:
             self.clock = PeriodClock(self.period_ns, now_ns)
         else:
             self.clock = PeriodClock.on_grid(self.period_s, self.phase, now_ns)
 
     def act(self, now_ns: int) -> None:
-        """Tick if a deadline has come; in lockstep, as often as clock and inputs allow."""
+        """Tick if a deadline has passed; in lockstep, as often as clock and inputs allow."""
         clock = self.clock
         if clock is None:
             return
@@ -713,9 +710,11 @@ class ClockedActor(Actor[P]):
             self.failures.run("tick", self.tick, 1, clock.last_deadline_ns)
 
     def steps(self, periods: int, deadline_ns: int) -> Iterator[tuple[int, int]]:
-        """Yield (ns) by when what acts over each step has come, and when it must not have run out.
+        """Yield two times (ns) for each step, which select the command that acts over it.
 
-        Before the step, as with a driver that reads and writes once in a period; its end, or now.
+        The command must have arrived by the first, just before the step begins, as with a driver
+        that reads and writes once per period. It must be valid until the second: the step's end, or
+        now for the last step.
         """
         now = deadline_ns if self.lockstep else max(deadline_ns, self.now_ns())
         steps = self.backlog.steps(periods)
@@ -729,11 +728,11 @@ class ClockedActor(Actor[P]):
         return nanoseconds(self.period_s)
 
     def answered_ns(self, deadline_ns: int) -> int:
-        """Return the sample whose answer acts, in lockstep, over the period before a deadline."""
+        """Return the time (ns) of the sample whose answer acts, in lockstep, before a deadline."""
         return deadline_ns - 2 * self.period_ns
 
     def ready(self, deadline_ns: int) -> bool:
-        """Return whether all that a tick in lockstep needs is there."""
+        """Return whether all inputs of a tick in lockstep have arrived."""
         raise NotImplementedError
 
     def tick(self, periods: int, deadline_ns: int) -> None:
@@ -741,7 +740,7 @@ class ClockedActor(Actor[P]):
         raise NotImplementedError
 
     def clock_figures(self) -> dict[str, str]:
-        """Return what diagnostics say of deadlines."""
+        """Return the figures of deadlines for diagnostics."""
         clock = self.clock
         periods, missed = (clock.periods, clock.missed) if clock else (0, 0)
         share = (periods - missed) / periods if periods else 1.0

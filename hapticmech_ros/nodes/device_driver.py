@@ -1,13 +1,9 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the drivers of haptic devices have in common, the simulated one's and real ones'.
+"""The common part of the drivers of haptic devices, simulated and real.
 
 CRTK: publishes measured_cp, measured_cv, measured_cf, setpoint_cf, setpoint_cp, operating_state;
 obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
-
-What people and CRTK clients read of a device.
-
-CRTK's servo_cp, hold and free: a device that is commanded to a pose.
 """
 
 from __future__ import annotations
@@ -85,27 +81,26 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 SERVO, HOLD = "servo_cp", "hold"
 ONE_KIND = "one kind of command at a time"
-# Whoever would stop it is not listened to.
+# A command to stop the device would not be received.
 DEAF = "the middleware of this node stands still"
 
 
 class PoseCommands:
-    """The pose to which a device is commanded, if it is to one.
+    """The pose commanded to a device by CRTK's servo_cp, hold and free, if any.
 
-    A ``servo_cp`` stands for the device's timeout of commands, a ``hold`` until another command.
-    Wrenches and poses exclude each other: whatever is obeyed keeps the other kind out, apart from
-    a ``hold``, which a wrench ends.
+    A ``servo_cp`` is valid for the device's command timeout, a ``hold`` until another command.
+    While wrenches are obeyed, poses are refused, and vice versa; but a wrench ends a ``hold``.
 
     Args:
         actor: the device's.
-        pose: returns where it is.
+        pose: returns the device's measured pose.
         wrenches: returns whether ``servo_cf`` is obeyed at a time, ns.
-        refusal: returns why nothing may be obeyed at a time, ns; empty if it may.
-        ended: called when no pose is commanded any more, with the reason; empty if that was wanted.
+        refusal: returns why no command may be obeyed at a time, ns; empty if one may.
+        ended: called when a pose command ends, with the reason; empty if ended by another command.
 
     Attributes:
-        sources: who commands poses.
-        timeout_ns: how long a ``servo_cp`` stands, ns.
+        sources: publishers of ``servo_cp``.
+        timeout_ns: how long a ``servo_cp`` is valid, ns.
     """
 
     def __init__(
@@ -131,30 +126,30 @@ class PoseCommands:
 
     @property
     def kind(self) -> str:
-        """``servo_cp`` or ``hold``, whichever acts; empty if neither does."""
+        """The command that acts, ``servo_cp`` or ``hold``; empty if neither does."""
         return self._kind
 
     def goal(self, now_ns: int) -> pin.SE3 | None:
-        """Return the pose that is commanded at a time (ns), or None."""
+        """Return the pose commanded at a time (ns), or None; end a ``servo_cp`` that timed out."""
         if self._kind == SERVO and now_ns - self._received_ns > self.timeout_ns:
             self.end(f"{SERVO} is lost")
         return self._goal
 
     def end(self, reason: str = "") -> None:
-        """Command no pose any more."""
+        """End the pose command, and call ``ended`` with the reason."""
         if self._goal is not None:
             self.forget()
             self._ended(reason)
 
     def forget(self) -> None:
-        """Command no pose any more, without telling the device."""
+        """End the pose command without calling ``ended``."""
         self._goal, self._kind = None, ""
 
     def give_way(self, now_ns: int) -> None:
-        """Let a ``servo_cf`` that has come be obeyed.
+        """End a ``hold`` because a ``servo_cf`` has arrived.
 
         Raises:
-            InvalidInputError: ``servo_cp`` is obeyed.
+            InvalidInputError: a ``servo_cp`` is obeyed.
         """
         if self.goal(now_ns) is None:
             return
@@ -163,7 +158,7 @@ class PoseCommands:
         self.end()
 
     def publish(self, stamp_ns: int) -> None:
-        """Publish where the device is commanded to, if it is."""
+        """Publish the commanded pose, if there is one."""
         if self._goal is not None and self._setpoint.wanted:
             place = self._goal.translation.tolist(), quaternion_of(self._goal.rotation).tolist()
             self._setpoint.publish(encode_pose((*place[0], *place[1]), stamp_ns))
@@ -227,9 +222,9 @@ class DeviceView:
         """Publish a device's energies at a sample (19,), at a time (ns).
 
         Args:
-            account: of passivity.
+            account: the passivity controller with the energies.
             sample: (19,) of the device, in SI units; see ``layout.DeviceSample``.
-            time_ns: ns.
+            time_ns: of the sample, ns.
         """
         if not self._publish_energy.wanted:
             return
@@ -244,12 +239,12 @@ class DeviceView:
         self._publish_energy.publish(self._energy.encode(energy.values))
 
     def publish(self, state: DeviceState, hand_wrench: Array, time_ns: int) -> None:
-        """Publish a state with the wrench (6,) of all that push, at a time (ns).
+        """Publish a state with the total external wrench (6,), at a time (ns).
 
         Args:
             state: of the device.
             hand_wrench: (6,) F_h, N and N m, world axes at the point held.
-            time_ns: ns.
+            time_ns: stamp, ns.
         """
         pose, twist, applied = state.measured_pose, state.measured_twist, state.applied
         if self._publish_hand.wanted:
@@ -262,13 +257,13 @@ class DeviceView:
             self._publish_setpoint.publish(encode_wrench(applied, time_ns))
         if self._publish_joints.wanted:
             self._publish_joints.publish(self._coordinates(pose, twist, applied, time_ns))
-        # Last of the sample: who speaks CRTK only answers the pose.
+        # Last of the sample: a controller that uses CRTK only answers the pose.
         if self._publish_pose.wanted:
             place = *pose.translation.tolist(), *quaternion_of(pose.rotation).tolist()
             self._publish_pose.publish(encode_pose(place, time_ns))
 
     def _coordinates(self, pose: pin.SE3, twist: Array, applied: Array, time_ns: int) -> bytes:
-        """Return the six coordinates, their rates, and torques that do the same work with them."""
+        """Return the serialized coordinates, their rates, and the power-conjugate efforts."""
         turned = pin.log3(pose.rotation)
         spin = pose.rotation @ pin.Jexp3(turned)
         rates = pin.Jlog3(pose.rotation) @ pose.rotation.T @ twist[3:]
@@ -289,13 +284,13 @@ def command_timeout_of(parameters: DriverParameters, device: Device, period_s: f
         period_s: control period, s.
 
     Raises:
-        InvalidInputError: longer than the scene allows, or less than three periods.
+        InvalidInputError: the time is longer than the scene allows, or below three periods.
     """
     return timeout_of(parameters, "command_timeout", COMMAND, period_s, device)
 
 
 def limits_of(parameters: DriverParameters, device: Device, period_s: float) -> SafetyLimits:
-    """Return the limits that parameters choose within those of the scene's device.
+    """Return the safety limits set by parameters, within those of the scene's device.
 
     Args:
         parameters: of the device's node.
@@ -331,7 +326,7 @@ def _problems(parameters: DriverParameters, device: Device, period_s: float) -> 
         value = getattr(parameters, name)
         if value > bound:
             yield f"{name}: must be at most the scene's {key}, {bound:g} (got {value:g})"
-    # 0 is the scene's; a shorter ramp opens sooner.
+    # 0 selects the scene's; a shorter ramp reaches full force sooner.
     if 0.0 < parameters.start_ramp < safety.start_ramp:
         yield (
             "start_ramp: must be at least the scene's device.safety.start_ramp, "
@@ -347,7 +342,7 @@ _HAND_WRENCH = DeviceSample.layout.slice("hand_wrench")
 
 
 def _sample_of(state: DeviceState, pushed: Array) -> Array:
-    """Return a device's sample (19,) while others than the hand push with a wrench (6,)."""
+    """Return a device's sample (19,) with a further external wrench (6,) added to the hand's."""
     numbers = state.published[: DeviceSample.layout.size].copy()
     numbers[_HAND_WRENCH] += pushed
     return numbers
@@ -359,17 +354,17 @@ D = TypeVar("D", bound=DriverParameters)
 class DeviceDriver(ClockedActor[D]):
     """Drives a device at the control rate.
 
-    Without commands the actuators are at zero. Commands are wrenches, or poses to which
-    ``device.servo`` of the scene pulls. A kind of device is a subclass with :meth:`new_device`.
+    Without commands the actuators are at zero. Commands are wrenches, or poses to which the scene's
+    ``device.servo`` pulls. Each kind of device is a subclass with :meth:`new_device`.
 
     Attributes:
-        command_timeout: s, that a command stands, and a real device's sample.
-        side: what is done with a command before it leaves.
-        loop: remembers samples, and corrects commands.
-        answers: to its samples.
-        device: what is driven.
-        held: its state when the hand could take hold; None if nobody is there.
-        commanders, gains: who publishes ``servo_cf``, and ``local_feedback_gain``.
+        command_timeout: how long a command, and a real device's sample, is valid, s.
+        side: passivity controller and limits that commands pass.
+        loop: stores samples, and corrects commands for the motion since.
+        answers: to the device's samples.
+        device: the device driven.
+        held: the device's state when the hand took hold; None: not held.
+        commanders, gains: publishers of ``servo_cf``, and of ``local_feedback_gain``.
     """
 
     def __init__(self, node: Host, parameters: D) -> None:
@@ -381,18 +376,18 @@ class DeviceDriver(ClockedActor[D]):
         self.answers = Answers(self.loop)
         self.device: SimulatedDevice = self.new_device()
         self._push: Array = NO_WRENCH
-        # servo_cf, and the sample that it answers.
+        # servo_cf, and the time of the sample that it answers, ns.
         self._command: Standing[tuple[Array, int]] = Standing()
         self._commands: Stamped[Array] = Stamped()
         self._state: DeviceState = self.device.at_rest(self._start_pose())
         self._last_valid = LastValidState(self._state, self.period_s)
         self.held: DeviceState | None = None
         self._ticks_held = 0
-        # Whether people have not been told yet that commands are obeyed no more.
+        # Whether the view does not show yet that the hand was let go.
         self._let_go_unpublished = False
         self.times_held = 0
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
-        # Of its commands, which answer its samples.
+        # Age of commands since the samples that they answer.
         self.durations["loop_latency"] = self.ages
         self._ticks = 0
         self._wire = FlatArray(
@@ -417,7 +412,7 @@ class DeviceDriver(ClockedActor[D]):
         own = self.sources(DEVICE_BODY_COMMAND.name)
         self._guard = CommandGuard(commands, gains, self._poses.sources, own)
         self.commanders = commands
-        # The topic of the wrenches that are obeyed, and whether those of body/ have world axes.
+        # The topic whose wrenches are obeyed, and whether those of body/ have world axes.
         self._obeyed_form, self._own_is_absolute = DEVICE_COMMAND, False
         self._operating = OperatingState(
             self,
@@ -427,7 +422,7 @@ class DeviceDriver(ClockedActor[D]):
         )
         qos = self.control_input
         self.input_command(DEVICE_COMMAND.name, qos, self._on_command, sources=commands)
-        # With axes of its own the controller says both.
+        # With servo_axes "body" the controller publishes both.
         if self.scene.device.servo_axes == "world" and not self.lockstep:
             self.input_command(DEVICE_BODY_COMMAND.name, qos, self._on_own_command, sources=own)
             self.input(DEVICE_BODY_AXES.name, Bool, STREAM_PUBLISHER, self._on_own_axes)
@@ -440,7 +435,7 @@ class DeviceDriver(ClockedActor[D]):
         raise NotImplementedError
 
     def has_sample(self) -> bool:
-        """Return whether the last step brought a sample that can be published."""
+        """Return whether the last step gave a sample that can be published."""
         return True
 
     def unavailable(self) -> str:
@@ -448,7 +443,7 @@ class DeviceDriver(ClockedActor[D]):
         return ""
 
     def pushed(self, deadline_ns: int) -> Array:
-        """Return the wrench (6,) of others than the hand on the device from a deadline (ns) on.
+        """Return the external wrench (6,) other than the hand's from a deadline (ns) on.
 
         N and N m, world axes at the point held.
         """
@@ -467,7 +462,7 @@ class DeviceDriver(ClockedActor[D]):
         return self.scene.controller.local
 
     def apply_parameters(self, parameters: D) -> None:
-        """Take new parameters: the timeouts count from now on."""
+        """Replace the parameters; new timeouts and limits apply from now on."""
         super().apply_parameters(parameters)
         device = self.scene.device
         self._limits = limits_of(parameters, device, self.period_s)
@@ -479,15 +474,15 @@ class DeviceDriver(ClockedActor[D]):
             self._poses.timeout_ns = self.timeout_ns
 
     def validate_parameters(self, parameters: D) -> None:
-        """Refuse what is less safe than the scene allows."""
+        """Raise for limits or timeouts less safe than the scene's."""
         limits_of(parameters, self.scene.device, self.period_s)
 
     def activate(self) -> None:
-        """Begin where the device is, held by nobody; in lockstep, held from the start."""
+        """Begin at the device's pose, not held; in lockstep, held from the start."""
         self._push = NO_WRENCH
         self._command.clear()
         self._guard.forget()
-        # Stamps from before mean nothing where a clock was set.
+        # Earlier stamps are not comparable if the clock was set.
         self.loop = self._new_loop()
         self.answers = Answers(self.loop)
         self._state = self.device.at_rest(self._state.pose, self.lockstep, self._state.home)
@@ -498,7 +493,7 @@ class DeviceDriver(ClockedActor[D]):
         self._operating.publish(active=True)
 
     def deactivate(self) -> None:
-        """Put the actuators at zero and let go."""
+        """Set the actuators to zero, and let the hand go."""
         self._rest()
         self._operating.publish(active=False)
 
@@ -507,13 +502,13 @@ class DeviceDriver(ClockedActor[D]):
         self._state = self.device.at_rest(self._state.pose, home=self._state.home)
 
     def reset(self) -> None:
-        """Stand still where all was well, with the actuators at zero, held by nobody."""
+        """Return to the last valid state, at rest, with the actuators at zero, not held."""
         self._state, self._push = self._last_valid.go_back(self.now_ns()), NO_WRENCH
         self._rest()
         self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
-        """Return whether the command to act on is there."""
+        """Return whether the command for the next step, and what corrects it, have arrived."""
         answered = self.answered_ns(deadline_ns)
         if self._ticks < 2:
             return True
@@ -526,11 +521,11 @@ class DeviceDriver(ClockedActor[D]):
         )
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Move the device on under the command that stands, and publish what it measures."""
+        """Step the device under the valid command, and publish its measurement."""
         if self._last_valid.rests(deadline_ns, self.activate):
             return
         if not self.lockstep and self._command.lapsed(self.now_ns(), self.timeout_ns):
-            # Now, and not once all that was missed has been caught up.
+            # Now, and not only after the missed periods have been caught up.
             self._lose("servo_cf is lost")
         self._users.drop_doubtful(self.loop, self.now_ns())
         if self._ticks or not self.lockstep:
@@ -549,13 +544,13 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks += 1
 
     def plainly(self, link: own.DeviceLink, commands: Array, state: Array, model: Array) -> bool:
-        """Return whether the next steps need nothing but commands and gains.
+        """Return whether a kernel can do the next steps, which then need only commands and gains.
 
         Args:
-            link: how things stand, to fill.
-            commands: (2, 6) to fill: what is commanded, and what was at the last sample, N and N m.
-            state: (107,) to fill, of the device.
-            model: (108,) to fill: how commands depend on the device, a ``LocalModel``.
+            link: to fill: times and counters shared with the kernel.
+            commands: (2, 6) to fill: the command, and that at the last sample, N and N m.
+            state: (107,) to fill: the device's state, in SI units.
+            model: (108,) to fill: how commands depend on the device, a ``LocalModel``, in SI units.
         """
         gain, clock, now = self.loop.plain_gain, self.clock, self.now_ns()
         acting, before = self._command.value, self._command.before
@@ -583,20 +578,20 @@ class DeviceDriver(ClockedActor[D]):
         link.gain_ns, link.remembers = gain[1], self.loop.count
         link.gain_newest, link.gain_arrived, link.gain_after = *order, self.loop.from_ns
         link.trips = 0
-        # The first one whose number is divided by it is seen.
+        # A view is due at each tick whose number is a multiple of view_every.
         link.until_view = 1 + -self._ticks % self.view_every
         return True
 
     def moved(
         self, link: own.DeviceLink, commands: Array, state: Array, trips: Array, code: int
     ) -> None:
-        """Go on from where the kernel has moved the device to.
+        """Take over the state to which the kernel has moved the device.
 
         Args:
-            link: as of :meth:`plainly`.
-            commands: (2, 6) likewise.
-            state: (107,) likewise.
-            trips: (n,) s, of samples and their answers.
+            link: as for :meth:`plainly`.
+            commands: (2, 6) as for :meth:`plainly`, N and N m.
+            state: (107,) as for :meth:`plainly`, in SI units.
+            trips: (n,) round-trip times of samples and their answers, s.
             code: why the kernel returned.
         """
         wrenches, clock = commands.copy(), self.clock
@@ -618,7 +613,7 @@ class DeviceDriver(ClockedActor[D]):
         if link.sampled:
             self.loop.went_on(link.remembers, link.sampled)
         if code == kernels.TO_SAY:
-            # Of the states before, none is known any more but that of the last return.
+            # Of the states before this one, only that of the kernel's last return is still known.
             self.failures.run("tick", self._publish, clock.last_deadline_ns)
         else:
             self._last_valid.keep(self._state, steps)
@@ -638,13 +633,13 @@ class DeviceDriver(ClockedActor[D]):
     def publish_view(
         self, state: DeviceState, pushed: Array, account: PassivityController, stamp_ns: int
     ) -> None:
-        """Publish a state for people.
+        """Publish the device's views: CRTK topics, energies, commanded pose.
 
         Args:
             state: of the device.
-            pushed: (6,) by others than the hand, as it is sensed, N and N m, world axes.
-            account: of its energies.
-            stamp_ns: its stamp, ns.
+            pushed: (6,) external wrench other than the hand's, as sensed, N and N m, world axes.
+            account: the passivity controller with the energies.
+            stamp_ns: stamp of the state, ns.
         """
         self._operating.publish(self.node.active)
         sample = _sample_of(state, pushed)
@@ -659,7 +654,7 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks_held += held is not None
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return the device's state and figures."""
+        """Return whether the device renders, a sentence, and figures."""
         now, counts = self.now_ns(), self.side.envelope.counts
         fault = self._fault() or self._operating.withheld
         posed = self._poses.kind if self._poses is not None else ""
@@ -686,13 +681,13 @@ class DeviceDriver(ClockedActor[D]):
         )
 
     def figures(self, now_ns: int) -> Mapping[str, str]:
-        """Return what diagnostics say of a kind of device at a time (ns)."""
+        """Return the diagnostic figures of a kind of device at a time (ns)."""
         return {}
 
     def _standing_command(self, known_ns: int, now_ns: int) -> Array | None:
-        """Return what acts over a step; None if nothing does, or it is stale.
+        """Return the wrench that acts over a step; None if none does, or it is stale.
 
-        The hand takes hold and lets go with it. Arguments as :meth:`steps` yields them.
+        Also lets the hand take hold or go accordingly. Arguments as :meth:`steps` yields them.
         """
         fault = self._refusal(now_ns)
         poses = self._poses
@@ -716,7 +711,7 @@ class DeviceDriver(ClockedActor[D]):
             return None
         acting, received_ns = self._command.as_of(known_ns)
         if acting is None or known_ns - received_ns > self.timeout_ns:
-            return None  # what came anew acts from the next step on
+            return None  # a new command acts from the next step on
         command, answered_ns = acting
         if not self.answers.begin(answered_ns, now_ns):
             return None
@@ -724,19 +719,19 @@ class DeviceDriver(ClockedActor[D]):
         return self._safe(self.loop.correct(command, answered_ns, now_ns))
 
     def take_hold(self) -> None:
-        """Let the hand take hold, unless it has."""
+        """Let the hand take hold of the device, unless it has."""
         if self.held is None:
             self.held = self._state
             self._ticks_held = 0
             self.times_held += 1
 
     def _pull(self, goal: pin.SE3) -> Array:
-        """Return what leaves of the wrench that takes the device to a pose."""
+        """Return the wrench that pulls the device to a pose, made passive and within all limits."""
         self.take_hold()
         state = self._state
         wrench = self._servo.wrench(goal, state.measured_pose, state.measured_twist)
         added = self.device.compensation(state)
-        # The spring's energy is the device's own: there is no mechanism whose it would be.
+        # None: the servo's energy is the device's, not a mechanism's.
         return self.side.allow(wrench, self._sample(), state.applied, None, added)
 
     def _obeys_wrenches(self, now_ns: int) -> bool:
@@ -744,7 +739,7 @@ class DeviceDriver(ClockedActor[D]):
         return self._command.value is not None and self._command.fresh(now_ns, self.timeout_ns)
 
     def _end_pose(self, reason: str) -> None:
-        """Let the hand go, because no pose is commanded any more; at once if that was wanted."""
+        """Let the hand go as a pose command has ended; without a reason, publish that at once."""
         if reason:
             self._warn(reason)
             self._let_go(self.now_ns())
@@ -752,30 +747,30 @@ class DeviceDriver(ClockedActor[D]):
             self.put_at_zero()
 
     def _answer_of(self, answered_ns: int) -> Array:
-        """Return the answer to a sample, in lockstep."""
+        """Return the command that answers a sample, in lockstep."""
         command = self._commands.take(answered_ns)
         if not self.is_local:
             return command
         return self.loop.correct_in_lockstep(command, answered_ns)
 
     def _safe(self, command: Array) -> Array:
-        """Return what leaves of a command: no energy that is not there, and within all limits."""
+        """Return a command made passive and within all limits."""
         state, reported = self._state, self.loop.to_mechanism
         added = self.device.compensation(state)
         return self.side.allow(command, self._sample(), state.applied, reported, added)
 
     def _sample(self) -> Array:
-        """Return the device's sample (19,) as it is now."""
+        """Return the device's present sample (19,)."""
         return _sample_of(self._state, self.device.sensed(self._push))
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
-        """Obey no more, because something is lost, and say what explains it: see ``Losses``."""
+        """Stop obeying because an input is lost, and log what explains it; see ``Losses``."""
         obeyed, explained = self.answers.obeys, self._losses.explained
         why = explained(silence_ns, self.timeout_ns, self.now_ns()) if obeyed else ""
         self._obey_no_more(what, why)
 
     def _obey_no_more(self, reason: str, why: str = "") -> None:
-        """Obey no more, and say so once."""
+        """Stop obeying, and log that once."""
         now = self.now_ns()
         if self.answers.obeys:
             self._warn(reason, why)
@@ -784,16 +779,16 @@ class DeviceDriver(ClockedActor[D]):
             self.answers.let_go(now)
 
     def _let_go(self, now_ns: int) -> None:
-        """Let the hand go, and begin anew with the next command."""
+        """Let the hand go; the next command begins anew."""
         self.held = None
         self._let_go_unpublished = True
         self.answers.let_go(now_ns)
         self.side.begin()
 
     def put_at_zero(self) -> None:
-        """Put the actuators at zero now, and publish that at once rather than with a sample.
+        """Set the actuators to zero, and publish that at once rather than with the next sample.
 
-        The hand lets go; in lockstep it holds on, as long as the run lasts.
+        The hand lets go; in lockstep it remains held for the whole run.
         """
         self._command.clear()
         if self._poses is not None:
@@ -805,7 +800,7 @@ class DeviceDriver(ClockedActor[D]):
         self._state = self._state.without_force()
         if self.clock is None or not self.node.active or not self.has_sample():
             return
-        # After the last sample, before the next.
+        # A stamp after the last sample and before the next.
         now = self.now_ns()
         stamp_ns = nearest_stamp(min(now, max(self.clock.next_ns - 1, now - self.period_ns)))
         if not self.lockstep:
@@ -821,7 +816,7 @@ class DeviceDriver(ClockedActor[D]):
         self._own_is_absolute = message.data
 
     def _on_own_command(self, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        """Obey a wrench in the axes that the device has now."""
+        """Obey a wrench of body/servo_cf, in the device's present axes or in world's."""
         if not self._own_is_absolute:
             wrench = turned(wrench, np.asarray(self._state.measured_pose.rotation))
         self._obey(DEVICE_BODY_COMMAND, wrench, stamp_ns, now_ns)
@@ -830,7 +825,11 @@ class DeviceDriver(ClockedActor[D]):
         self._obey(DEVICE_COMMAND, wrench, stamp_ns, now_ns)
 
     def _obey(self, form: Topic, wrench: Array, stamp_ns: int, now_ns: int) -> None:
-        """Obey a wrench (6,), N and N m, world axes, that came on a topic, if it is the one."""
+        """Obey a wrench (6,), N and N m, world axes, received on a topic.
+
+        Raises:
+            InvalidInputError: wrenches of another topic, or poses of servo_cp, are obeyed.
+        """
         if form is not self._obeyed_form:
             if self._obeys_wrenches(now_ns):
                 what = f"while {self._obeyed_form.name} is obeyed"
@@ -843,7 +842,7 @@ class DeviceDriver(ClockedActor[D]):
         if self.lockstep:
             self._commands.put(wrench, stamp_ns)
         elif not self.answers.is_next(stamp_ns, now_ns):
-            self._command.renew(now_ns)  # a sign of life, but older than what is obeyed
+            self._command.renew(now_ns)  # the controller is alive, but a newer command is obeyed
             return
         self._command.put((wrench, stamp_ns), now_ns)
         if self.lockstep:
@@ -851,39 +850,39 @@ class DeviceDriver(ClockedActor[D]):
 
     def _on_gain(self, values: Array, now_ns: int) -> None:
         self._look_at_fault(now_ns)
-        # What is taken during a fault is forgotten with the next tick.
+        # A gain taken during a fault is discarded with the next tick.
         self.loop.take(values, now_ns, self.lockstep, self.age_limit_ns)
         if self.lockstep:
             self.act(now_ns)
 
     def _refusal(self, now_ns: int) -> str:
-        """Return why nothing is obeyed: it must not be, or was told not to; empty if it is."""
+        """Return why no command is obeyed, a fault or a request; empty if commands are."""
         deaf = DEAF if self.node.exchange.is_deaf else ""
         withheld = self._operating.withheld
         return self._guard.fault(now_ns) or self.unavailable() or withheld or deaf
 
     def _fault(self) -> str:
-        """Return why nothing may be obeyed, whatever is told; empty if it may."""
+        """Return the fault for which no command may be obeyed; empty if there is none."""
         resting = self._last_valid.resting
         failed = f"restarting after an error: {self.failures.last}" if resting else ""
         return self._guard.fault(self.now_ns()) or self.unavailable() or failed
 
     def _look_at_fault(self, now_ns: int) -> None:
-        """Put the actuators at zero, and say why, if what has come shows that two command."""
+        """Set the actuators to zero, and log why, if commands are obeyed but must be refused."""
         fault = self._refusal(now_ns)
         if fault and self.answers.obeys:
             self._warn(fault)
             self.put_at_zero()
 
     def _on_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Put the actuators at zero, until it is taken back; answer once that was published."""
-        # First of all, so that it lasts whatever fails.
+        """Set or release the emergency stop; respond once actuators at zero were published."""
+        # First, so that the stop holds whatever fails afterwards.
         self._guard.stopped = request.data
         done = "actuators at zero" if request.data else "commands are obeyed again"
         return self.failures.answer(EMERGENCY_STOP, self._look_at_refusal, response, done)
 
     def _look_at_refusal(self) -> None:
-        """Put the actuators at zero, and say why, if they have been told to stop."""
+        """Set the actuators to zero, and log why, if a stop was requested."""
         reason = STOPPED if self._guard.stopped else self._operating.withheld
         if reason:
             self._warn(reason)
@@ -891,7 +890,7 @@ class DeviceDriver(ClockedActor[D]):
         self._operating.publish(self.node.active)
 
     def _start_pose(self) -> pin.SE3:
-        """Return where a device that has not been measured is taken to be: at the point held."""
+        """Return the pose assumed before the first measurement: that of the point held."""
         simulator = Simulator(self.scene)
         terms = simulator.evaluate(simulator.initial_state())
         return terms.points[simulator.mechanism.point_index(self.point)].pose

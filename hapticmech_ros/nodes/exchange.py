@@ -1,10 +1,10 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node's messages: to nodes of this user on this host over the lane, to others by the middleware.
+"""A node's messages: over the lane within this user and host, by the middleware to all others.
 
-A serialized message goes over the lane (:mod:`~hapticmech_ros.nodes.lane`) to whoever subscribes to
-its topic there, and to the middleware only if somebody else does too. The copies that the
-middleware then brings to subscribers on the lane are dropped. Other programs see no difference.
+A serialized message is sent over the lane (:mod:`~hapticmech_ros.nodes.lane`) to the topic's
+subscribers there, and published by the middleware only if it has further subscribers. Subscribers
+on the lane then drop the middleware's copies. Other programs see no difference.
 """
 
 from __future__ import annotations
@@ -27,47 +27,46 @@ from hapticmech_ros.nodes.turn import FOR_EVER
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.times import NANOSECONDS
 
-# How many messages may be on their way through the middleware to those who had them already, and
-# for how long: what comes later is somebody else's. A recorder without a processor may look at what
-# the middleware has brought after seconds only.
+# How many messages received over the lane are remembered to recognize the middleware's copies, and
+# for how long, ns. A recorder that gets little processor time may take the copies seconds later.
 MOST_UNDERWAY = 10_000
 UNDERWAY_NS = 10 * NANOSECONDS
-# How long an answer holds to the question of who listens: asked each time it would cost as much as
-# a message. Somebody new outside hears a topic at most so much later.
+# How long a count of subscriptions is reused, ns: counting costs as much as sending a message. A
+# new subscriber outside the lane receives a topic at most this much later.
 CENSUS_NS = 20_000_000
-# After a change on the lane the middleware carries messages too for so long: it may know of a
-# listener that comes or goes only then.
+# For this long after a change of the lane's subscribers the middleware carries messages too, ns: it
+# may discover the change later.
 SETTLES_NS = NANOSECONDS // 4
-# Callbacks of subscriptions stop a kernel so often, ns.
+# Least time between two stops of a kernel for subscriptions' callbacks, ns.
 CALLS_NS = 8_000_000
-# Of messages that wait for the loop to have time.
+# Most messages that wait for the loop to have time.
 MOST_LATER = 200
 
 
 class Publishes(Protocol):
-    """What is needed of an rclpy publisher."""
+    """The part of an rclpy publisher that is used here."""
 
     def publish(self, message: Any) -> None:
         """Send a message, or its bytes."""
 
     def get_subscription_count(self) -> int:
-        """Return how many subscriptions it has met, those of this process included."""
+        """Return the number of matched subscriptions, those of this process included."""
 
 
 class Meets(Protocol):
-    """What is needed of an actor's failures."""
+    """The part of an actor's ``Failures`` that is used here."""
 
     def met(self, what: str, error: Exception) -> None:
-        """Say what went wrong, and begin anew, or give up."""
+        """Log an error, then reset the actor or deactivate its node."""
 
 
-# As of a node with one thread.
+# As for a node with one thread.
 _ALWAYS = np.array([FOR_EVER])
 
 
 @cache
 def _rcl_publishes() -> int:
-    """Return the address of ``rcl_publish_serialized_message``, which rclpy calls for bytes."""
+    """Return the address of ``rcl_publish_serialized_message``, with which rclpy sends bytes."""
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
     library = ctypes.CDLL(rclpy_implementation.__file__)
@@ -76,36 +75,36 @@ def _rcl_publishes() -> int:
 
 
 class _Copies:
-    """Messages of a topic that the middleware brings too."""
+    """Messages of a topic received over the lane that the middleware delivers too."""
 
     __slots__ = ("underway",)
 
     def __init__(self) -> None:
-        # By hash: so many messages of ten seconds would take as many megabytes.
+        # Hash of each message, and when it was received, ns: whole messages would take megabytes.
         self.underway: dict[int, int] = {}
 
     def note(self, message: bytes) -> None:
-        """Note that the middleware will bring what was handed over."""
+        """Note a message of which the middleware will deliver a copy."""
         underway = self.underway
         underway[hash(message)] = time.monotonic_ns()
         if len(underway) > MOST_UNDERWAY:
             del underway[next(iter(underway))]
 
     def had(self, message: bytes) -> bool:
-        """Return whether a message that the middleware brings was handed over before."""
+        """Return whether the middleware's message is a copy of one noted within UNDERWAY_NS."""
         noted = self.underway.get(hash(message))
         return noted is not None and time.monotonic_ns() - noted < UNDERWAY_NS
 
 
 class Outlet:
-    """A publisher that knows who listens.
+    """A publisher that uses the lane, the middleware or both, depending on the subscribers.
 
     Args:
         exchange: of the node.
-        publisher: to those outside.
-        topic: its full name and type on the lane; empty: it does not go there.
-        number: of this outlet of the node.
-        stays: whether a message is kept for those who come later, and so must always be sent.
+        publisher: of the middleware.
+        topic: full name and type on the lane; empty: the topic does not use the lane.
+        number: of this outlet, unique in the node.
+        stays: whether the middleware keeps messages for late subscribers: they are always sent.
         later: whether a serialized message may wait until the loop has nothing else to do.
 
     Attributes:
@@ -132,20 +131,20 @@ class Outlet:
         self._census_ns = -CENSUS_NS
         self._on_lane = 0
         self._settled_ns = 0
-        # What people see is published by several threads.
+        # Views are published by several threads.
         self._lock = threading.Lock()
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody would get a message."""
+        """Whether a message has a subscriber, or must be sent for late ones."""
         return self._stays or self.publisher.get_subscription_count() > 0
 
     def publish(self, message: Any) -> None:
-        """Send a message, or its bytes, to all who listen.
+        """Send a message, or its bytes, to all subscribers.
 
         Raises:
-            OutputError: a message with numbers that are not finite; those in bytes were looked at
-                when they were written.
+            OutputError: a message has numbers that are not finite; bytes were checked when they
+                were encoded.
         """
         if type(message) is not bytes:
             if self.wanted:
@@ -157,7 +156,7 @@ class Outlet:
             self.publish_bytes(message)
 
     def publish_bytes(self, message: bytes) -> None:
-        """Send a serialized message by all ways on which somebody listens."""
+        """Send a serialized message over the lane, the middleware or both, to all subscribers."""
         with self._lock:
             self._publish(message)
 
@@ -173,31 +172,32 @@ class Outlet:
             self.publish_outside(message)
             return
         both = self._stays or now < self._settled_ns or self._count(now) > readers
-        # First, so that a subscriber by both ways knows the copy when it comes.
+        # Over the lane first, so that a subscriber to both recognizes the middleware's copy.
         lane.send(self.topic, self.number, self._published + both, message, both)
         if both:
             self.publish_outside(message)
 
     @property
     def published(self) -> int:
-        """How many messages have gone through the middleware."""
+        """Number of messages sent through the middleware."""
         return self._published
 
     def note_published(self, number: int) -> None:
-        """Note how many messages have gone through the middleware, some by :attr:`rcl`."""
+        """Set the number of messages sent through the middleware, those by :attr:`rcl` included."""
         self._published = number
 
     @property
     def rcl(self) -> tuple[int, int]:
-        """Addresses of what publishes bytes in rcl, and of the publisher there; zeros: none."""
+        """Addresses of rcl's function that publishes bytes, and of rcl's publisher; or zeros."""
         handle = getattr(self.publisher, "handle", None)
         return (0, 0) if handle is None else (_rcl_publishes(), handle.pointer)
 
     @property
     def way(self) -> bool | None:
-        """Whether a message would go to the middleware beside the lane.
+        """Whether a message would be sent by the middleware as well as over the lane.
 
-        None if it would not go to the lane.
+        None if it has no subscribers on the lane, if their number has changed since the last
+        message, or if the middleware keeps messages for late subscribers.
         """
         lane, now = self._exchange.lane, time.monotonic_ns()
         readers = lane.readers(self.topic) if lane and self.topic else 0
@@ -206,7 +206,7 @@ class Outlet:
         return now < self._settled_ns or self._count(now) > readers
 
     def ways(self) -> str:
-        """Return by which ways a message goes now, in words."""
+        """Return how a message would be sent now: lane, middleware, both or nobody."""
         lane = self._exchange.lane if self.topic else None
         readers = lane.readers(self.topic) if lane else 0
         ways = {
@@ -223,7 +223,7 @@ class Outlet:
         self.publisher.publish(message)
 
     def _count(self, now: int) -> int:
-        """Return how many subscriptions there are, those on the lane included."""
+        """Return the number of subscriptions, those on the lane included, at most CENSUS_NS old."""
         if now - self._census_ns >= CENSUS_NS:
             self._census_ns = now
             self._readers = self.publisher.get_subscription_count()
@@ -231,14 +231,14 @@ class Outlet:
 
 
 class Exchange:
-    """A node's messages by the lane and by the middleware.
+    """A node's messages over the lane and by the middleware.
 
-    What comes over the lane is delivered by :meth:`deliver`, in the order of arrival, and never
-    from within another message's callback.
+    :meth:`deliver` passes messages from the lane to their callbacks, in the order of arrival, and
+    never from within another message's callback.
 
     Attributes:
-        lane: to other nodes of this host; None: all goes through the middleware.
-        refusal: why there is no lane though one was asked for.
+        lane: to other nodes of this host; None: all messages use the middleware.
+        refusal: why :meth:`join_lane` could not open a lane; else empty.
     """
 
     def __init__(self) -> None:
@@ -255,32 +255,32 @@ class Exchange:
 
     @property
     def listened(self) -> Array:
-        """(1,) Until when the middleware was last listened to, ns; see :class:`.turn.Turn`."""
+        """(1,) When the middleware was last polled, ns; see :class:`.turn.Turn`."""
         return _ALWAYS if self.lane is None else self.lane.turn.listened
 
     @property
     def is_deaf(self) -> bool:
-        """Whether it has not been listened to for too long."""
+        """Whether the middleware has not been polled for too long."""
         return self.lane is not None and self.lane.turn.is_deaf
 
     @property
     def settled(self) -> bool:
-        """Whether the node knows what its kernel has done."""
+        """Whether the node's Python state includes all that its kernel has done."""
         wait = None if self.lane is None else self.lane.wait
         return wait is None or wait.settled
 
     def settle(self) -> None:
-        """Have it know that, before a callback of its runs."""
+        """Update the node's Python state from its kernel, before a callback runs."""
         if self.lane is not None and self.lane.wait is not None:
             self.lane.wait.settle()
             self._note_copied(self.lane)
 
     @contextmanager
     def taken(self, rings: bool = False) -> Iterator[None]:
-        """Return a context for a callback: no kernel runs, and the node knows what one has done.
+        """Return a context for a callback: kernels are stopped, and the node's state is settled.
 
         Args:
-            rings: whether the loop is to look at its deadlines afterwards.
+            rings: whether to wake the loop afterwards, so that it checks its deadlines.
         """
         if self.lane is None:
             yield
@@ -291,7 +291,7 @@ class Exchange:
             if turn.is_of_loop:
                 yield
                 return
-            # The loop may wait for long; and what is published next is newer.
+            # The loop may wait for long, and older messages must go before those published next.
             self.publish_kept()
             while self._deferred:
                 self._deferred.popleft()()
@@ -301,13 +301,13 @@ class Exchange:
                 turn.ring()
 
     def defer(self, callback: Callable[[], object]) -> bool:
-        """Let a subscription's callback wait until a kernel is stopped anyway; return whether.
+        """Queue a subscription's callback until the kernel is stopped; return whether queued.
 
-        Where somebody outside hears the nodes too, the middleware brings copies of all that the
-        kernel reads: it is stopped for those of some milliseconds at once (:attr:`until_called_s`).
+        With subscribers outside the lane, the middleware delivers a copy of every message that the
+        kernel reads: the kernel is stopped once for several of these (:attr:`until_called_s`).
 
         Args:
-            callback: with its message.
+            callback: with its message bound.
         """
         turn = None if self.lane is None else self.lane.turn
         if turn is None or not turn.kernel_runs or self.until_called_s <= 0.0:
@@ -317,20 +317,20 @@ class Exchange:
 
     @property
     def until_called_s(self) -> float:
-        """How long callbacks may wait for others, s."""
+        """Time left until queued callbacks are due, s."""
         return (self._called_ns + CALLS_NS - time.monotonic_ns()) / NANOSECONDS
 
     @property
     def has_deferred(self) -> bool:
-        """Whether callbacks wait for :meth:`taken`."""
+        """Whether callbacks are queued for :meth:`taken`."""
         return bool(self._deferred)
 
     def run_view(self, failures: Meets, publish: Callable[[], None]) -> None:
-        """Publish what people see; what fails is met by :meth:`meet_failures`.
+        """Publish a view; :meth:`meet_failures` handles an error.
 
         Args:
             failures: of the actor.
-            publish: publishes it.
+            publish: publishes the view.
         """
         try:
             publish()
@@ -338,18 +338,18 @@ class Exchange:
             self._failed.append(partial(failures.met, "view", error))
 
     def meet_failures(self) -> None:
-        """Let an actor begin anew of which what people see could not be published."""
+        """Handle the errors of views: each resets its actor or deactivates its node."""
         while self._failed:
             with self.taken():
                 self._failed.popleft()()
 
     def publish_views(self) -> None:
-        """Publish what another thread is to publish, or wait for it: see :class:`.turn.Turn`."""
+        """Publish the views queued for the view thread; see :class:`.turn.Turn`."""
         if self.lane is not None:
             self.lane.turn.publish_views()
 
     def join_lane(self, environment: Mapping[str, str]) -> None:
-        """Have a lane to other processes from now on, or say in ``refusal`` why not.
+        """Open a lane to other nodes, or set ``refusal`` to the reason why not.
 
         Args:
             environment: of this process.
@@ -362,12 +362,12 @@ class Exchange:
             self.refusal = str(error)
 
     def ring(self) -> None:
-        """Have the loop's thread stop waiting."""
+        """Wake the loop's thread."""
         if self.lane is not None:
             self.lane.turn.ring()
 
     def close(self) -> None:
-        """Leave the lane."""
+        """Close the lane."""
         if self.lane is not None:
             self.lane.close()
             self.lane = None
@@ -375,13 +375,13 @@ class Exchange:
     def outlet(
         self, publisher: Publishes, topic: str, stays: bool, kind: str = "", later: bool = False
     ) -> Outlet:
-        """Return what to publish a topic through.
+        """Return the outlet that publishes a topic.
 
         Args:
-            publisher: to those outside.
+            publisher: of the middleware.
             topic: its full name.
-            stays: whether messages are kept for those who come later.
-            kind: the messages' type, if they may go over the lane.
+            stays: whether the middleware keeps messages for late subscribers.
+            kind: the messages' type on the lane; empty: they do not use the lane.
             later: whether they may wait until the loop has nothing else to do.
         """
         self._outlets += 1
@@ -389,16 +389,16 @@ class Exchange:
         return Outlet(self, publisher, lane_topic, self._outlets, stays, later)
 
     def listen(self, topic: str, listener: Listener, kind: str = "") -> Callable[[bytes], bool]:
-        """Hand the latest message of each publisher of a topic on the lane to ``listener``.
+        """Subscribe ``listener`` to the latest message of each publisher of a topic on the lane.
 
         Args:
             topic: its full name.
-            listener: called with messages and their origin.
-            kind: the messages' type; empty: they do not come over the lane.
+            listener: called with a message and its origin.
+            kind: the messages' type on the lane; empty: they do not use the lane.
 
         Returns:
-            A function that tells whether a message of the topic's raw subscription was handed over
-            already.
+            A function that returns whether a message of the topic's raw subscription was already
+            received over the lane.
         """
         if self.lane is not None and kind:
             self.lane.listen(f"{topic} {kind}", listener)
@@ -407,7 +407,7 @@ class Exchange:
     def listen_to_all(
         self, topic: str, listener: BatchListener, kind: str
     ) -> Callable[[bytes], bool]:
-        """Hand all messages of other processes on a topic to ``listener``, in batches.
+        """Subscribe ``listener`` to all messages of a topic on the lane, in batches.
 
         Args:
             topic: its full name.
@@ -430,7 +430,7 @@ class Exchange:
             if copies.had(message):
                 return True
             if lane.linked:
-                # Whoever sends both ways sends over the lane first: now it has come.
+                # A publisher that uses both sends over the lane first: it has arrived by now.
                 self.collect(whole=True)
                 self.deliver()
                 return copies.had(message)
@@ -439,45 +439,45 @@ class Exchange:
         return had
 
     def silence(self, topic: str, listener: Listener, kind: str = "") -> None:
-        """Hand over no more; what waits for the listener is dropped."""
+        """Unsubscribe a listener, and drop its undelivered messages."""
         if kind and self.lane is not None:
             self.lane.silence(f"{topic} {kind}", listener)
         self._waiting = deque(one for one in self._waiting if one.listener != listener)
 
     @property
     def is_linked(self) -> bool:
-        """Whether another node is on the lane."""
+        """Whether another node is connected by the lane."""
         return self.lane is not None and self.lane.linked
 
     @property
     def has_news(self) -> bool:
-        """Whether the loop's thread is to look after the lane; see :meth:`.lane.Lane.look`."""
+        """Whether the loop's thread should call :meth:`.lane.Lane.look`."""
         return self.lane is not None and self.lane.has_news
 
     @property
     def may_wait(self) -> bool:
-        """Whether what people see may wait until the thread that asks has time."""
+        """Whether the calling thread may keep views until the loop has time."""
         is_of_loop = self.lane is None or self.lane.turn.is_of_loop
         return is_of_loop and (self.is_linked or self.has_later)
 
     def publish_later(self, outlet: Outlet, message: bytes) -> None:
-        """Keep a message until the loop has time for it: see :meth:`publish_one`."""
+        """Keep a message until :meth:`publish_one`; if too many are kept, send the oldest now."""
         if len(self._later) == MOST_LATER:
             self.publish_one()
         self._later.append((outlet, message))
 
     @property
     def has_later(self) -> bool:
-        """Whether :meth:`publish_later` has kept anything."""
+        """Whether messages are kept by :meth:`publish_later`."""
         return bool(self._later)
 
     @property
     def is_waiting(self) -> bool:
-        """Whether there is anything to deliver."""
+        """Whether messages wait for :meth:`deliver`."""
         return bool(self._waiting)
 
     def publish_one(self) -> bool:
-        """Send the oldest of what :meth:`publish_later` keeps; return whether there was one."""
+        """Send the oldest message kept by :meth:`publish_later`; return whether there was one."""
         if not self._later:
             return False
         outlet, message = self._later.popleft()
@@ -485,17 +485,17 @@ class Exchange:
         return True
 
     def publish_kept(self) -> None:
-        """Send all that :meth:`publish_later` keeps."""
+        """Send all messages kept by :meth:`publish_later`."""
         while self.publish_one():
             pass
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False, longest_s: float = 0.0) -> None:
-        """Let what has come over the lane wait for its listeners.
+        """Receive messages from the lane, and queue them for :meth:`deliver`.
 
         Args:
-            timeout_s: how long to wait for anything to come.
+            timeout_s: longest wait for a first message, s.
             longest_s: see :meth:`Lane.collect`.
-            whole: whether all that has come is wanted now.
+            whole: whether to receive all messages that have arrived.
         """
         lane = self.lane
         if lane is None:
@@ -504,13 +504,13 @@ class Exchange:
         self._note_copied(lane)
 
     def _note_copied(self, lane: Lane) -> None:
-        """Note what came over the lane and the middleware brings too, to know it then."""
+        """Note messages from the lane that the middleware delivers too, to drop the copies."""
         for topic, message in lane.copied:
             self._copies.setdefault(topic.split(" ", 1)[0], _Copies()).note(message)
         lane.copied.clear()
 
     def deliver(self) -> None:
-        """Hand over what waits, and what is published meanwhile."""
+        """Pass queued messages to their listeners, those queued meanwhile included."""
         if self._delivering:
             return
         self._delivering = True

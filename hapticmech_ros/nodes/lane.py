@@ -1,13 +1,13 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A lane between processes of one host and one user, for messages of the control rate.
+"""A lane between nodes of one host and one user, for messages of the control rate.
 
-A subscriber has a socket in a folder of this user's own; a publisher connects to it, gets the list
-of topics that are subscribed to there, and sends those.
+A subscriber has a socket in a folder that only this user can access. A publisher connects to it,
+receives the list of topics subscribed to there, and sends their messages.
 
-Connections are sockets of the kind AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a
-full one refuses instead of blocking, and the kernel ends a connection with the process at its other
-end, however that ended. User ids of peers are from the kernel.
+Connections are sockets of type AF_UNIX, SOCK_SEQPACKET: messages stay whole and in order, a full
+socket refuses instead of blocking, and Linux closes a connection when the process at its other end
+ends, for whatever reason. Linux also provides the peers' user ids.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from hapticmech_ros.nodes.sources import NO_ORIGIN, Batch, BatchListener, Listen
 from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
-# Settings of the middleware's discovery, besides the network that the process is in.
+# Environment variables of the middleware's discovery; the network namespace counts as well.
 SETTINGS = (
     *("RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"),
     *("ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT"),
@@ -49,17 +49,18 @@ SECURED = "ROS_SECURITY_ENABLE"
 
 
 class LaneError(HapticMechError):
-    """The lane between processes cannot be had; messages go through the middleware."""
+    """The lane cannot be opened; messages go through the middleware."""
 
 
 def lane_folder(environment: Mapping[str, str]) -> Path:
-    """Return the folder of this environment's graphs, and make it if it is not there.
+    """Return the folder of the sockets for this environment, and make it if it does not exist.
 
-    It is in ``XDG_RUNTIME_DIR``, or else in the folder for temporary files.
+    It is in ``XDG_RUNTIME_DIR`` if that is accessible to this user only, or else in the folder for
+    temporary files.
 
     Raises:
-        LaneError: it cannot be made, others could write into it, or permissions of DDS security
-            are to be kept, which only the middleware knows.
+        LaneError: the folder cannot be made, other users can access it, or DDS security is on,
+            whose permissions only the middleware enforces.
     """
     if environment.get(SECURED, "").lower() == "true":
         raise LaneError(f"{SECURED} is true: only the middleware keeps to its permissions")
@@ -70,7 +71,10 @@ def lane_folder(environment: Mapping[str, str]) -> Path:
 
 
 def _name(environment: Mapping[str, str]) -> str:
-    """Return a name short enough for a socket's path, the same for those who can meet."""
+    """Return a folder's name, the same for all processes with equal settings of discovery.
+
+    It is short enough for a socket's path.
+    """
     settings = [f"{name}={environment.get(name, '')}" for name in SETTINGS]
     found = Path("/proc/self/ns/net")
     network = str(found.readlink()) if found.exists() else ""
@@ -80,10 +84,10 @@ def _name(environment: Mapping[str, str]) -> str:
 
 
 def _private(folder: Path) -> Path:
-    """Make a folder unless it is there, and return it.
+    """Make a folder unless it exists, and return it.
 
     Raises:
-        LaneError: it cannot be made, or is not this user's alone.
+        LaneError: it cannot be made, or other users can access it.
         FileNotFoundError: it was removed in between.
     """
     try:
@@ -98,7 +102,7 @@ def _private(folder: Path) -> Path:
 
 
 def _is_private(folder: str) -> bool:
-    """Return whether a folder, which is no link, is accessible to this user only."""
+    """Return whether a path is a folder, not a link, of this user and accessible to no other."""
     try:
         found = os.lstat(folder)
     except OSError:
@@ -107,36 +111,36 @@ def _is_private(folder: str) -> bool:
     return stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not others
 
 
-# Larger messages go through the middleware.
+# Largest message on the lane, bytes; larger ones go through the middleware.
 MOST_BYTES = 1 << 16
 # Longest list of a process's subscribed topics, bytes.
 MOST_TOLD = 1 << 17
-# Largest backlog of a listener that wants every message, in messages: some ten seconds of a node's
-# topics at 1 kHz. A recorder on a busy machine gets little of the processors for as long.
+# Largest backlog of a subscriber that wants every message, in messages: some ten seconds of a
+# node's topics at 1 kHz. A recorder may get little processor time for as long on a busy machine.
 MOST_BEHIND = 30_000
-# So many of those are sent at once: the sender's own work is not held up.
+# Most messages of a backlog sent at once, so as not to delay the sender's own work.
 MOST_AT_ONCE = 16
-# A process that has taken nothing for so long is stalled, and the middleware may soon drop it from
-# its subscribers. The time is longer than a process waits for a processor where those of the
-# control rate take nearly all, since then the middleware, which costs more, would take the rest;
-# shorter than the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
+# A process that has taken nothing for this long, ns, is stalled; the middleware may soon drop it
+# from its subscribers. Longer than a process waits for a processor where the control loop takes
+# nearly all of them: using the middleware then, which costs more, would take the rest. Shorter than
+# the leases of participants (10 s with Cyclone DDS, 20 s with Fast DDS).
 STALLED_NS = 5 * NANOSECONDS
-# How much a connection holds for such a listener, bytes; the system may grant less.
+# Send buffer of a connection to a subscriber that wants every message, bytes; Linux may grant less.
 KEPT_BYTES = 1 << 22
-# Of sockets that a process waits for with select.
+# Limit of file descriptors that select accepts.
 MOST_SOCKETS = 1024
-# Kind, whether the middleware carries the message too, the receiver's number of the topic, the
-# sending process's outlet, number of its last message through the middleware, and of this one among
-# those over the lane; when it was sent, ns of the machine's clock.
+# Kind; whether the middleware carries the message too; the receiver's number of the topic; the
+# sender's outlet; number of the outlet's last message through the middleware; number of this one
+# among the outlet's on the lane; when it was sent, ns of the machine's clock.
 HEADER = struct.Struct("<BBHIQQq")
 MESSAGE, TOPICS = 1, 2
-# A receiver's numbers of its topics.
+# A receiver numbers its topics below this.
 MOST_CODES = 1 << 16
 _VERSION = 3
 _BACKLOG = 64
 _CREDENTIALS = struct.Struct("3i")
 _NO_BYTES = bytes(struct.calcsize("i"))
-# Lists of topics that a peer may send at once; the rest waits for the next look at it.
+# Most lists of topics of a peer read at once; the rest are read with the next call.
 _MOST_LISTS = 16
 
 
@@ -145,16 +149,18 @@ class BrokenRuleError(Exception):
 
 
 class Outgoing:
-    """A connection to a process that listens.
+    """A connection to a subscribing process.
+
+    If it is full, a message is dropped, or kept for a process that wants all messages.
 
     Args:
-        name: of its socket.
-        connection: to it.
+        name: of the process's socket.
+        connection: to the process.
 
     Attributes:
-        topics: subscribed to there: its number of each, and how many listeners.
-        lost: messages that it missed because it was full.
-        stalled: whether it has taken nothing for :data:`STALLED_NS`.
+        topics: subscribed to there: the process's number of each, and how many listeners it has.
+        lost: number of messages not sent because the connection was full.
+        stalled: whether the process has taken nothing for :data:`STALLED_NS`.
     """
 
     def __init__(self, name: str, connection: socket.socket) -> None:
@@ -164,13 +170,13 @@ class Outgoing:
         self.lost = 0
         self.stalled = False
         self._behind: deque[bytes] | None = None
-        # Another thread sends views for people.
+        # Views are sent by another thread.
         self._lock = threading.Lock()
-        # Since when it refuses messages; 0: it takes them.
+        # Since when the connection is full, ns; 0: it is not.
         self._full_ns = 0
 
     def send(self, frame: bytes) -> bool:
-        """Send or keep a frame; return whether the connection is still there."""
+        """Send or keep a frame; return False if the connection is closed."""
         with self._lock:
             return self._send(frame)
 
@@ -195,27 +201,27 @@ class Outgoing:
 
     @property
     def wants_all(self) -> bool:
-        """Whether it wants every message, and not only the latest ones."""
+        """Whether the process wants every message, and not only the latest ones."""
         return self._behind is not None
 
     @property
     def is_behind(self) -> bool:
-        """Whether anything is kept for it."""
+        """Whether messages are kept for the process."""
         return bool(self._behind)
 
     @property
     def is_full(self) -> bool:
-        """Whether it refuses messages at present."""
+        """Whether the connection refuses messages at present."""
         return self._full_ns > 0
 
     def stalls_or_goes_on(self) -> bool:
-        """Check whether it stalls; return whether that has changed."""
+        """Update :attr:`stalled`; return whether it has changed."""
         before, full = self.stalled, self._full_ns
         self.stalled = full > 0 and time.monotonic_ns() - full > STALLED_NS
         return self.stalled != before
 
     def flush(self) -> bool:
-        """Send as many kept messages as it takes; return whether the connection is there."""
+        """Send up to MOST_AT_ONCE kept messages; return False if the connection is closed."""
         with self._lock:
             return not self._behind or self._flush(self._behind)
 
@@ -232,12 +238,12 @@ class Outgoing:
         return True
 
     def read_topics(self) -> None:
-        """Read the topics that the other end subscribes to; of several lists the last one is valid.
+        """Read the topics that the other end subscribes to; the last of several lists counts.
 
         Raises:
-            BlockingIOError: all is read. Without it there may be more.
-            OSError: the connection is gone.
-            BrokenRuleError: the list cannot be read.
+            BlockingIOError: all lists are read; without this error there may be more.
+            OSError: the connection is closed.
+            BrokenRuleError: a list is not valid.
         """
         for _ in range(_MOST_LISTS):
             frame = self.connection.recv(HEADER.size + MOST_TOLD)
@@ -266,14 +272,14 @@ class Outgoing:
 
 
 class Incoming:
-    """A connection from a process that sends.
+    """A connection from a publishing process.
 
     Args:
-        connection: to it.
+        connection: to the process.
         serial: number of the connection in this process.
 
     Attributes:
-        announced: version of this process's topics that it knows.
+        announced: version of the list of this process's topics last sent to it.
     """
 
     def __init__(self, connection: socket.socket, serial: int) -> None:
@@ -282,19 +288,19 @@ class Incoming:
         self.announced = -1
 
     def bytes_waiting(self) -> int:
-        """Return how many bytes of messages have come and were not received yet."""
+        """Return how many bytes can be read from the connection."""
         there = fcntl.ioctl(self.connection, termios.FIONREAD, _NO_BYTES)
         return int.from_bytes(there, sys.byteorder)
 
     def announce(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
-        """Send it this process's topics, unless it knows them: later if its socket is full.
+        """Send this process's subscribed topics, unless sent; with a full socket, do nothing.
 
         Args:
-            topics: name and type, number, how many listen, whether any of them wants all messages.
+            topics: name and type, number, how many listeners, whether any wants all messages.
             version: of this list.
 
         Raises:
-            OSError: the connection is gone.
+            OSError: the connection is closed.
         """
         if self.announced == version:
             return
@@ -309,10 +315,10 @@ class Incoming:
 
 
 def listening(folder: Path, name: str) -> socket.socket:
-    """Return a socket in a folder that others connect to.
+    """Return a listening socket in a folder.
 
     Raises:
-        OSError: it cannot be had, or the folder is not there.
+        OSError: it cannot be made, or the folder does not exist.
     """
     made = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     unready = folder / f".{name}"
@@ -320,7 +326,7 @@ def listening(folder: Path, name: str) -> socket.socket:
         made.setblocking(False)
         made.bind(str(unready))
         made.listen(_BACKLOG)
-        # Seen only now that it answers: a socket that does not is a dead process's.
+        # Renamed once it accepts connections: a visible socket that does not is a dead process's.
         unready.rename(folder / name)
         if made.fileno() >= MOST_SOCKETS:
             raise OSError("too many open files to wait for one more")
@@ -332,7 +338,7 @@ def listening(folder: Path, name: str) -> socket.socket:
 
 
 def connected(path: Path) -> socket.socket | None:
-    """Return a connection to the process that listens there; None: try again later.
+    """Return a connection to the process whose socket is at a path; None: try again later.
 
     Raises:
         ConnectionRefusedError: that process has ended.
@@ -354,17 +360,17 @@ def connected(path: Path) -> socket.socket | None:
 
 
 def remove_socket(path: Path) -> None:
-    """Remove a socket of an ended process; anything else stays."""
+    """Remove the socket of an ended process; a path that is no socket is left."""
     try:
         if stat.S_ISSOCK(path.lstat().st_mode):
             path.unlink()
     except OSError:
-        # It is not there any more, or not to be removed.
+        # It does not exist any more, or cannot be removed.
         pass
 
 
 def is_ours(connection: socket.socket) -> bool:
-    """Return whether this user has the other end, and close a connection that is not kept."""
+    """Return whether the other end is this user's and select accepts the socket; else close it."""
     credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     _, user, _ = _CREDENTIALS.unpack(credentials)
     if user == os.geteuid() and connection.fileno() < MOST_SOCKETS:
@@ -373,17 +379,17 @@ def is_ours(connection: socket.socket) -> bool:
     return False
 
 
-# Period of the search for new processes, and of sending again.
+# Period of the search for new processes, and of sending kept messages again, ns.
 LOOK_NS = NANOSECONDS // 10
-# A socket is made ready in less than this, s.
+# A process sets up its socket in less than this, s.
 UNREADY_S = 10.0
-# A process that reads a message so long after it was sent is behind: of what has piled up it gets
-# the newest.
+# A process that reads a message later than this after it was sent, ns, is behind: it then reads all
+# messages that have arrived, and delivers the newest.
 BEHIND_NS = 3_000_000
 
 
 class Arrived(NamedTuple):
-    """A received message, or a batch, with its origin and its listener."""
+    """A received message or batch, its origin, and the listener to call."""
 
     listener: Callable[..., None]
     message: bytes | Batch
@@ -392,7 +398,7 @@ class Arrived(NamedTuple):
 
 @dataclass(slots=True)
 class _Subscription:
-    """A topic that is subscribed to here."""
+    """A topic that this process subscribes to."""
 
     topic: str
     code: int
@@ -402,43 +408,43 @@ class _Subscription:
 
     @property
     def count(self) -> int:
-        """How many listeners it has."""
+        """Number of listeners."""
         return len(self.listeners) + len(self.batch_listeners)
 
 
 class Waits(Protocol):
-    """Waits for connections in place of ``select``, and works meanwhile."""
+    """Waits for connections in place of ``select``, and handles messages meanwhile."""
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
-        """Return whether it can wait now; see ``PlainMessages``."""
+        """Return whether this object can wait now; see ``PlainMessages``."""
 
     def __call__(self, lane: Lane) -> Sequence[int]:
-        """Return the connections that may have something to read; see there."""
+        """Return the file descriptors that may be readable; see ``PlainMessages``."""
 
     @property
     def settled(self) -> bool:
-        """Whether the node is up to date with that work."""
+        """Whether the node's state includes the results of that work."""
 
     def settle(self) -> None:
-        """Update the node with that; see there."""
+        """Update the node's state with these results; see ``PlainMessages``."""
 
 
 class Lane:
-    """This process's part in the lane.
+    """A node's connections to the other nodes on the lane.
 
     Args:
-        folder: where processes meet; this user's alone.
+        folder: of the sockets; accessible to this user only.
 
     Attributes:
-        refused: connections of other users, and messages that broke the rules.
-        copied: topic and message of all received ones that the middleware delivers too; the caller
+        refused: number of connections and messages that broke the rules.
+        copied: topic and message of each received one that the middleware delivers too; the caller
             of :meth:`collect` takes them.
-        wait: waits in place of ``select``, and does something meanwhile; see :class:`Waits`.
-        worked: whether it waited the last time.
-        turn: of the process's threads.
+        wait: waits in place of ``select``; see :class:`Waits`. None: ``select`` waits.
+        worked: whether :attr:`wait` was used in the last :meth:`collect`.
+        turn: of the node's threads.
 
     Raises:
-        LaneError: there can be no sockets.
+        OSError: the socket cannot be made.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -454,13 +460,13 @@ class Lane:
         self._filled: list[_Subscription] = []
         self._records = False
         self._next_code = self._next_serial = 1
-        # Raised with every change of the subscriptions.
+        # Incremented with every change of the subscriptions.
         self._version = 0
         self._outgoing: dict[int, Outgoing] = {}
         self._incoming: dict[int, Incoming] = {}
         self._to: dict[str, list[tuple[Outgoing, int]]] = {}
         self._readers: dict[str, int] = {}
-        # Messages of each outlet.
+        # Number of messages sent by each outlet.
         self._sent: dict[int, int] = {}
         self._known: set[str] = {self._name}
         self._folder_ns = self._looked_ns = -1
@@ -472,10 +478,10 @@ class Lane:
 
     @classmethod
     def open(cls, environment: Mapping[str, str]) -> Lane:
-        """Return the lane of this environment's graphs.
+        """Return a lane in the folder for this environment.
 
         Raises:
-            LaneError: it cannot be had here.
+            LaneError: it cannot be opened.
         """
         if not hasattr(socket, "SOCK_SEQPACKET") or not hasattr(socket, "SO_PEERCRED"):
             raise LaneError("this system has no sequenced-packet sockets that know their peers")
@@ -483,14 +489,14 @@ class Lane:
             try:
                 return cls(lane_folder(environment))
             except FileNotFoundError:
-                # The last process there has just ended, and took the folder with it.
+                # The last process there has just ended, and removed the folder.
                 continue
             except OSError as error:
                 raise LaneError(f"no socket for the lane: {error}") from None
         raise LaneError("no socket for the lane: its folder was removed again and again")
 
     def close(self) -> None:
-        """Leave: nothing of this process stays behind."""
+        """Close all connections, and remove the socket, and the folder if it is empty."""
         for outgoing in list(self._outgoing.values()):
             self._drop(outgoing)
         for incoming in list(self._incoming.values()):
@@ -498,18 +504,18 @@ class Lane:
         self._close_ended()
         self._listening.close()
         self.turn.close()
-        with suppress(OSError):  # others may still be there
+        with suppress(OSError):  # other processes' sockets may be there
             (self._folder / self._name).unlink()
             self._folder.rmdir()
 
     @property
     def linked(self) -> bool:
-        """Whether another process sends, or may send, to this one."""
+        """Whether another process is connected as a publisher."""
         return bool(self._incoming)
 
     @property
     def lost(self) -> int:
-        """Messages that a full connection has not taken."""
+        """Number of messages not sent because a connection was full."""
         return sum(outgoing.lost for outgoing in self._outgoing.values())
 
     def listen(self, topic: str, listener: Listener) -> None:
@@ -552,15 +558,15 @@ class Lane:
         self._announce_anew()
 
     def readers(self, topic: str) -> int:
-        """Return how many listeners of other processes a message reaches that take any."""
+        """Return a topic's number of listeners at other nodes, stalled ones excluded."""
         return self._readers.get(topic, 0)
 
     def send(self, topic: str, outlet: int, number: int, message: bytes, both: bool) -> None:
-        """Send a message to all subscribers of its topic; those with a full connection miss it.
+        """Send a message to all subscribers of its topic; see :class:`Outgoing` for full ones.
 
         Args:
             topic: full name and type.
-            outlet: which publisher of this process.
+            outlet: number of the publisher.
             number: of its messages through the middleware, this one included if ``both``.
             message: serialized.
             both: whether the middleware carries it too.
@@ -577,13 +583,13 @@ class Lane:
         message: bytes,
         both: bool,
     ) -> None:
-        """Send a message to some; arguments as of :meth:`send`.
+        """Send a message to some subscribers; see :meth:`send`.
 
         Args:
-            hearers: connections, each with its number of the topic.
-            outlet: which publisher of this process.
-            number: of its messages through the middleware.
-            count: of its messages over the lane.
+            hearers: connections, each with the receiver's number of the topic.
+            outlet: number of the publisher.
+            number: of its messages through the middleware, this one included if ``both``.
+            count: of its messages over the lane, this one included.
             message: serialized.
             both: whether the middleware carries it too.
         """
@@ -600,24 +606,29 @@ class Lane:
             self._sort()
 
     def sent(self, outlet: int) -> int:
-        """Return how many messages of a publisher of this process were sent here."""
+        """Return the number of messages that a publisher has sent over the lane."""
         return self._sent.get(outlet, 0)
 
     def note_sent(self, outlet: int, count: int) -> None:
-        """Note the number of a publisher's messages after a kernel has sent some."""
+        """Set a publisher's number of messages after a kernel has sent some."""
         self._sent[outlet] = count
 
     def plain_hearers(self, topic: str) -> list[tuple[Outgoing, int]]:
-        """Return a topic's subscribers, with its number there, unless one is full or behind."""
+        """Return a topic's subscribers, each with its number of the topic.
+
+        Empty if any of them is full, stalled or behind.
+        """
         found = self._to.get(topic, [])
         return [] if any(one.is_full or one.stalled or one.is_behind for one, _ in found) else found
 
     def speaker(self, topic: str, via: int) -> tuple[int, int] | None:
-        """Return the connection by which a publisher's messages come, and their topic's number.
+        """Return the file descriptor of a publisher's connection, and the topic's number here.
+
+        None if it is not connected, or if the topic does not have exactly one listener.
 
         Args:
             topic: full name and type.
-            via: the publisher, see :class:`~hapticmech_ros.nodes.sources.Origin`.
+            via: the publisher; see :class:`~hapticmech_ros.nodes.sources.Origin`.
         """
         subscription = self._subscriptions.get(topic)
         for number, incoming in self._incoming.items():
@@ -632,10 +643,10 @@ class Lane:
         """Return received messages, and maintain connections.
 
         Args:
-            timeout_s: how long to wait for anything to come.
-            longest_s: how long :attr:`wait` may, if that is longer.
-            whole: whether to return all messages received by now; else one of each process, and the
-                rest with the next call, unless this process is behind.
+            timeout_s: longest wait for a first message, s.
+            longest_s: longest wait by :attr:`wait`, s, if longer than ``timeout_s``.
+            whole: whether to read all messages that have arrived; else one from each process, and
+                the rest with later calls, unless this process is behind or records.
         """
         found: list[Arrived] = []
         if self.turn.is_of_loop:
@@ -659,10 +670,10 @@ class Lane:
                 self.turn.hear()
             else:
                 self._accept()
-        # Of several processes, which a kernel has left waiting.
+        # From several processes, if a kernel left them unread.
         found.sort(key=_arrived_ns)
         for subscription in self._filled:
-            # Of several publishers.
+            # From several publishers.
             subscription.batch.sort(key=_sent_ns)
             found += [
                 Arrived(one, subscription.batch, NO_ORIGIN) for one in subscription.batch_listeners
@@ -672,7 +683,7 @@ class Lane:
         return found
 
     def _select(self, timeout_s: float) -> list[int]:
-        """Return the connections that have something to read, within a time, s."""
+        """Wait up to a time, s, and return the file descriptors that can be read."""
         if not timeout_s:
             return select.select(self._waited, (), (), 0.0)[0]
         with self.turn.given():
@@ -680,7 +691,7 @@ class Lane:
 
     @property
     def has_news(self) -> bool:
-        """Whether :meth:`look` would find something to do; any thread may ask."""
+        """Whether :meth:`look` would find something to do; any thread may check."""
         if time.monotonic_ns() - self._looked_ns < LOOK_NS:
             return False
         if any(one.announced != self._version for one in list(self._incoming.values())):
@@ -692,7 +703,7 @@ class Lane:
         return False
 
     def look(self) -> None:
-        """Search for new processes, and send again what was refused; now and then."""
+        """Search for new processes, and send what was refused, at most once per LOOK_NS."""
         now = time.monotonic_ns()
         if now - self._looked_ns < LOOK_NS:
             return
@@ -709,7 +720,7 @@ class Lane:
             names = {path.name for path in self._folder.iterdir()}
         except OSError:
             return
-        # Another change may have the same time.
+        # A later change may have the same time stamp: look again.
         settled = abs(time.time_ns() - changed_ns) > LOOK_NS
         self._folder_ns = changed_ns if settled else -1
         self._known &= names
@@ -720,7 +731,7 @@ class Lane:
                 self._connect(name)
 
     def _clear(self, name: str) -> None:
-        """Remove a socket whose process was killed before others could see it."""
+        """Remove a hidden socket older than UNREADY_S: its process died before renaming it."""
         path = self._folder / name
         try:
             if time.time() - path.stat().st_ctime > UNREADY_S:
@@ -728,7 +739,7 @@ class Lane:
             else:
                 self._folder_ns = -1
         except OSError:
-            # It is ready now, or another has removed it.
+            # Its process has renamed it, or another has removed it.
             pass
 
     def _connect(self, name: str) -> None:
@@ -739,7 +750,7 @@ class Lane:
             remove_socket(path)
             return
         if connection is None:
-            # Busy, or just gone: another time.
+            # Busy, or just removed: try again later.
             self._folder_ns = -1
             return
         self._known.add(name)
@@ -771,7 +782,7 @@ class Lane:
             self._announce(incoming)
 
     def _announce(self, incoming: Incoming) -> None:
-        """Send a sending process the topics that are subscribed to here."""
+        """Send a publishing process the list of topics subscribed to here."""
         announced = [
             (
                 subscription.topic,
@@ -800,9 +811,9 @@ class Lane:
             self._drop(outgoing, for_good=True)
 
     def _sort(self) -> None:
-        """Find the subscribers of each topic anew."""
+        """Recompute the subscribers of each topic."""
         self._to, self._readers = {}, {}
-        # Receivers of every message come last: if one is behind, sending to it takes long.
+        # Subscribers that want every message come last: sending to one that is behind takes long.
         for outgoing in sorted(self._outgoing.values(), key=lambda one: one.wants_all):
             for topic, (code, listeners) in outgoing.topics.items():
                 self._to.setdefault(topic, []).append((outgoing, code))
@@ -810,10 +821,10 @@ class Lane:
                 self._readers[topic] = self._readers.get(topic, 0) + counted
 
     def _receive(self, incoming: Incoming, found: list[Arrived], whole: bool) -> None:
-        """Take a message, or all that have come by now: others may come as fast as they are taken.
+        """Read one message, or all that have arrived by now, but none that arrive meanwhile.
 
-        Listeners that want only the latest message get that. One more read that finds nothing would
-        cost as much as a message.
+        A listener to the latest message gets one per publisher. Counting the bytes saves a last
+        read that finds nothing, which would cost as much as a message.
         """
         newest: dict[tuple[int, int], int] = {}
         base = incoming.serial << 32
@@ -835,7 +846,7 @@ class Lane:
                 _, both, code, outlet, number, count, sent_ns = HEADER.unpack_from(frame)
                 if left <= 0 and not counted and time.time_ns() - sent_ns > BEHIND_NS:
                     left, counted = incoming.bytes_waiting(), True
-                # None: of before it was silenced.
+                # None: sent before the topic was unsubscribed.
                 subscription = self._codes.get(code)
             else:
                 self.refused += 1
@@ -857,8 +868,8 @@ class Lane:
                 return
 
     def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
-        """Send to a process no more, unless it is found again."""
-        # A kernel that runs beside would send to a file that is closed.
+        """Close the connection to a subscriber; unless ``for_good``, :meth:`look` may reconnect."""
+        # A kernel running in another thread would send to a closed file descriptor.
         with self.turn.taken():
             if self._outgoing.pop(outgoing.connection.fileno(), None) is None:
                 return
@@ -870,14 +881,14 @@ class Lane:
             self._sort()
 
     def _close_incoming(self, incoming: Incoming) -> None:
-        """Receive from a process no more."""
+        """Close the connection from a publisher."""
         if self._incoming.pop(incoming.connection.fileno(), None) is None:
             return
         self._close(incoming.connection)
         self._wait_for_all()
 
     def _close(self, connection: socket.socket) -> None:
-        """Close a connection in the loop's thread: it may be about to wait for this very file."""
+        """Have the loop's thread close a connection, since that thread may be waiting for it."""
         self._ended.append(connection)
         if self.turn.is_of_loop:
             self._close_ended()

@@ -1,32 +1,31 @@
 # Copyright 2026 The hapticmech_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one loop that runs nodes: it waits for messages, but no longer than the next deadline.
+"""A node's loop: it waits for messages until the next deadline, and acts on deadlines.
 
-A bare spin() of the events executor hangs on an endless deadline, so waiting with a finite timeout
-happens here and nowhere else. One thread at a time runs callbacks and ticks, so nodes need no
-locks.
+Each node has its own loop in a thread of its own (:func:`run_each`). With a lane, two more threads
+work for it (:class:`Threads`): one runs the middleware's callbacks, one publishes views. The
+executor cannot wait for the lane's sockets, so the loop's thread waits for these. Loop and
+callbacks take turns (:mod:`.turn`), so nodes need no locks. Views and services thus delay few
+deadlines, and a stop command need not wait until the loop polls the middleware.
 
-The executor has nothing that the lane's sockets could be waited for together with. So where there
-is a lane, the loop's thread waits for that, and a second one for what the middleware brings: they
-take turns, see :mod:`.turn`. A third one publishes what people see. So views and services keep few
-deadlines waiting, and a command to stop waits for no look.
+Without a lane, the loop's thread runs the callbacks too. A bare spin() of the events executor hangs
+on an infinite timeout; this module waits with finite ones only.
 
-A watchdog ends a node that is alive and does nothing; whatever started it may do so again. The
-middleware may hold a lock for ever (rmw_fastrtps had such a fault with QoS events), while the
-thread that waits for it holds Python's. So the watch is a kernel in a thread of its own, which asks
-for neither.
+A watchdog aborts a process whose loop stands still; what started it may restart it. The middleware
+may hold a lock for ever (rmw_fastrtps had such a fault with QoS events) while the thread that waits
+for it holds Python's lock. So the watchdog is a compiled kernel in a thread of its own that needs
+neither.
 
-The package's kind of node: rclpy's, without two of its habits that stop or end a process.
+:class:`QuietEventsNode` is rclpy's node without two behaviours that stop or end a process.
 
-By default rclpy asks the middleware to tell of peers whose QoS or type does not fit, to log it.
-Whoever takes such an event holds a lock of rmw_fastrtps and waits for one of Fast DDS, and the
-thread that brings the next one does so the other way round: both may wait for ever (rmw_fastrtps
-pull request 890, not in ROS 2 Jazzy's 8.4.3). The peer logs it too.
+By default rclpy subscribes to the middleware's events on peers with an incompatible QoS or type, to
+log them. The thread that takes such an event holds a lock of rmw_fastrtps and waits for one of Fast
+DDS; the thread that delivers the next one locks in the opposite order: both may wait for ever
+(rmw_fastrtps pull request 890, not in ROS 2 Jazzy's 8.4.3). The peer logs it too.
 
-An exception in a callback ends the process, also in those that are rclpy's own, which anybody may
-send anything to: of ``/clock``, and of services of parameters, states and types. Time before 1970,
-a parameter of a type that there is not, a transition that the state does not allow: none of it ends
-a node here.
+An exception in a callback ends the process, even in rclpy's own callbacks, which take messages from
+any peer: of ``/clock``, and of services of parameters, states and types. Here a time before 1970, a
+parameter of an unknown type, or a transition that the state does not allow ends no node.
 """
 
 from __future__ import annotations
@@ -66,21 +65,21 @@ from hapticmech_ros.nodes.turn import Turn
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 M = TypeVar("M")
-# Told what was wrong.
+# Called with the error.
 Refuse = Callable[[HapticMechError], None]
 
 
 def is_rclpys(callback: object) -> bool:
-    """Return whether a function or method is one of rclpy."""
+    """Return whether a function or method is defined in rclpy."""
     return (getattr(callback, "__module__", None) or "").partition(".")[0] == "rclpy"
 
 
 def refusing(callback: Callable[[M], None], refuse: Refuse) -> Callable[[M], None]:
-    """Return a subscription's callback that refuses the messages that cannot be taken.
+    """Return a subscription's callback that refuses messages on which ``callback`` raises.
 
     Args:
-        callback: takes a message.
-        refuse: told why one was not taken.
+        callback: called with a message.
+        refuse: called with the error.
     """
 
     def take(message: M) -> None:
@@ -93,11 +92,11 @@ def refusing(callback: Callable[[M], None], refuse: Refuse) -> Callable[[M], Non
 
 
 def answering(service: Service, refuse: Refuse) -> Callable[[Any, Any], Any]:
-    """Return a service's callback that says in its response that a request cannot be answered.
+    """Return a service's callback whose response reports the error that its own callback raises.
 
     Args:
-        service: with the callback that it has so far.
-        refuse: told why one was not answered.
+        service: with its own callback.
+        refuse: called with the error.
     """
     callback: Callable[[Any, Any], Any] = service.callback
     kind: Any = service.srv_type
@@ -111,7 +110,7 @@ def answering(service: Service, refuse: Refuse) -> Callable[[Any, Any], Any]:
             return _refusal(kind.Response(), str(sentence))
 
     def answer_each(request: Any, response: Any) -> Any:
-        # One that cannot be read keeps no other from being set.
+        # Each by itself: a parameter that cannot be read does not prevent the others being set.
         each = (kind.Request(parameters=[parameter]) for parameter in request.parameters)
         response.results = [
             one for single in each for one in answer(single, kind.Response()).results
@@ -122,7 +121,7 @@ def answering(service: Service, refuse: Refuse) -> Callable[[Any, Any], Any]:
 
 
 def _refusal(response: Any, reason: str) -> Any:
-    """Fill a response; those of other services say by what they lack that nothing was done."""
+    """Fill a parameter service's response with a refusal; return others as they are, empty."""
     if isinstance(response, SetParameters.Response):
         response.results = [SetParametersResult(successful=False, reason=reason)]
     elif isinstance(response, SetParametersAtomically.Response):
@@ -131,7 +130,7 @@ def _refusal(response: Any, reason: str) -> Any:
 
 
 def _sentence(error: Exception) -> HapticMechError:
-    """Return an error of rclpy as one of ours; it may quote what somebody sent, at any length."""
+    """Return an error as one of this package, shortened: it may quote a long message."""
     return HapticMechError(f"{type(error).__name__}: {shown(str(error))}")
 
 
@@ -140,15 +139,15 @@ REFUSAL_LOG_PERIOD_NS = NANOSECONDS
 
 
 class QuietEventsNode(Node):
-    """A node that is told of no QoS events, unless that is wanted, and that no message ends.
+    """A node without QoS events unless requested, which no message to rclpy's callbacks ends.
 
-    Its own callbacks, other than rclpy's, are left as they are.
+    Callbacks that are not rclpy's are not changed.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self._refusal_logs: dict[str, int] = {}
         super().__init__(*args, **kwargs)
-        # All that there are now, however they were made.
+        # All services that rclpy has created by now.
         for service in self.services:
             if is_rclpys(service.callback):
                 what = f"request of {service.service_name}"
@@ -179,11 +178,11 @@ class QuietEventsNode(Node):
         return super().create_subscription(msg_type, topic, callback, *args, **kwargs)
 
     def refuse(self, topic: str, error: HapticMechError) -> None:
-        """Drop a message that breaks a rule, and say so now and then."""
+        """Log a message that breaks a rule; see :meth:`report_refused`."""
         self.report_refused(f"message on {topic}", error)
 
     def report_refused(self, what: str, error: HapticMechError) -> None:
-        """Log what was refused, and why; at most once in :data:`REFUSAL_LOG_PERIOD_NS`."""
+        """Log a refusal and its reason, at most once per :data:`REFUSAL_LOG_PERIOD_NS`."""
         now = time.monotonic_ns()
         last = self._refusal_logs.get(what)
         if last is None or now - last > REFUSAL_LOG_PERIOD_NS:
@@ -191,17 +190,17 @@ class QuietEventsNode(Node):
             self.get_logger().warning(f"{what} refused: {error}")
 
 
-# Longer than anything that a node's loop does at once, the loading of a large scene included.
+# Longer than any single step of a node's loop, the loading of a large scene included.
 STILL_S = 20.0
 
 
 class Watchdog:
-    """Aborts the process when its loop stands still, with a sentence and the stacks of its threads.
+    """Aborts the process when its loop stands still, and prints the stacks of its threads.
 
-    A process that was stopped as a whole, by SIGSTOP or a debugger, goes on afterwards.
+    A process that was stopped as a whole, by SIGSTOP or a debugger, continues afterwards.
 
     Args:
-        still_s: how long it may stand.
+        still_s: longest time without :meth:`go_round`, s.
     """
 
     def __init__(self, still_s: float = STILL_S) -> None:
@@ -220,51 +219,51 @@ class Watchdog:
         threading.Thread(target=abort_when_still, args=arguments, daemon=True).start()
 
     def go_round(self) -> None:
-        """Note that the loop goes on."""
+        """Count a pass of the loop."""
         self._shared[ROUNDS] += 1
 
     def end(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         self._shared[ENDED] = 1
 
 
-# Longest wait for a message or deadline: also how late a signal is answered at the worst.
+# Longest wait for a message or deadline, s: also the longest delay before a signal is handled.
 LONGEST_WAIT_S = 0.1
-# Longest run of a kernel, which whoever has something to do for Python ends before.
+# Longest run of a kernel, s; work for Python ends it earlier.
 LONGEST_RUN_S = 1.0
-# A deadline closer than this is waited for by looking at the clock: timers wake up later than that.
+# Shortest wait for messages, s: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
-# A processor that idles wakes up late, by 50 to 100 us where it is a virtual one. A deadline is
-# waited for with open eyes from as much before it, but for no more than this share of the wait, and
-# no longer than this, ns: whoever looks at the clock takes the processor from everybody else.
+# An idle processor wakes up late, by 50 to 100 us if it is virtual. The last part of a wait for a
+# deadline, as long as the expected lateness, is busy polling: at most 1/AWAKE_SHARE of the wait and
+# AWAKE_NS, ns, since polling takes the processor from other threads.
 AWAKE_SHARE, AWAKE_NS = 10, 40_000
-# Of the latenesses seen, what a new one counts; and no more than this of it, ns: a thread that
-# something else kept waiting would not have come earlier for looking at the clock.
+# The mean lateness moves by 1/_LEARNS towards each new one, of which at most _WAKES_WITHIN_NS, ns,
+# counts: polling does not help a thread that had to wait for another one.
 _LEARNS, _WAKES_WITHIN_NS = 8, 150_000
-# How long the middleware is waited for at once, s.
+# Longest single wait for the middleware, s.
 SPIN_S = 0.02
-# Whoever wants Python's lock gets it after so long, s: five milliseconds are several periods.
+# A thread waiting for Python's lock gets it after this, s; the default, 5 ms, is several periods.
 SWITCH_S = 0.0005
-# For how long callbacks that have waited keep a kernel from going on, s.
+# How long deferred callbacks may keep a kernel from running, s.
 CALLBACKS_S = 0.005
-# Who answers nobody takes what has come so often, s: to wake up for each message would take as much
-# of a processor again, and keep those waiting who answer.
+# Period at which a process that only receives takes its messages, s: waking up for each one would
+# double its processor time, and delay the processes of the control loop.
 GATHER_S = 0.01
-# Messages for people are sent while nothing else is to be done for so long, and, after a deadline,
-# not before its answer has come or so much time has passed.
+# Kept messages are sent if the next deadline is at least SENDS_NS away, ns, and not before the
+# answers to a node's last output have arrived or ANSWER_NS, ns, have passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
-# A timeout of zero would still be waited for, by 20 to 80 us: the system is asked to wait until a
-# time that has gone by when it is asked. It is not asked where that time is before 1970.
+# A timeout of zero costs 20 to 80 us, as the system call waits until a time that has just passed.
+# No system call is made if that time is before 1970.
 NO_WAIT_S = -4e9
 _PR_SET_TIMERSLACK = 29
 
 
 class StopRequest:
-    """Set by the first SIGINT or SIGTERM; further ones change nothing, nor disturb the end.
+    """A request to stop, set by the first SIGINT or SIGTERM; further signals are ignored.
 
     Attributes:
         asked: whether to stop.
-        calls: called then, in the main thread.
+        calls: called by :meth:`ask`; after a signal in the main thread.
     """
 
     def __init__(self) -> None:
@@ -276,27 +275,27 @@ class StopRequest:
     def _handle(self, number: int, frame: FrameType | None) -> None:
         del number, frame
         self.ask()
-        # Python takes its handlers away as it ends: a second Ctrl-C would kill it there.
+        # Python removes its handlers at exit: a second Ctrl-C would kill the process there.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
     def ask(self) -> None:
-        """Ask to stop."""
+        """Request to stop."""
         self.asked = True
         for call in self.calls:
             call()
 
 
 def wake_up_in_time() -> None:
-    """Ask Linux not to gather this process's wake-ups, by which it delays each by some 50 µs."""
+    """Set the thread's timer slack to 1 ns: Linux else delays wake-ups by 50 us to group them."""
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1)
 
 
 def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None = None) -> None:
     """Run callbacks for ``timeout_s``, which must be finite, or until a future is done.
 
-    One by one: each call of the events executor's ``spin_until_future_complete`` leaves an object
-    of 24 bytes behind (rclpy 7.1), which at 1 kHz comes to 70 MB an hour.
+    By ``spin_once``: each call of the events executor's ``spin_until_future_complete`` leaks 24
+    bytes (rclpy 7.1), at 1 kHz 70 MB an hour.
     """
     end, left = time.monotonic() + timeout_s, timeout_s
     while until is None or not until.done():
@@ -307,16 +306,15 @@ def wait_for_messages(executor: Executor, timeout_s: float, until: Future | None
 
 
 def run_waiting(executor: Executor, most_s: float) -> None:
-    """Run the callbacks of what the middleware has brought by now, for ``most_s`` at most.
+    """Run the callbacks of all messages that have arrived by now, for ``most_s`` at most.
 
-    The executor does not tell whether a call of ``spin_once`` found anything, and what it found may
-    be as short as nothing: messages that were replaced before they were taken leave events behind
-    for which there is no message. So a mark is queued behind what is there, and callbacks are run
-    until it comes out.
+    The executor's ``spin_once`` does not return whether it ran a callback, and its duration does
+    not show that either: a message replaced before it was taken leaves an event without a message.
+    So a task is queued behind the present events, and callbacks are run until this task has run.
 
     Args:
         executor: of the nodes.
-        most_s: s.
+        most_s: longest duration, s.
     """
     waiting, end = [True], time.monotonic() + most_s
     executor.create_task(waiting.clear)
@@ -325,13 +323,14 @@ def run_waiting(executor: Executor, most_s: float) -> None:
 
 
 class Threads:
-    """The threads of a process beside the loop's.
+    """A loop's two further threads: one runs callbacks, one publishes views.
 
-    They are there at once, so that what is asked of the system for all threads holds for them.
+    They are started at once, so that settings made for all threads of the process include them, but
+    wait for :meth:`begin`.
 
     Args:
-        executor: of the nodes.
-        exchange: of the process.
+        executor: of the loop's nodes.
+        exchange: of the loop's nodes.
     """
 
     def __init__(self, executor: Executor, exchange: Exchange) -> None:
@@ -348,7 +347,7 @@ class Threads:
             thread.start()
 
     def begin(self, turn: Turn) -> None:
-        """Let them work, unless they do; the thread that calls is the loop's from now on."""
+        """Start the threads' work, unless started; the calling thread becomes the loop's."""
         if self._turn is not None:
             return
         turn.share()
@@ -356,10 +355,10 @@ class Threads:
         self._begun.set()
 
     def have_listened(self) -> bool:
-        """Return whether the middleware was listened to since this was asked last.
+        """Return whether the middleware was polled since the last call; True before :meth:`begin`.
 
         Raises:
-            Exception: which a callback has raised.
+            Exception: raised by a callback.
         """
         if self._failure is not None:
             raise self._failure
@@ -369,7 +368,7 @@ class Threads:
         return self._seen_ns > seen_ns
 
     def end(self) -> None:
-        """Wait for both to end."""
+        """Stop both threads, and wait until they have ended."""
         self._ended = True
         self._begun.set()
         if self._turn is not None:
@@ -408,12 +407,12 @@ class Threads:
 
 
 class Inbox:
-    """What a process waits for: its executor, and the lane.
+    """Receives a loop's messages from its executor and from the lane.
 
     Args:
         executor: of the nodes.
-        exchange: with the lane.
-        threads: that run callbacks where there is a lane; None: there are none.
+        exchange: of the nodes, with the lane.
+        threads: that run callbacks if there is a lane; None: :meth:`wait` runs the callbacks.
     """
 
     def __init__(
@@ -425,9 +424,9 @@ class Inbox:
         self._answer_ns = self._late_ns = 0
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for messages, no longer than ``timeout_s``, and hand on what has come.
+        """Wait for messages, at most ``timeout_s``, and deliver those that have arrived.
 
-        Messages for people are sent meanwhile, one after the other, if there is time for that.
+        If there is time, one kept message is sent instead; see :data:`SENDS_NS`.
         """
         exchange = self._exchange
         lane = exchange.lane
@@ -458,7 +457,10 @@ class Inbox:
             exchange.deliver()
 
     def gather(self) -> None:
-        """Let messages come for :data:`GATHER_S`, and hand on all that have."""
+        """Wait :data:`GATHER_S`, then deliver all messages that have arrived.
+
+        Without another process on the lane: :meth:`wait` for at most :data:`LONGEST_WAIT_S`.
+        """
         exchange = self._exchange
         lane = exchange.lane
         if lane is None or not lane.linked:
@@ -468,11 +470,14 @@ class Inbox:
         lane.look()
         exchange.collect(whole=True)
         exchange.deliver()
-        # All of it, but for so long only: messages may come as fast as they are taken.
+        # With a time limit: messages may arrive as fast as they are taken.
         run_waiting(self._executor, GATHER_S)
 
     def drain(self, most_s: float) -> None:
-        """Hand on all that has come until now, for ``most_s`` at most."""
+        """Wait :data:`GATHER_S`, then deliver all messages that have arrived.
+
+        The middleware's callbacks run until ``most_s`` after the call.
+        """
         end = time.monotonic() + most_s
         time.sleep(GATHER_S)
         self._exchange.collect(whole=True)
@@ -480,7 +485,7 @@ class Inbox:
         run_waiting(self._executor, end - time.monotonic())
 
     def _collect_until(self, deadline: int, now: int) -> None:
-        """Let messages come until a deadline, ns, which is met to some microseconds."""
+        """Receive messages until a deadline, ns, which is met to some microseconds."""
         exchange, lane = self._exchange, self._exchange.lane
         early = min(self._late_ns, AWAKE_NS, (deadline - now) // AWAKE_SHARE)
         timeout_s = (deadline - early - now) / NANOSECONDS
@@ -489,9 +494,9 @@ class Inbox:
             return
         now = time.monotonic_ns()
         if now < deadline - early:
-            # Something else is to be done.
+            # Woken early, for something else.
             return
-        # Half as much again as usual: most are in time then.
+        # A margin of a half on the mean lateness: most deadlines are met then.
         late = 3 * min(now - (deadline - early), _WAKES_WITHIN_NS) // 2
         self._late_ns += (late - self._late_ns) // _LEARNS
         while now < deadline and not exchange.is_waiting:
@@ -499,35 +504,35 @@ class Inbox:
             now = time.monotonic_ns()
 
     def acted(self) -> None:
-        """Note that what was sent now may be answered soon."""
+        """Note that answers to the node's output are expected within :data:`ANSWER_NS`."""
         self._answer_ns = time.monotonic_ns() + ANSWER_NS
 
 
 class HasDeadlines(Protocol):
-    """A node that says when it wants to act next."""
+    """A node that acts on deadlines."""
 
     def look_at_clock(self) -> None:
-        """Notice it if the machine's clock was set."""
+        """Check whether the machine's clock was set."""
 
     def now_ns(self) -> int:
         """Return the node's time, ns."""
 
     def next_deadline_ns(self) -> int | None:
-        """Return the next deadline by the node's time, ns; None: never."""
+        """Return the next deadline by the node's time, ns; None: there is none."""
 
     def act(self, now_ns: int) -> None:
-        """Act on the deadlines that have come."""
+        """Act on the deadlines up to a time, ns."""
 
 
 def run_each(stop: StopRequest, works: Sequence[Callable[[], None]]) -> None:
-    """Run each in a thread of its own until one ends, or a signal comes; then stop all.
+    """Run each function in a thread of its own; once one returns or raises, stop all.
 
     Args:
-        stop: looked at by each.
-        works: to run.
+        stop: checked by each function; a signal sets it too.
+        works: the functions.
 
     Raises:
-        Exception: what one of them has raised.
+        Exception: raised by one of them.
     """
     with ThreadPoolExecutor(len(works), initializer=leave_signals) as pool:
         running = [pool.submit(work) for work in works]
@@ -538,12 +543,12 @@ def run_each(stop: StopRequest, works: Sequence[Callable[[], None]]) -> None:
 
 
 def leave_signals() -> None:
-    """Leave signals to the main thread, where Python acts on them, from the one that calls."""
+    """Block SIGINT and SIGTERM in the calling thread: the main thread handles them."""
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
 
 
 def prepare_loops() -> None:
-    """Set Python up for loops with deadlines, once all is made."""
+    """Set Python up for loops with deadlines, once all nodes are created."""
     _find_callers()
     gc.collect()
     gc.freeze()
@@ -556,13 +561,13 @@ def run_until(
     exchange: Exchange | None = None,
     begun: Callable[[], object] = lambda: None,
 ) -> None:
-    """Run nodes in this thread until a signal: messages as they come, deadlines when they come.
+    """Run a loop for nodes in this thread until a stop: deliver messages, act on deadlines.
 
     Args:
-        stop: set by a signal.
+        stop: the request to stop.
         nodes: to run.
-        exchange: of theirs.
-        begun: called once there are all threads.
+        exchange: of the nodes; None: a new one, without a lane.
+        begun: called once this loop's :class:`Threads` are started.
     """
     executor, exchange = EventsExecutor(), exchange or Exchange()
     for node in nodes:
@@ -591,22 +596,23 @@ def run_until(
 
 
 class Reports(Protocol):
-    """A node that has something to say as it ends."""
+    """A node with a final report."""
 
     def final_report(self) -> str:
-        """Return what is printed then."""
+        """Return the line to print when the node ends."""
 
 
 def print_report(node: Reports) -> None:
-    """Print a node's last line in one write: processes that share a terminal end together."""
+    """Print a node's last line in one write, as processes that share a terminal end together."""
     sys.stdout.write(f"{node.final_report()}\n")
     sys.stdout.flush()
 
 
 def _find_callers() -> None:
-    """Do now what rclpy does for its first log line, when a device may wait for an answer.
+    """Fill inspect's cache, before a device waits for answers.
 
-    It asks inspect for the caller, which then looks through all modules: up to 0.1 s.
+    For its first log line rclpy looks up the caller by inspect, which searches all modules: up to
+    0.1 s.
     """
     frame = inspect.currentframe()
     if frame is not None:
@@ -614,7 +620,7 @@ def _find_callers() -> None:
 
 
 def _wait_s(nodes: Sequence[HasDeadlines]) -> float:
-    """Return how long to wait for messages: to the next deadline, within finite bounds."""
+    """Return how long (s) to wait for messages: until the next deadline, within finite bounds."""
     ahead = [
         (deadline - node.now_ns()) / NANOSECONDS
         for node in nodes
@@ -629,12 +635,12 @@ def write_progress(event: str, **facts: object) -> None:
 
 
 def watch(node_type: Callable[[], Node], arguments: Sequence[str], **facts: Any) -> int:
-    """Run a node, which takes no arguments, until a signal; return the exit code.
+    """Run a node until a signal, and return the exit code.
 
     Args:
-        node_type: of the node.
+        node_type: creates the node, without arguments.
         arguments: for ROS.
-        facts: told as soon as it listens.
+        facts: printed with the event ``ready`` once the node is created.
     """
     stop = StopRequest()
     rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)

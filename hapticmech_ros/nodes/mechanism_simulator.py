@@ -74,12 +74,12 @@ _NO_CONTACTS = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
 class MechanismTicks(PlainMessages):
-    """Moves the mechanism of a simulator.
+    """Steps a simulator's mechanism by a compiled kernel, which receives commands and publishes.
 
     Args:
-        actor: the simulator's.
-        layout: of its states.
-        outlet: that they are published through.
+        actor: the simulator.
+        layout: of its state messages.
+        outlet: of the state messages.
     """
 
     def __init__(self, actor: MechanismSimulator, layout: StateLayout, outlet: Outlet) -> None:
@@ -117,7 +117,7 @@ class MechanismTicks(PlainMessages):
         link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
-        """Tell the kernel how the mechanism is; return whether it may do anything for it."""
+        """Set the kernel's inputs from the simulator; return whether the kernel may run."""
         actor, link = self._simulator, self.link
         if not actor.steps_plainly or actor.clock is None:
             return False
@@ -130,7 +130,7 @@ class MechanismTicks(PlainMessages):
         link.newest, link.arrived = port.order.last
         link.until_view = actor.until_view
         state, scene = actor.state, actor.simulator.scene
-        # Terms are of the operational point's place, which is another scene's once it has moved.
+        # The kernel's terms depend on the operational point's place; moving that makes a new scene.
         if state is not self._known or scene is not self._scene:
             self._scene = scene
             self._load(state)
@@ -138,7 +138,7 @@ class MechanismTicks(PlainMessages):
         return True
 
     def _load(self, state: MechanismState) -> None:
-        """Go on from a state."""
+        """Set the kernel's state."""
         simulator, data = self._simulator.simulator, self._data
         active_set = simulator.mechanism.active_set(state.active)
         if self._packed.shape[1] != active_set.size:
@@ -153,7 +153,7 @@ class MechanismTicks(PlainMessages):
         self._known = state
 
     def kernel(self) -> Callable[[], int]:
-        """Return the kernel with all that it is called with."""
+        """Return the kernel with its arguments bound."""
         simulator, data = self._simulator.simulator, self._data
         active_set = simulator.mechanism.active_set(self._simulator.state.active)
         simulator.stepper.prepare()
@@ -174,7 +174,7 @@ class MechanismTicks(PlainMessages):
         )
 
     def did(self, code: int, reads: int) -> None:
-        """Tell the simulator what the kernel did."""
+        """Update the simulator with the results of the kernel's run."""
         actor, link, port = self._simulator, self.link, self._simulator.port
         if reads or link.done:
             port.command.take_from(self._commands, link.received, link.received_before)
@@ -185,12 +185,12 @@ class MechanismTicks(PlainMessages):
 
     @property
     def _state(self) -> MechanismState:
-        """Where the kernel has moved the mechanism to."""
+        """The state to which the kernel has moved the mechanism."""
         known, data = self._known or self._simulator.state, self._data
         return state_of(known, data.totals, data.q.copy(), data.v.copy(), None)
 
     def view(self) -> Callable[[], None]:
-        """Return what publishes that for people."""
+        """Return a function that publishes the views of the kernel's state."""
         stamp_ns = self.link.next - self.link.period
         pushes = np.zeros((1, 6))
         return partial(self._simulator.publish_view, self._state, pushes, stamp_ns)
@@ -225,7 +225,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._external = self._calm
         acted_on = bool(self.scene.contacts) or len(names) > 1
         self._contact_wrenches = ContactWrenches(self._mechanism) if acted_on else None
-        # By the controllers, in the period that begins.
+        # Wrenches by the controllers in the period that begins.
         self._commanded_wrenches = self._calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         held = [self.scene.operational_point(name.strip()).name for name in held]
@@ -266,12 +266,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         offer_closures(self, self._closures, self._switch)
         square, touches = self._mechanism.nq == self._mechanism.nv, bool(self.scene.contacts)
         waits = parameters.require_external_wrench
-        # Where the mechanism is one that a kernel can move all by itself.
+        # If a kernel can step this mechanism without Python.
         if square and len(names) == 1 and not (touches or waits):
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
-        """Take new parameters: the timeouts count from now on."""
+        """Replace the parameters; new timeouts apply from now on."""
         super().apply_parameters(parameters)
         self._timeout_ns = nanoseconds(self._command_timeout(parameters))
         for port in self._ports:
@@ -283,7 +283,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._grasp(self._asked_for(parameters))
 
     def validate_parameters(self, parameters: MechanismParameters) -> None:
-        """Refuse what the scene cannot have, a grasp too far away, and both in lockstep."""
+        """Raise for parameters that do not fit the scene, or that are not allowed in lockstep."""
         self._command_timeout(parameters)
         if parameters.closure_button:
             self._refuse_in_lockstep("closure_button", parameters.closure_button)
@@ -295,11 +295,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._check_within_reach(point)
 
     def _command_timeout(self, parameters: MechanismParameters) -> float:
-        """Return how long (s) it acts on a command."""
+        """Return how long (s) the mechanism acts on a command."""
         return timeout_of(parameters, "command_timeout", MECHANISM_COMMAND, self.period_s)
 
     def activate(self) -> None:
-        """Go on where the mechanism is; what was commanded before counts no more."""
+        """Continue from the present state; commands and wrenches received before are discarded."""
         for port in self._ports:
             port.forget()
         if self._listened is not None:
@@ -314,17 +314,17 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     @property
     def port(self) -> PointPort:
-        """The port of the operational point held, where there is one only."""
+        """The port of the first operational point; a kernel runs only if it is the only one."""
         return self._ports[0]
 
     @property
     def place(self) -> Array:
-        """(7,) Where that point is."""
+        """(7,) The place of the point of :attr:`port`, as in the state message."""
         return np.asarray(self._grasps.numbers[0])
 
     @property
     def steps_plainly(self) -> bool:
-        """Whether a step needs nothing but a command; see :class:`MechanismTicks`."""
+        """Whether a step needs no input but a command; see :class:`MechanismTicks`."""
         pushed = self._external is not self._calm or self._on_links or self._is_pushed
         waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
         changed = self.state.active != self._announced
@@ -336,15 +336,15 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     @property
     def until_view(self) -> int:
-        """After how many more steps one is to be seen."""
+        """Number of steps until the next view is due."""
         return 1 + -self._ticks % self.view_every
 
     def moved(self, state: MechanismState, link: kernels.DeadlineLink, published: bool) -> None:
-        """Go on from where the kernel has moved the mechanism to.
+        """Take over the state to which the kernel has moved the mechanism.
 
         Args:
-            state: where.
-            link: how many steps were done, and when the next one is due.
+            state: the mechanism's state.
+            link: number of steps done, and when the next one is due.
             published: whether the last state was published.
         """
         if self.clock is None:
@@ -363,7 +363,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._last_valid.keep(state, link.done)
 
     def deactivate(self) -> None:
-        """Come to rest: on activation the mechanism goes on from here."""
+        """Bring the mechanism to rest; on activation it continues from this position."""
         self.wait_by(None)
         self._rest()
         self._operating.publish(active=False)
@@ -372,25 +372,25 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.state = replace(self.state, v=np.zeros_like(self.state.v))
 
     def reset(self) -> None:
-        """Stand still where all was well, pushed by nobody, and be silent for all to notice."""
+        """Return to the last valid state, at rest, without wrenches; be silent for SILENCE_NS."""
         self.state = self._last_valid.go_back(self.now_ns())
         self._rest()
         self.activate()
 
     def ready(self, deadline_ns: int) -> bool:
-        """Return whether the commands to act on, and awaited wrenches, are there."""
+        """Return whether the commands for the next step, and required wrenches, have arrived."""
         if self.parameters.require_external_wrench and not all(
             port.awaited.has(deadline_ns) for port in self._ports
         ):
             return False
         needed = [self.answered_ns(deadline_ns)] if self._ticks > 1 else []
-        # Of several hands each feels what the others were told last.
+        # With several hands, each feels the others' newest commands.
         if self._ticks and len(self._held) > 1:
             needed.append(deadline_ns - self.period_ns)
         return all(self._ports[i].commands.has(time) for i in self._held for time in needed)
 
     def tick(self, periods: int, deadline_ns: int) -> None:
-        """Step the mechanism under the wrenches that stand, and publish its state."""
+        """Step the mechanism under the valid wrenches, and publish its state."""
         if self._last_valid.rests(deadline_ns, self.activate):
             return
         if self._ticks or not self.lockstep:
@@ -406,7 +406,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._publish(deadline_ns)
 
     def _to_act(self, deadline_ns: int) -> Array:
-        """Return the wrenches (points, 6) by the controllers of several hands that act next."""
+        """Return the wrenches (points, 6), N and N m, of two or more controllers that act next."""
         held, answered = self._held, deadline_ns - self.period_ns
         if not self.lockstep:
             held = [i for i, port in enumerate(self._ports) if port.command.stands(deadline_ns)]
@@ -443,14 +443,14 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 
     @property
     def _is_behind(self) -> bool:
-        """Whether it owes more periods than a command may be silent, after a stall.
+        """Whether, after a stall, more steps are owed than fit into the command timeout.
 
-        It then moves several periods in one: nobody is to hold it meanwhile.
+        Several steps are then made per period, and the mechanism must not be held meanwhile.
         """
         return self.backlog.owed * self.period_ns > self._timeout_ns
 
     def _by_all(self) -> Array:
-        """Return F_c (points, 6): of what pushes there, of virtual objects, and of other hands."""
+        """Return F_c (points, 6), N and N m: external, of contacts, and of other hands."""
         touching = self.state.touching
         touched = touching is not None and bool(touching.joint_force.any())
         if self._contact_wrenches is None or not (touched or self._commanded_wrenches.any()):
@@ -462,7 +462,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return np.asarray(self._external + self._contact_wrenches.at(terms, forces))
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return the mechanism's state and figures."""
+        """Return whether all is well, a sentence, and the mechanism's figures."""
         closed = ", ".join(self._mechanism.names_of(self.state.active)) or "none"
         pushing = {} if self._listened is None else self._listened.figures(self.now_ns())
         energy = energy_of(self._mechanism, self.state, 0)
@@ -497,7 +497,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return next((fault for port in self._ports if (fault := port.fault(now_ns))), "")
 
     def _fault(self) -> str:
-        """Return why the mechanism is held by nobody, whatever is told; empty if it may be."""
+        """Return the fault for which the mechanism must not be held; empty if there is none."""
         resting = self._last_valid.resting
         failed = f"restarting after an error: {self.failures.last}" if resting else ""
         return self._two_command(self.now_ns()) or failed
@@ -508,10 +508,10 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._note_inaccurate(before)
 
     def _note_inaccurate(self, before: int) -> None:
-        """Say that steps were not accurate, if more were than before."""
+        """Log inaccurate steps if there are more than ``before``, at most once per second."""
         if self.state.account.inaccurate > before:
             now = self.now_ns()
-            # Once, where many come one after the other.
+            # Once for a series of them.
             if now - self._inaccurate_ns >= NANOSECONDS:
                 self.node.get_logger().warning(self._inaccuracy())
             self._inaccurate_ns = now
@@ -524,11 +524,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         )
 
     def _commanded(self, known_ns: int, deadline_ns: int) -> Array:
-        """Return the wrench (points, 6) by the controllers that acts over a step.
+        """Return the controllers' wrenches (points, 6), N and N m, that act over a step.
 
         Args:
-            known_ns: as of when, ns.
-            deadline_ns: in lockstep, of the step.
+            known_ns: by when the commands must have arrived, ns; not used in lockstep.
+            deadline_ns: of the step, ns; used in lockstep only.
         """
         if not self.lockstep:
             commands = self._commands
@@ -543,7 +543,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return wrenches
 
     def _pushing(self, now_ns: int) -> Array:
-        """Return F_c (points, 6) from now on, and keep what pushes on links."""
+        """Return the external wrenches (points, 6), N and N m, from now on; keep those on links."""
         if self._listened is None:
             return np.array([port.awaited.take(now_ns) for port in self._ports])
         pushed = self._listened.at(now_ns, self._rotation_of)
@@ -562,12 +562,12 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return np.asarray(self._mechanism.frame_pose(self.state.q, frame).rotation)
 
     def publish_view(self, state: MechanismState, external: Array, time_ns: int) -> None:
-        """Publish a state for people.
+        """Publish the views of a state.
 
         Args:
             state: of the mechanism.
             external: (points, 6) F_c, N and N m, world axes at each operational point.
-            time_ns: its stamp, ns.
+            time_ns: stamp of the state, ns.
         """
         self._operating.publish(self.node.active)
         points = self.simulator.evaluate(state).points
@@ -578,8 +578,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)
         for port, point, force in zip(self._ports, points, external, strict=True):
-            # Joints may keep their limits where a point far out on a link does not: nobody could
-            # be told of it, and so it is not gone on with.
+            # Joints may be within their limits while a point far out on a link is beyond those of
+            # messages: this raises, as its state could not be published.
             port.check(point)
             port.publish(point, force, joints, time_ns)
         self._contact_port.publish(state.touching, time_ns)
@@ -588,7 +588,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._publish_energy.publish(self._energy.encode(energies.values))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:
-        """Return the point that the parameter ``grasp`` moves, where it moves it."""
+        """Return the operational point at the parameter ``grasp``; if empty, as in the scene."""
         if not parameters.grasp:
             return self.scene.operational_point(self.point)
         return grasp_written(self.scene, self.point, parameters.grasp)
@@ -599,7 +599,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._grasp(point)
 
     def _grasp(self, point: OperationalPoint) -> None:
-        """Put an operational point elsewhere; the hand's wrench at the old place ends."""
+        """Move an operational point; the controller's wrench at the old place ends."""
         self.simulator.set_operational_point(point)
         if self._contact_wrenches is not None:
             self._contact_wrenches = ContactWrenches(self._mechanism)
@@ -608,7 +608,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self._grasps.moved(point)
 
     def _check_within_reach(self, point: OperationalPoint) -> None:
-        """Refuse a grasp where nobody could be told of: beyond the scene's ``limits.position``."""
+        """Raise for a grasp beyond ``limits.position``, where no message could report the point."""
         link = self._mechanism.frame_pose(self.state.q, point.link)
         pose_bounds(self.limits).check((*link.act(se3(point.origin).translation), 0.0, 0.0, 0.0))
 
@@ -618,7 +618,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             raise InvalidInputError(what, value, rule)
 
     def _pressed(self, number: int) -> None:
-        """Open or close a loop, if this is the number of its button."""
+        """Open or close the loop of the closure button, if that has this number."""
         found = closure_button(self.parameters.closure_button, self._closures)
         if found is not None and found[1] == number:
             self._switch(found[0], not self.state.active[self._closures.index(found[0])])
@@ -652,7 +652,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
 def energy_of(mechanism: Mechanism, state: MechanismState, time_ns: int) -> MechanismEnergy:
     """Return the energies of a mechanism at a state, at a time (ns).
 
-    What contacts hold counts as potential energy, what they lose as lost by damping.
+    Energy stored in contacts counts as potential energy, energy lost there as lost by damping.
     """
     kinetic, potential = mechanism.energy(state.q, state.v)
     account = state.account

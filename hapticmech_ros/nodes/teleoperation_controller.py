@@ -61,19 +61,19 @@ from hapticmech_ros.wire.messages import (
 from hapticmech_ros.wire.topics import DEVICE_POSE, DEVICE_STATE, POINT_COMMAND, POINT_MODEL
 
 CLUTCHED = "the button of the clutch is pressed"
-# After the last answers' stamps, which may be later than their samples' by up to a microsecond.
+# Zeros are stamped this much after the last answers, ns, which follow their samples by up to 1 us.
 ZERO_AFTER_NS = 2000
 
 
 class SampleAnswers(PlainMessages):
-    """Answers samples for a controller.
+    """Answers a controller's device samples by a compiled kernel.
 
     Args:
         actor: the controller.
-        device: of the samples.
-        analyser: of the operational models.
-        outputs: topics of the answers to device and mechanism, and of how they depend on it.
-        crtk: topics that say the same as the samples, and who speaks on each.
+        device: publishers of the samples.
+        analyser: publishers of the operational models.
+        outputs: outlets of the commands to device and mechanism, and of the local feedback gain.
+        crtk: CRTK topics with the same data as the samples, and the publishers of each.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class SampleAnswers(PlainMessages):
         self.link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
-        """Tell the kernel how the controller is; return whether it may do anything for it."""
+        """Set the kernel's inputs from the controller; return whether the kernel may run."""
         found = self._controller.plainly(self.link, self._known.values, self._grasp)
         if found is None:
             return False
@@ -123,7 +123,7 @@ class SampleAnswers(PlainMessages):
         return True
 
     def kernel(self) -> Callable[[], int]:
-        """Return the kernel with all that it is called with."""
+        """Return the kernel with its arguments bound."""
         actor, side = self._controller, self._controller.side
         self._answer = Answer()
         states, models = self.inputs
@@ -153,7 +153,7 @@ class SampleAnswers(PlainMessages):
         )
 
     def did(self, code: int, reads: int) -> None:
-        """Tell the controller what the kernel did."""
+        """Update the controller with the results of the kernel's run."""
         states, models = self.inputs
         if read := models.reading.read:
             origin = self.origin(own.MODELS)
@@ -163,7 +163,7 @@ class SampleAnswers(PlainMessages):
             self._controller.answered(self.link, self._answer, self.origin(own.STATES))
 
     def view(self) -> Callable[[], None]:
-        """Return what publishes the last answer for people."""
+        """Return a function that publishes the views of the last answer."""
         actor, stamp_ns = self._controller, self.link.sample_ns
         answer = ControllerCommand(Answer(self._answer.values.copy()), stamp_ns)
         energies = ControllerEnergies(actor.side.account.energies.values.copy())
@@ -173,17 +173,18 @@ class SampleAnswers(PlainMessages):
 class TeleoperationController(Actor[ControllerParameters]):
     """Runs a scene's :class:`ControlArchitecture` on every sample of the device.
 
-    While an input is missing or stale, or the mechanism does not hear it, it is disengaged: the
-    device and the mechanism get zero once, then nothing; then it engages anew, without a jump. When
-    the mechanism is held elsewhere it goes on there, without a jump either. In lockstep it answers
-    when device and rendering of the same time are there.
+    It is disengaged while an input is missing or stale, or the mechanism does not receive its
+    commands: device and mechanism then receive zero once, and the device no further command. It
+    engages again without a jump of the wrench. When the grasp moves to another place it continues
+    there, also without a jump. In lockstep it answers once a sample and the operational model of
+    the same time have arrived.
 
     Attributes:
-        bounds: of what it reads.
+        bounds: of received numbers.
         side: the rendering controller.
-        motion: whether samples can be the device's motion.
-        engagements, grasps: so far.
-        loop_warning: what is wrong with the gains; empty if nothing is.
+        motion: checks whether samples are possible motions of the device.
+        engagements, grasps: how often it engaged, and how often the grasp moved while engaged.
+        loop_warning: a warning about the gains; empty if there is none.
     """
 
     name = "teleoperation_controller"
@@ -199,13 +200,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.side = self._new_side()
         self._arrived: ControllerCommand | None = None
         self._rendered_ns = NEVER
-        # Whether the device corrects commands; one that speaks CRTK only does not.
+        # Whether the device corrects commands; one that uses CRTK only does not.
         self._local = False
         self.engagements = self.grasps = 0
         self._last_fault = ""
         self._last_ns = NEVER
         self._state_ns = NEVER
-        # Stamps of what device and mechanism were told last, by their clocks.
+        # Stamps of the last commands to device and mechanism, ns of their clocks.
         self._command_stamps = 0, 0
         self._model: Latest[OperationalModelMessage] = Latest()
         self._outputs = ControllerOutputs(self, lambda: self._crtk.rotation)
@@ -246,7 +247,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             analyser := self.watch(model),
         )
         self._of_device, self._of_analyser = device, analyser
-        # C3 of the hands whose wrenches the device gets at once, and what these do to the point.
+        # C3 of the hands whose wrenches the device receives directly, and how they move the point.
         self._direct = received_directly(self.shared_scene, self.point, self.other_points)
         self._transmissions = Transmissions(self, self._answer_pair)
         self._crtk.listen()
@@ -262,48 +263,48 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     @cached_property
     def path(self) -> DevicePath:
-        """The way to the device."""
+        """The connection to the device."""
         return DevicePath(self.scene, self.node.get_logger().warning)
 
     @property
     def _tuned(self) -> Controller:
-        """The gains as parameters have them, whatever the way to the device."""
+        """The gains set by parameters, before any change for the connection to the device."""
         return tuned(self.scene.controller, self.parameters.gains)
 
     def apply_parameters(self, parameters: ControllerParameters) -> None:
-        """Take new parameters: the timeout counts from now on, gains pass to the new ones."""
+        """Replace the parameters: the timeout applies from now on, gains move to the new ones."""
         super().apply_parameters(parameters)
         self.timeout_ns = self.silence_ns(self._input_timeout(parameters))
         self._tune()
 
     def _tune(self) -> None:
-        """Let gains pass to those that parameters, and the way to the device, ask for."""
+        """Move the gains to those for the parameters and the connection to the device."""
         time_s = None if self._clutch is None else self._time_s(self.now_ns())
         self.path.tune(self._control, self._tuned, self.parameters.soften, time_s)
 
     def validate_parameters(self, parameters: ControllerParameters) -> None:
-        """Refuse gains that are none, and what is less safe than the scene allows."""
+        """Raise for invalid gains, and for a timeout less safe than the scene's."""
         tuned(self.scene.controller, parameters.gains)
         self._input_timeout(parameters)
 
     def _input_timeout(self, parameters: ControllerParameters) -> float:
-        """Return how old (s) inputs may be: a command from an old one is as old.
+        """Return the input timeout (s), before the allowance for a declared network's jitter.
 
-        What a declared network's jitter may add to silence comes on top, as with a device's.
+        Its bounds are those of the device's command timeout: a command is as old as its input.
         """
         return timeout_of(parameters, "input_timeout", COMMAND, self.period_s, self.scene.device)
 
     def watch(self, topic: str) -> Sources:
-        """Return what watches that only one device, or one analyser, speaks on a topic."""
+        """Return a check that a topic has one publisher only; a second one is a fault."""
         self._single.append(self.sources(topic))
         return self._single[-1]
 
     def _rivals(self, now_ns: int) -> str:
-        """Return which two speak where one may; empty if none do."""
+        """Return a sentence on two publishers where one is allowed; empty if there are none."""
         return next((fault for one in self._single if (fault := one.fault(now_ns))), "")
 
     def _fault(self, now_ns: int) -> str:
-        """Return why nothing may be rendered; empty if it may."""
+        """Return the fault for which nothing may be rendered; empty if there is none."""
         return self._rivals(now_ns) or self.motion.fault
 
     def _time_s(self, now_ns: int) -> float:
@@ -315,7 +316,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         )
 
     def activate(self) -> None:
-        """Wait for device and rendering; times count from now, to lose no digits."""
+        """Wait for device and mechanism; times count from now, to keep their resolution."""
         self._last_ns = self._state_ns = NEVER
         self._model = Latest()
         self._transmissions.activate()
@@ -328,14 +329,14 @@ class TeleoperationController(Actor[ControllerParameters]):
         self.wait_by(self._plain)
 
     def deactivate(self) -> None:
-        """Let go of device and mechanism."""
+        """Disengage from device and mechanism."""
         self.wait_by(None)
         self._disengage("deactivated", self._log.stopped)
 
     def reset(self) -> None:
-        """Disengage, say zero to both sides, and begin with controllers and accounts made anew."""
+        """Disengage, send zero to both sides, and restart with new controllers and accounts."""
         self._clutch = self._arrived = None
-        # Made when it is asked for.
+        # Created on next use.
         self.__dict__.pop("_control", None)
         self.apply_parameters(self.parameters)
         self.side = self._new_side()
@@ -346,7 +347,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._outputs.zero(now, now)
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Return whether the controller is engaged, or which inputs it lacks."""
+        """Return whether the controller is engaged without faults, a sentence, and figures."""
         now = self.now_ns()
         fault = self._fault(now)
         silent = self._lacks_of_device(now) if now - self._last_ns > self.timeout_ns else []
@@ -378,7 +379,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         return engaged and not doubtful, sentence, figures
 
     def _lacks_of_device(self, now_ns: int) -> list[str]:
-        """Return which of a device's topics are silent: of a driver that speaks CRTK those."""
+        """Return which of the device's topics are missing: the CRTK topics if it uses those."""
         either = (DEVICE_STATE.name, DEVICE_POSE.name)
         names = " or ".join(self.node.resolve_topic_name(name) for name in either)
         return self._crtk.lacking(now_ns) or [names]
@@ -393,14 +394,14 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._devices.put(device, stamp)
             self._answer_pair(stamp)
         elif not received:
-            self._last_ns = now_ns  # a sign of life, but older than what was answered
+            self._last_ns = now_ns  # the device is alive, but a newer sample was answered
         else:
             if self.path.changed(self._time_s(now_ns)):
                 self._tune()
             self._answer(device, stamp, now_ns)
 
     def _answer_pair(self, stamp: int) -> None:
-        """Answer once device and rendering of one time are there, in lockstep."""
+        """Answer in lockstep once all inputs of one time, ns, have arrived."""
         if not (self._devices.has(stamp) and self._models.has(stamp)):
             return
         if not self._transmissions.take(stamp):
@@ -410,7 +411,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._answer_to(device, model, stamp, stamp)
 
     def _wants_crtk(self, now_ns: int) -> bool:
-        """Return whether the device speaks CRTK only, as far as was heard."""
+        """Return whether to answer CRTK topics: no device state for 1 s, and not in lockstep.
+
+        With two publishers of an input: disengage, and return False.
+        """
         if self.lockstep:
             return False
         if rivals := self._rivals(now_ns):
@@ -419,7 +423,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         return now_ns - self._state_ns > NANOSECONDS
 
     def _on_crtk(self, device: Array, stamp: int, now_ns: int) -> None:
-        """Answer a device that speaks CRTK only."""
+        """Answer a device that uses CRTK only."""
         self._local = False
         self.path.obeyed = True
         if self.path.is_next(stamp, now_ns):
@@ -446,14 +450,14 @@ class TeleoperationController(Actor[ControllerParameters]):
         if gap > self.timeout_ns:
             self._disengage_for([DEVICE_STATE.name], gap, self._device_pauses)
         if not model.commanded:
-            # The mechanism does not hear us (yet): the device is left alone until it does.
+            # The mechanism does not receive commands (yet): no commands to the device until then.
             self._disengage_for([POINT_COMMAND.of(self.point) + " (not acted on by the mechanism)"])
             self._outputs.mechanism(NO_WRENCH, stamp)
             return
         self._answer_to(device, model, stamp, now_ns)
 
     def _answer_paced(self, model: OperationalModelMessage, now_ns: int) -> None:
-        """Answer the newest sample that a network has brought, now that the analysis is there."""
+        """Answer the newest sample received over a network, on arrival of an operational model."""
         if fault := self._fault(now_ns):
             self._disengage_at(fault)
             return
@@ -475,7 +479,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self, device: Array, model: OperationalModelMessage, stamp: int, now_ns: int
     ) -> None:
         paced = self.path.paced and not self.lockstep
-        # Over a network there is no common time; what is compared is what is known now.
+        # Over a network there is no common time: the newest values are compared.
         ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
         operational_model, clutch = model.operational_model.values, self._clutch
         time_s = self._time_s(now_ns)
@@ -487,10 +491,10 @@ class TeleoperationController(Actor[ControllerParameters]):
             self._last_fault = ""
             self._log.engaged(self._losses.explained_now(now_ns))
         elif not (self.path.obeyed or self.lockstep):
-            # The device does nothing yet, or no more: the wrench comes in once it obeys.
+            # The device does not obey commands: the wrench ramps up once it does.
             clutch = self._control.engage(time_s, device, operational_model, ahead)
         elif model.grasp.tobytes() != self._grasp:
-            # Held elsewhere from now on: what the hand feels is carried over.
+            # The grasp has moved: the hand's wrench is carried over.
             clutch = self._control.engage(time_s, device, operational_model, ahead, self._carried)
             self.side.held_elsewhere()
             self.grasps += 1
@@ -499,7 +503,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         inputs = ControllerInput(
             time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
         )
-        # Over a network, and until the device obeys, each answer says how it depends on the device.
+        # Over a network, and until the device obeys, each answer has a local feedback gain.
         often = paced or not self.path.obeyed
         with_model = self._local and (often or self._outputs.wants_gain(stamp))
         answer = self.side.tick(inputs, self._clutch, self._local, with_model)
@@ -524,14 +528,14 @@ class TeleoperationController(Actor[ControllerParameters]):
     def plainly(
         self, link: own.ControllerLink, known: Array, grasp: Array
     ) -> tuple[ControllerSettings, Locality] | None:
-        """Return settings and locality if samples may be answered by the kernel now.
+        """Return settings and locality if the kernel may answer samples now; else None.
 
-        That is while it renders, and nothing but the inputs changes from one sample to the next.
+        It may while rendering, if only the inputs change from one sample to the next.
 
         Args:
-            link: how things stand, to fill.
-            known: (139,) to fill: the operational model as it was heard last.
-            grasp: (7,) to fill: where it has the point.
+            link: to fill: times and counters shared with the kernel.
+            known: (139,) to fill: the last operational model received, in SI units.
+            grasp: (7,) to fill: the place of the operational point in that model.
         """
         clutch, model, control = self._clutch, self._model.value, self._control
         if clutch is None or clutch.is_closing or model is None or not model.commanded:
@@ -549,7 +553,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
         link.newest, link.arrived = self.path.last
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
-        # What depends on other hands goes with each gain.
+        # With other hands each gain needs a coupling gain, which Python computes.
         link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
         link.of_device.values[:] = *self._device_pauses.last[1:], 0
         link.of_analyser.values[:] = *self._model_pauses.last[1:], 0
@@ -563,13 +567,13 @@ class TeleoperationController(Actor[ControllerParameters]):
     def received_model(
         self, link: own.ControllerLink, known: Array, origin: Origin, now_ns: int
     ) -> None:
-        """Take the last operational model that the kernel has heard.
+        """Take over the last operational model that the kernel has received.
 
         Args:
-            link: how things stand.
-            known: (139,) the model.
-            origin: whom it comes from.
-            now_ns: when it came, ns.
+            link: times and counters shared with the kernel.
+            known: (139,) the model, in SI units.
+            origin: of the message.
+            now_ns: time of arrival, ns.
         """
         stamp_ns = link.model_ns
         before = self._model.value
@@ -580,12 +584,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._model_pauses.went_on(stamp_ns, origin, now_ns, link.of_analyser.paused)
 
     def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
-        """Note what the kernel has answered.
+        """Take over the kernel's answers.
 
         Args:
-            link: how things stand.
-            answer: the last one.
-            origin: of the sample.
+            link: times and counters shared with the kernel.
+            answer: the last answer.
+            origin: of the last sample.
         """
         stamp_ns, now_ns = link.sample_ns, link.last
         self._last_ns = self._state_ns = now_ns
@@ -607,34 +611,33 @@ class TeleoperationController(Actor[ControllerParameters]):
 
     @property
     def _carried(self) -> Array:
-        """The device's wrench (6,) as it was answered last."""
+        """The wrench (6,) of the last answer to the device; zero if there is none."""
         last = self.side.last
         return NO_WRENCH if last is None else last.wrenches[0]
 
     def _ahead(self, apart_ns: int) -> float:
         """Return by how many whole periods (s) the mechanism's state is older than a sample.
 
-        Both are compared after equally many periods under equal wrenches. Less than a period is
-        what their ticks are apart, and no delay: in the middle of the device's periods the
-        mechanism begins what the device has begun half a period before.
+        Device and mechanism are thus compared after equally many periods under equal wrenches. A
+        difference below a period is no delay: the mechanism ticks half a period after the device.
 
         Args:
-            apart_ns: from the time of the state to that of the sample, ns.
+            apart_ns: time of the sample minus that of the state, ns.
         """
         ahead = apart_ns // nanoseconds(self.period_s) * self.period_s
         return min(max(ahead, -own.PREDICTION_LIMIT_S), own.PREDICTION_LIMIT_S)
 
     def _elapsed(self, stamp_ns: int) -> float:
-        """Return how long (s) it is from the last rendering to this one, in whole periods."""
+        """Return the time (s) from the last rendered model to this one, in whole periods."""
         before, self._rendered_ns = self._rendered_ns, stamp_ns
         periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
         return max(periods, 0) * self.period_s
 
     def _send(self, answer: ControllerCommand | None, stamp_ns: int, mechanism_ns: int) -> None:
-        """Send what reaches the device now, and the mechanism's command; the rest after that.
+        """Send the commands that are due to device and mechanism, then the gain and the view.
 
-        In lockstep the device waits for a command with each sample: the last one is said again.
-        There, over a network and until the device obeys, a gain goes before its command.
+        In lockstep the device waits for a command with each sample: the last one is repeated.
+        There, over a network and until the device obeys, a gain is sent before its command.
         """
         outputs, side = self._outputs, self.side
         if self.lockstep:
@@ -655,11 +658,11 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs.view(answer.wrenches, answered_ns, side.account.energies)
 
     def publish_view(self, answer: ControllerCommand, energies: ControllerEnergies) -> None:
-        """Publish an answer for people.
+        """Publish the views of an answer.
 
         Args:
             answer: to a sample.
-            energies: of the controllers then.
+            energies: of the controllers at that time.
         """
         self._outputs.publish_view(answer.wrenches, answer.answered_ns, energies)
 
@@ -669,7 +672,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         silence_ns: int | None = None,
         sender: SenderPauses | None = None,
     ) -> None:
-        """Disengage because inputs are lost, and say what explains it: see :class:`Losses`."""
+        """Disengage because inputs are lost, and log what explains it; see :class:`Losses`."""
         if self._clutch is None:
             return
         now = self.now_ns()
@@ -677,20 +680,20 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._disengage(f"lost {', '.join(lost)}", lambda reason: self._log.lost(reason, why))
 
     def _disengage_at(self, fault: str) -> None:
-        """Disengage because of a fault, and say so once, also where inputs were lost before."""
+        """Disengage because of a fault, and log it once, even if disengaged before."""
         if self._clutch is None and fault != self._last_fault:
             self._log.fault(fault)
         self._last_fault = fault
         self._disengage(fault, self._log.fault)
 
     def _disengage(self, reason: str, log: Callable[[str], None]) -> None:
-        """Say zero to both sides at once, rather than let them find out by waiting."""
+        """Disengage, and send zero to both sides rather than let them time out."""
         if self._clutch is None:
             return
         log(reason)
         self._clutch = None
         device_ns, mechanism_ns = self._command_stamps
-        # Later than what was told, and an answer to none of the device's samples: uncorrected.
+        # Later than the last commands, and the stamp of no sample: the device does not correct it.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
@@ -705,6 +708,6 @@ class TeleoperationController(Actor[ControllerParameters]):
         elif self.path.paced:
             self._answer_paced(found, now_ns)
         elif now_ns - self._last_ns > self.timeout_ns:
-            # The device says nothing that could be answered: the mechanism is told now.
+            # Without samples no answer is computed: disengage now, which sends zero.
             silence = now_ns - self._last_ns
             self._disengage_for([DEVICE_STATE.name], silence, self._device_pauses)
