@@ -251,7 +251,7 @@ _UNSEEN_NS = 5_000_000
 SHORTEST_PAUSE_NS = 1_000_000
 NOTHING, PLAIN, OTHER = 0, 1, -1
 # Most missed deadlines that are made up for at once.
-MOST_MISSED = 7
+MOST_MISSED = 31
 
 _ppoll = c_function("ppoll", "int32(intp, uint64, intp, intp)")
 _recv = c_function("recv", "int64(int32, intp, uint64, int32)")
@@ -642,10 +642,12 @@ def missed_deadlines(link: DeadlineLink, words: Array, now: int, real: int) -> i
         real: the machine's time, ns.
 
     Returns:
-        Their number; -1 if it exceeds :data:`MOST_MISSED`, or the machine's clock was set.
+        Their number; -1 if it exceeds :data:`MOST_MISSED` or a command's timeout, or the machine's
+        clock was set.
     """
     missed = int((now - (link.next - link.ahead)) // link.period)
-    unfit = missed > MOST_MISSED or is_set(link, time_of(MONOTONIC, words), real)
+    lapsed = link.timeout > 0 and missed * link.period > link.timeout
+    unfit = missed > MOST_MISSED or lapsed or is_set(link, time_of(MONOTONIC, words), real)
     return -1 if unfit else missed
 
 
