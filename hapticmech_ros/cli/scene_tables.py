@@ -140,6 +140,10 @@ def _accuracy(found: StepAccuracy) -> Iterator[tuple[str, str]]:
     if found.left_out:
         yield "left out", f"{found.left_out} (--seconds gives it more)"
         return
+    if not (found.exchanged_j or found.position_m or found.rotation_rad or found.force_n):
+        seconds = f"{found.duration_s:g} s of the scene's experiment"
+        yield "accuracy of steps", f"not tested: nothing moves in the {seconds}; give it a hand"
+        return
     yield (
         "accuracy of steps",
         f"over {found.duration_s:g} s, with steps of a tenth the operational point differs by"

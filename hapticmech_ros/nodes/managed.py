@@ -6,7 +6,7 @@ An actor is built on configure and dropped on cleanup. A node that starts by its
 goes through both first steps at once.
 
 Parameters are declared with descriptors, validated as a whole and applied as a whole. Their
-callbacks and ticks run in one thread: a change comes between two ticks. Whole numbers are accepted
+callbacks and ticks take turns: a change comes between two ticks. Whole numbers are accepted
 where numbers are wanted; setting a parameter to its present value is no change: a node accepts its
 own ``ros2 param dump``.
 """

@@ -333,7 +333,7 @@ def _ask_for_slice(thread: int, length_ns: int = SLICE_NS) -> None:
 
 
 def scheduling() -> str:
-    """Return how the system schedules the process's main thread, which is the loop's.
+    """Return how the system schedules the process's main thread, as those of its loops.
 
     Returns:
         Policy, and priority or nice value; the slice where it is the one requested here.

@@ -3,6 +3,7 @@
 """What ``scene check`` says of scenes, and what it warns of."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +116,14 @@ def test_the_command_prints_the_same(tmp_path):
     told = json.loads(CliRunner().invoke(app, ["scene", "check", "five_bar", "--json"]).output)
     assert (told["mobility"], told["notes"]) == (2, [])
     assert told["accuracy"]["position_m"] < 1e-12
+
+
+def test_steps_in_which_nothing_moves_are_not_called_accurate():
+    urdf = Path(__file__).parents[2] / "examples" / "pantograph.urdf"
+    found = CliRunner().invoke(app, ["scene", "check", str(urdf)])
+    assert found.exit_code == 0, found.output
+    assert "not tested: nothing moves" in " ".join(found.output.split())
+    assert "energy of steps" not in found.output
 
 
 def test_the_list_has_each_scene_and_its_purpose():
