@@ -451,8 +451,9 @@ class Exchange:
 
     @property
     def has_news(self) -> bool:
-        """Whether the loop's thread should call :meth:`.lane.Lane.look`."""
-        return self.lane is not None and self.lane.has_news
+        """Whether a kernel should end: for :meth:`.lane.Lane.look`, or for other subscribers."""
+        lane = self.lane
+        return lane is not None and (lane.has_news or bool(lane.wait and lane.wait.has_news))
 
     @property
     def may_wait(self) -> bool:

@@ -422,6 +422,10 @@ class Waits(Protocol):
         """Return the file descriptors that may be readable; see ``PlainMessages``."""
 
     @property
+    def has_news(self) -> bool:
+        """Whether that work should end, to begin anew; see ``PlainMessages``."""
+
+    @property
     def settled(self) -> bool:
         """Whether the node's state includes the results of that work."""
 

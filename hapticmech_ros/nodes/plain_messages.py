@@ -381,6 +381,14 @@ class PlainMessages:
         return partial(self._actor.node.exchange.run_view, self._actor.failures, self.view())
 
     @property
+    def has_news(self) -> bool:
+        """Whether the running kernel's messages should go other ways; any thread may ask."""
+        topics = zip(self._published, self.outputs, strict=True)
+        return self._lane is not None and any(
+            bool(one.outlet.way) != bool(topic.sending.both) for one, topic in topics
+        )
+
+    @property
     def settled(self) -> bool:
         """Whether the actor is up to date with the kernel's work."""
         return self._lane is None

@@ -328,7 +328,7 @@ def test_a_connection_that_another_thread_drops_is_closed_by_the_loops(
 class LongWait:
     """Waits as a kernel does."""
 
-    settled = True
+    settled, has_news = True, False
 
     def prepare(self, lane: Lane, waited: list[int], until_ns: int) -> bool:
         del lane, until_ns

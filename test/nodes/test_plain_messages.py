@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import threading
 import time
 from collections import defaultdict
@@ -501,6 +502,34 @@ def test_a_point_that_is_held_elsewhere_is_followed(analysed: tuple[Process, Sta
     (answer,) = got + process.answers()
     told = FlatArray(OperationalModelMessage.layout).decode(answer)[grasp]
     assert told[1] == pytest.approx(flat_grasps(process.actor.scene)[0][1] + 0.01)
+
+
+def test_a_kernel_is_left_for_subscribers_outside_that_come_or_go(
+    analysed: tuple[Process, States], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, states = analysed
+    exchange, kernel, seen = process.exchange, process.wait.kernel, list[bool]()
+    process.until(lambda: process.actor._publish_model.way is False)
+    os.utime(exchange.lane._folder, (0, 0))
+    exchange.lane.look()
+
+    def noted() -> Callable[[], int]:
+        run = kernel()
+
+        def noting() -> int:
+            for outside in (process.host.outside, 1 - process.host.outside):
+                process.host.outside = outside
+                time.sleep(2e-9 * exchange_module.CENSUS_NS)
+                seen.append(exchange.has_news)
+            return run()
+
+        return noting
+
+    assert not exchange.has_news
+    monkeypatch.setattr(process.wait, "kernel", noted)
+    process.speak(states.next())
+    process.until(lambda: seen)
+    assert seen[:2] == [False, True]
 
 
 def test_a_publication_that_fails_is_counted_and_ends_nobody(
