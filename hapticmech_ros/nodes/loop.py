@@ -41,6 +41,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import partial
 from types import FrameType
 from typing import Any, Protocol, TypeVar
@@ -524,18 +525,31 @@ class HasDeadlines(Protocol):
         """Act on the deadlines up to a time, ns."""
 
 
-def run_each(stop: StopRequest, works: Sequence[Callable[[], None]]) -> None:
+def run_each(
+    stop: StopRequest,
+    works: Sequence[Callable[[Callable[[], None]], None]],
+    begin: Callable[[], None] = lambda: None,
+) -> None:
     """Run each function in a thread of its own; once one returns or raises, stop all.
 
     Args:
         stop: checked by each function; a signal sets it too.
-        works: the functions.
+        works: the functions; each calls its argument once it has made all its threads, and waits
+            there for the others.
+        begin: called once when all have.
 
     Raises:
         Exception: raised by one of them.
     """
+    barrier = threading.Barrier(len(works), begin)
+    stop.calls.append(barrier.abort)
+
+    def begun() -> None:
+        with suppress(threading.BrokenBarrierError):
+            barrier.wait()
+
     with ThreadPoolExecutor(len(works), initializer=leave_signals) as pool:
-        running = [pool.submit(work) for work in works]
+        running = [pool.submit(work, begun) for work in works]
         wait(running, return_when=FIRST_COMPLETED)
         stop.ask()
     for one in running:

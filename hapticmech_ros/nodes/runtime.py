@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
-from threading import Barrier
 from typing import TYPE_CHECKING, Any
 
 import rclpy
@@ -103,8 +102,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
             report_ready()
             prepare_loops()
 
-        begun = Barrier(len(nodes), begin)
-        run_each(stop, [partial(run_until, stop, [one], one.exchange, begun.wait) for one in nodes])
+        run_each(stop, [partial(run_until, stop, [one], one.exchange) for one in nodes], begin)
         for node in nodes:
             node.report_status(last=True)
             if SHOWN not in os.environ:

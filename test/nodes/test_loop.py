@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -47,17 +48,33 @@ def test_the_last_line_is_one_write(monkeypatch: pytest.MonkeyPatch) -> None:
     assert pieces == ["device: rendered\n"]
 
 
-def test_a_loop_that_fails_stops_the_others_and_is_heard_of() -> None:
-    asked, ended = threading.Event(), list[str]()
+class Stop:
+    """A request to stop."""
 
-    def fail() -> None:
+    def __init__(self) -> None:
+        self.asked, self.calls = threading.Event(), list[Callable[[], None]]()
+
+    def ask(self) -> None:
+        self.asked.set()
+        for call in self.calls:
+            call()
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_a_loop_that_fails_stops_the_others_and_is_heard_of(early: bool) -> None:
+    stop, calls = Stop(), list[str]()
+
+    def fail(begun: Callable[[], None]) -> None:
+        if not early:
+            begun()
         raise KeyError("as of a defect")
 
-    def go_on() -> None:
+    def go_on(begun: Callable[[], None]) -> None:
         assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
-        assert asked.wait(20.0)
-        ended.append("other")
+        begun()
+        assert stop.asked.wait(20.0)
+        calls.append("ended")
 
     with pytest.raises(KeyError, match="as of a defect"):
-        run_each(SimpleNamespace(ask=asked.set), [go_on, fail])  # type: ignore[arg-type]
-    assert ended == ["other"]
+        run_each(stop, [go_on, fail, go_on], lambda: calls.append("begun"))  # type: ignore[arg-type]
+    assert calls == [*([] if early else ["begun"]), "ended", "ended"]
