@@ -305,7 +305,11 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
 
 
 def has_ended(polled: Array) -> bool:
-    """Return whether any of (n,) struct pollfd reports more than POLLIN, as at its end."""
+    """Return whether any connection had more than a message when it was waited for: its end.
+
+    Args:
+        polled: (n,) struct pollfd.
+    """
     return bool((polled >> _ANSWER_AT & ~_IN).any())
 
 

@@ -916,6 +916,8 @@ def driven_at(folder: Path) -> Process:
     process = Process(HapticDevice, "five_bar", folder, (DEVICE_STATES, DEVICE_COMMANDS))
     # Whatever else runs here.
     process.actor.timeout_ns = 10_000 * MS
+    # As many as a kernel makes up for at once.
+    process.actor.backlog.per_tick = lane_kernels.MOST_MISSED + 1
     return process
 
 
@@ -996,6 +998,7 @@ class Logged:
         graph.now_ns = self.events[0][2]
         host.actor = actor = HapticDevice(host, HapticDevice.parameters_type(scene=scene))
         actor.timeout_ns = 10_000 * MS
+        actor.backlog.per_tick = lane_kernels.MOST_MISSED + 1
         host.begin()
         for name, given, graph.now_ns in self.events:
             getattr(actor.loop if name == "take" else actor, name)(*given)
