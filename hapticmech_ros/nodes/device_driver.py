@@ -573,7 +573,8 @@ class DeviceDriver(ClockedActor[D]):
         link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
         link.answered, link.answered_before = acting[1], before[1]
         link.newest, link.arrived = self.answers.last
-        link.done = link.missed = link.sampled = 0
+        link.done = link.missed = 0
+        link.sampled = self.loop.newest_ns
         link.held = -1 if held is None else self._ticks_held
         link.gain_ns, link.remembers = gain[1], self.loop.count
         link.gain_newest, link.gain_arrived, link.gain_after = *order, self.loop.from_ns
@@ -610,8 +611,7 @@ class DeviceDriver(ClockedActor[D]):
         clock.periods += steps
         clock.missed += link.missed
         self._ticks += steps - link.missed - (code == kernels.TO_SAY)
-        if link.sampled:
-            self.loop.went_on(link.remembers, link.sampled)
+        self.loop.went_on(link.remembers, link.sampled)
         if code == kernels.TO_SAY:
             # Of the states before this one, only that of the kernel's last return is still known.
             self.failures.run("tick", self._publish, clock.last_deadline_ns)

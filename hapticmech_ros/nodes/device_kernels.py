@@ -89,6 +89,7 @@ class DeviceLink(DeadlineLink):
         gain_newest: stamp of the newest gain.
         gain_arrived: when it arrived.
         gain_after: only gains that answer samples later than this are used.
+        sampled: stamp of the last sample.
     """
 
     fresh = Whole()
@@ -101,6 +102,7 @@ class DeviceLink(DeadlineLink):
     gain_newest = Whole()
     gain_arrived = Whole()
     gain_after = Whole()
+    sampled = Whole()
 
 
 @inner
@@ -143,8 +145,9 @@ def remember_sample(
     row = link.remembers % stamps.size
     stamps[row] = stamp // MICROSECOND
     put(samples[row], sample)
-    remember(HandMemory(hand), link.period / 1e9, DeviceSample(sample).hand_wrench)
+    remember(HandMemory(hand), (stamp - link.sampled) / 1e9, DeviceSample(sample).hand_wrench)
     link.remembers += 1
+    link.sampled = stamp
 
 
 @inner
@@ -318,7 +321,6 @@ def drive_at_deadlines(
         if not sound or is_too_fast(now_there.twist, fastest):
             return TO_SAY
         code = publish(link, sampled, words, now_real)
-        link.sampled = stamp
         remember_sample(link, stamps, samples, hand, stamp, measured)
         if code != GOES_ON:
             return code

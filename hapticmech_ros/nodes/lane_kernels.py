@@ -109,7 +109,6 @@ class DeadlineLink(Link):
         newest, arrived: the newest command's stamp, and when it arrived.
         done: number of steps done.
         missed: number of them that made up for a missed deadline, unpublished.
-        sampled: set by the kernel: stamp of the last published step; 0: none.
     """
 
     next = Whole()
@@ -122,7 +121,6 @@ class DeadlineLink(Link):
     arrived = Whole()
     done = Whole()
     missed = Whole()
-    sampled = Whole()
 
 
 class Reading(Record):

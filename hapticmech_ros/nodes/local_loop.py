@@ -64,6 +64,7 @@ class LocalLoop:
     Attributes:
         stamps, samples, count: those that are remembered; see ``device_kernels.find_sample``.
         hand: (22,) the hand's last wrenches, a ``HandMemory``.
+        newest_ns: stamp of the last sample, ns.
         gains, couplings: by stamp, in lockstep.
         others: as given.
         corrected_for_others: commands that were corrected for other hands.
@@ -88,7 +89,7 @@ class LocalLoop:
         self.corrected_for_others = self.uncorrected_for_others = 0
         self._coupling: Latest[CouplingMatrices] = Latest()
         self.couplings: Stamped[CouplingMatrices] = Stamped()
-        self._newest_ns = NEVER
+        self.newest_ns = NEVER
         self._bounds = bounds or message_bounds(LocalFeedbackGain)
         self._paired, self._paired_ns = paired, nanoseconds(PAIRED.at(period))
         self._pair: Pair | None = None
@@ -110,12 +111,12 @@ class LocalLoop:
         """
         row = self.count % REMEMBERED
         self.stamps[row], self.samples[row] = stamp_ns // MICROSECOND, sample
-        remember(HandMemory(self.hand), (stamp_ns - self._newest_ns) / NANOSECONDS, sample[_HAND])
+        remember(HandMemory(self.hand), (stamp_ns - self.newest_ns) / NANOSECONDS, sample[_HAND])
         self.went_on(self.count + 1, stamp_ns)
 
     def went_on(self, count: int, stamp_ns: int) -> None:
         """Note how many samples are remembered now, and the stamp of the last one, ns."""
-        self.count, self._newest_ns = count, stamp_ns
+        self.count, self.newest_ns = count, stamp_ns
 
     def remembers(self, stamp_ns: int) -> bool:
         """Return whether a stamp is of a sample of this device."""
@@ -288,7 +289,7 @@ class LocalLoop:
 
     def _for_others(self, matrices: CouplingMatrices | None, answered_ns: int) -> Array:
         """Return (19,) a command's correction for other hands; see ``control.other_hands``."""
-        others, now_ns = self.others, self._newest_ns
+        others, now_ns = self.others, self.newest_ns
         if others is None:
             return NO_OTHERS
         if matrices is None:

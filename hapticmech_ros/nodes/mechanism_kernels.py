@@ -158,7 +158,6 @@ def move_at_deadlines(
         if sound_stamp(out, state.most, -1, 0.0) == UNSOUND:
             return TO_SAY
         code = publish(link, state, words, now_real)
-        link.sampled = stamp
         if code != GOES_ON:
             return code
     return TIME_IS_UP

@@ -123,7 +123,7 @@ class MechanismTicks(PlainMessages):
             return False
         port = actor.port
         link.next = actor.clock.next_ns
-        link.done = link.missed = link.sampled = 0
+        link.done = link.missed = 0
         link.timeout, link.ramp = port.command.timeout_ns, port.command.ramp_ns
         link.since = port.since_ns
         link.received, link.received_before = port.command.put_into(self._commands)
