@@ -43,8 +43,7 @@ class Turn:
         # How many nested contexts have the turn.
         self._depth = 0
         self.listened = np.array([FOR_EVER])
-        # Views: lock for publishing them, those to publish, and what the publishing thread awaits.
-        self._publishing = threading.Lock()
+        # Views to publish, and what the publishing thread awaits.
         self._views: deque[Callable[[], None]] = deque()
         self._has_views = threading.Semaphore(0)
 
@@ -156,8 +155,8 @@ class Turn:
         """Have another thread publish a view, if the turn is shared; return whether it is.
 
         Args:
-            publish: publishes the view from copies, without the turn; dropped if another view is
-                still to be published.
+            publish: publishes the view of copies, while a kernel may run; dropped if another view
+                is still to be published.
         """
         if not self.is_shared:
             return False
@@ -174,8 +173,9 @@ class Turn:
     def publish_views(self) -> None:
         """Publish the views that there are, after one that is being published.
 
-        Views that the caller publishes next are newer.
+        With the turn, since views evaluate the mechanism as callbacks and ticks do, but without
+        stopping a kernel. Views that the caller publishes next are newer.
         """
-        with self._publishing:
+        with self._turn:
             while self._views:
                 self._views.popleft()()
