@@ -335,7 +335,11 @@ class Exchange:
         try:
             publish()
         except Exception as error:  # noqa: BLE001 - as in Failures.run
-            self._failed.append(partial(failures.met, "view", error))
+            self.fail_view(failures, error)
+
+    def fail_view(self, failures: Meets, error: Exception) -> None:
+        """Have :meth:`meet_failures` handle the error of a view; arguments as there."""
+        self._failed.append(partial(failures.met, "view", error))
 
     def meet_failures(self) -> None:
         """Handle the errors of views: each resets its actor or deactivates its node."""

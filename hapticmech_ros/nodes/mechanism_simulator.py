@@ -18,6 +18,7 @@ from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import grasp_written
+from hapticmech_ros.mechanism.constraint_space import PointKinematics
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes import lane_kernels as kernels
@@ -193,7 +194,7 @@ class MechanismTicks(PlainMessages):
         """Return a function that publishes the views of the kernel's state."""
         stamp_ns = self.link.next - self.link.period
         pushes = np.zeros((1, 6))
-        return partial(self._simulator.publish_view, self._state, pushes, stamp_ns)
+        return self._simulator.prepare_view(self._state, pushes, stamp_ns)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
@@ -438,7 +439,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             self._announce_closures()
         if self._ticks % self.view_every == 0:
             self.node.exchange.publish_views()
-            self.publish_view(state, external, deadline_ns)
+            self.prepare_view(state, external, deadline_ns)()
         self._ticks += 1
 
     @property
@@ -561,20 +562,38 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
     def _rotation_of(self, frame: str) -> Array:
         return np.asarray(self._mechanism.frame_pose(self.state.q, frame).rotation)
 
-    def publish_view(self, state: MechanismState, external: Array, time_ns: int) -> None:
-        """Publish the views of a state.
+    def prepare_view(
+        self, state: MechanismState, external: Array, time_ns: int
+    ) -> Callable[[], None]:
+        """Return a function that publishes the views of a state.
+
+        It may run while a kernel does. So all that evaluates the mechanism is done here: a
+        mechanism's workspace belongs to one thread at a time.
 
         Args:
             state: of the mechanism.
             external: (points, 6) F_c, N and N m, world axes at each operational point.
             time_ns: stamp of the state, ns.
         """
-        self._operating.publish(self.node.active)
         points = self.simulator.evaluate(state).points
+        q = self._mechanism.coordinates(state.q).tolist()
+        wanted = self._publish_energy.wanted
+        energies = energy_of(self._mechanism, state, time_ns) if wanted else None
+        return lambda: self._publish_view(state, q, points, external, energies, time_ns)
+
+    def _publish_view(
+        self,
+        state: MechanismState,
+        q: list[float],
+        points: Sequence[PointKinematics],
+        external: Array,
+        energies: MechanismEnergy | None,
+        time_ns: int,
+    ) -> None:
+        self._operating.publish(self.node.active)
         joints = b""
         if self._publish_joints.wanted or any(port.wants_joints for port in self._ports):
-            q, v = self._mechanism.coordinates(state.q).tolist(), state.v.tolist()
-            joints = self._joints.encode(q, v, (), time_ns)
+            joints = self._joints.encode(q, state.v.tolist(), (), time_ns)
         if self._publish_joints.wanted and joints:
             self._publish_joints.publish(joints)
         for port, point, force in zip(self._ports, points, external, strict=True):
@@ -583,8 +602,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             port.check(point)
             port.publish(point, force, joints, time_ns)
         self._contact_port.publish(state.touching, time_ns)
-        if self._publish_energy.wanted:
-            energies = energy_of(self._mechanism, state, time_ns)
+        if energies is not None:
             self._publish_energy.publish(self._energy.encode(energies.values))
 
     def _asked_for(self, parameters: MechanismParameters) -> OperationalPoint:

@@ -224,7 +224,10 @@ class PlainMessages:
         raise NotImplementedError
 
     def view(self) -> Callable[[], None]:
-        """Return a function that publishes a view of the kernel's last message, from copies."""
+        """Return a function that publishes a view of the kernel's last message.
+
+        It runs beside the kernel: it must use nothing that the kernel works in, models included.
+        """
         raise NotImplementedError
 
     def did(self, code: int, reads: int) -> None:
@@ -378,7 +381,11 @@ class PlainMessages:
         return turn.view(self._view())
 
     def _view(self) -> Callable[[], None]:
-        return partial(self._actor.node.exchange.run_view, self._actor.failures, self.view())
+        exchange, failures = self._actor.node.exchange, self._actor.failures
+        try:
+            return partial(exchange.run_view, failures, self.view())
+        except Exception as error:  # noqa: BLE001 - as in run_view
+            return partial(exchange.fail_view, failures, error)
 
     @property
     def has_news(self) -> bool:

@@ -173,8 +173,8 @@ class Turn:
     def publish_views(self) -> None:
         """Publish the views that there are, after one that is being published.
 
-        With the turn, since views evaluate the mechanism as callbacks and ticks do, but without
-        stopping a kernel. Views that the caller publishes next are newer.
+        With the turn, since callbacks publish too, but without stopping a kernel: a view is of
+        copies. Views that the caller publishes next are newer.
         """
         with self._turn:
             while self._views:

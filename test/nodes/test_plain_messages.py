@@ -18,11 +18,14 @@ import numpy as np
 import pytest
 
 from benchmarks.reliability.fake_graph import Host
+from hapticmech_ros.compilation.records import Record
+from hapticmech_ros.compilation.structures import Structure
 from hapticmech_ros.mechanism.closures import flat_grasps
 from hapticmech_ros.nodes import exchange as exchange_module
 from hapticmech_ros.nodes import lane as lane_module
 from hapticmech_ros.nodes import lane_kernels, plain_messages
-from hapticmech_ros.nodes.exchange import Exchange
+from hapticmech_ros.nodes.entry import NODES
+from hapticmech_ros.nodes.exchange import Exchange, Outlet
 from hapticmech_ros.nodes.haptic_device import HapticDevice
 from hapticmech_ros.nodes.lane import Lane
 from hapticmech_ros.nodes.mechanism_simulator import MechanismSimulator
@@ -285,12 +288,17 @@ class States:
         return self._encoder.encode(values)
 
 
-@pytest.fixture
-def analysed(folder: Path) -> Iterator[tuple[Process, States]]:
+def analysed_at(folder: Path) -> tuple[Process, States]:
     process = Process(NullspaceAnalyser, "five_bar", folder, (MODELS, STATES))
     states = States(Simulator(process.actor.scene))
     process.settle(lambda: process.speak(states.next()))
     process.answers()
+    return process, states
+
+
+@pytest.fixture
+def analysed(folder: Path) -> Iterator[tuple[Process, States]]:
+    process, states = analysed_at(folder)
     yield process, states
     process.close()
 
@@ -510,7 +518,9 @@ def test_a_kernel_is_left_for_subscribers_outside_that_come_or_go(
     process, states = analysed
     exchange, kernel, seen = process.exchange, process.wait.kernel, list[bool]()
     process.until(lambda: process.actor._publish_model.way is False)
+    # Looked at now, after a last change long ago: of the lane there are no news.
     os.utime(exchange.lane._folder, (0, 0))
+    exchange.lane._looked_ns = -lane_module.LOOK_NS
     exchange.lane.look()
 
     def noted() -> Callable[[], int]:
@@ -540,6 +550,10 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
     outlet, codes = actor._publish_model, by_the_kernel(process, monkeypatch)
     process.host.outside, process.host.rcl_fails = 1, True
     process.until(lambda: outlet.way is True)
+    # By the kernel from here on: Python's own messages would fail too, and end the actor first.
+    process.exchange.lane.worked = False
+    process.settle(lambda: process.speak(states.next()))
+    codes.clear()
 
     def fails(message: bytes) -> None:
         raise RuntimeError("no context")
@@ -554,9 +568,13 @@ def test_a_publication_that_fails_is_counted_and_ends_nobody(
     assert "no context" in actor.failures.last
 
 
+def moving_at(folder: Path) -> Process:
+    return Process(MechanismSimulator, "five_bar", folder, (STATES, COMMANDS))
+
+
 @pytest.fixture
 def moving(folder: Path) -> Iterator[Process]:
-    process = Process(MechanismSimulator, "five_bar", folder, (STATES, COMMANDS))
+    process = moving_at(folder)
     yield process
     process.close()
 
@@ -714,22 +732,28 @@ class Inputs:
         return self._device.encode(device.values), self._model.encode(self._writer.message.values)
 
 
-@pytest.fixture(params=[GAINS, ""], ids=["gains are read", "gains are not read"])
-def rendering(folder: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Process, Inputs]]:
-    peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, ""), (request.param, "")
+def rendering_at(folder: Path, gains: str) -> tuple[Process, Inputs]:
+    peers = (DEVICE_COMMANDS, DEVICE_STATES), ("", MODELS), (COMMANDS, ""), (gains, "")
     process = Process(TeleoperationController, "five_bar", folder, *peers)
     actor, inputs = process.actor, Inputs(process.actor.scene)
     # Samples are a millisecond apart by their stamps, whenever they come.
     actor.age_limit_ns = actor.timeout_ns = 1 << 62
-    device, analyser, *_ = process.peers
-
-    def both() -> None:
-        sample, model = inputs.next()
-        analyser.speak(model)
-        device.speak(sample)
-
-    process.settle(both)
+    process.settle(lambda: render(process, inputs))
     process.go(20 * MS)
+    return process, inputs
+
+
+def render(process: Process, inputs: Inputs) -> None:
+    """Send the next sample, and the model for it before."""
+    device, analyser, *_ = process.peers
+    sample, model = inputs.next()
+    analyser.speak(model)
+    device.speak(sample)
+
+
+@pytest.fixture(params=[GAINS, ""], ids=["gains are read", "gains are not read"])
+def rendering(folder: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Process, Inputs]]:
+    process, inputs = rendering_at(folder, request.param)
     yield process, inputs
     process.close()
 
@@ -1138,3 +1162,61 @@ def test_a_device_that_moves_faster_than_it_can_be_moved_is_left_to_python(
         if lane_kernels.TO_SAY in codes:
             return
     pytest.fail("no step was the kernel's")
+
+
+def numbers_of(argument: Any) -> Iterator[Any]:
+    """Yield the arrays of a kernel's argument."""
+    if isinstance(argument, np.ndarray):
+        yield argument
+    elif isinstance(argument, Record):
+        yield argument.values
+    elif isinstance(argument, Structure):
+        yield from (argument.numbers, argument.data)
+
+
+def nodes_and_messages(folder: Path, node: str) -> tuple[Process, Callable[[], None]]:
+    """Return a node's process, and what sends it its next message."""
+    if node == "nullspace_analyser":
+        process, states = analysed_at(folder)
+        return process, lambda: process.speak(states.next())
+    if node == "teleoperation_controller":
+        process, inputs = rendering_at(folder, GAINS)
+        return process, lambda: render(process, inputs)
+    process = driven_at(folder) if node == "haptic_device" else moving_at(folder)
+    return process, lambda: command(process)
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_view_uses_nothing_that_a_kernel_works_in(
+    node: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process, send = nodes_and_messages(folder, node)
+    process.settle(send)
+    process.exchange.settle()
+    published: list[tuple[int, Any]] = []
+
+    def publish(view: Callable[[], None]) -> list[tuple[int, Any]]:
+        published.clear()
+        with monkeypatch.context() as patch:
+            patch.setattr(Outlet, "wanted", True)
+            patch.setattr(Outlet, "publish", lambda one, sent: published.append((one.number, sent)))
+            view()
+        return published.copy()
+
+    at_once, later = process.wait.view(), process.wait.view()
+    expected = publish(at_once)
+    arguments = process.wait.kernel().args
+    arrays = [one for argument in arguments for one in numbers_of(argument)]
+    before = [one.tobytes() for one in arrays]
+    process.exchange.lane.worked = False
+    for _ in range(10):
+        send()
+        process.go(2 * MS)
+    process.exchange.settle()
+    after = [one.tobytes() for one in arrays]
+    found = publish(later)
+    process.close()
+    assert len(expected) >= 2
+    assert found == expected
+    assert after != before
+    assert after == [one.tobytes() for one in arrays]
