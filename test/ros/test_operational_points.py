@@ -107,6 +107,8 @@ def test_the_hand_feels_no_bump(domain: int, peer: Peer, tmp_path: Path) -> None
         command = peer.publisher("mechanism/handle/set_operational_point", PoseStamped)
         # The hand begins 0.25 s after its device, which is a bump of its own.
         peer.until(lambda: commands and six(commands[-1])[0] > 0.1, "a hand that pushes")
+        begun = len(commands)
+        peer.until(lambda: len(commands) > begun + 100, "the end of that bump")
         before = len(commands)
         command.publish(grasp(peer, "link1", 0.02, 0.01))
         controller = "teleoperation_controller"
