@@ -185,7 +185,7 @@ class PoseCommands:
 
     def _check_kind(self, word: str, now_ns: int) -> None:
         if self._actor.lockstep:
-            rule = "cannot be told in lockstep, whose runs repeat"
+            rule = "cannot be commanded in lockstep, whose runs repeat"
             raise InvalidInputError(word, "a command", rule)
         if self._wrenches(now_ns):
             raise InvalidInputError(word, "while servo_cf is obeyed", ONE_KIND)

@@ -295,7 +295,7 @@ class ControllerParameters(NodeParameters):
     soften: bool = flag(True, "lower gains while the loop's delay exceeds what they allow", "any")
     device_frame: str = text(
         "world",
-        "frame_id of a driver that speaks CRTK only; its axes are taken as those of the world",
+        "frame_id of a driver that has CRTK topics only; its axes are taken as those of the world",
         "unconfigured",
     )
     clutch_button: int = count(

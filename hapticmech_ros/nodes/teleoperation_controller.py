@@ -363,7 +363,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             sentence = f"disengaged: {CLUTCHED}"
         doubtful = self._transmissions.fault(now)
         if engaged and doubtful:
-            sentence += f", tells no coupling gain: {doubtful}"
+            sentence += f", publishes no coupling gain: {doubtful}"
         figures = {
             "answers": str(self._outputs.answers),
             "engagements": str(self.engagements),

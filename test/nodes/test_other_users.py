@@ -254,7 +254,7 @@ def test_of_two_analysers_nothing_is_told_of_others_and_rendering_goes_on() -> N
     well, sentence, figures = controller.actor.status()
     assert not well
     assert figures["coupling_fault"].startswith(f"more than one publisher of {topic}: ")
-    assert sentence == f"engaged, tells no coupling gain: {figures['coupling_fault']}"
+    assert sentence == f"engaged, publishes no coupling gain: {figures['coupling_fault']}"
     assert figures["fault"] == ""
     coupled(1.1)
     assert coupled(0.1).any(axis=1).all()
