@@ -224,11 +224,11 @@ class FileSpan:
     end_ns: int = 0
     count: int = 0
 
-    def add(self, times_ns: Sequence[int]) -> None:
-        """Count messages that were received at these times, ns."""
-        self.start_ns = min(self.start_ns, *times_ns)
-        self.end_ns = max(self.end_ns, *times_ns)
-        self.count += len(times_ns)
+    def add(self, start_ns: int, end_ns: int, count: int) -> None:
+        """Count messages, the first and last of which were received at these times, ns."""
+        self.start_ns = min(self.start_ns, start_ns)
+        self.end_ns = max(self.end_ns, end_ns)
+        self.count += count
 
 
 def bag_information(

@@ -152,7 +152,8 @@ class BagWriter:
                 self._next_file()
             self._file.write_many(topic.number, messages)
             self._counts[name] += len(messages)
-            self._files[-1].add([time_ns for time_ns, _ in messages])
+            times = [time_ns for time_ns, _ in messages]
+            self._files[-1].add(min(times), max(times), len(times))
             if self._flushed_ns is None:
                 self._flushed_ns = time_ns
             elif abs(time_ns - self._flushed_ns) >= FLUSH_NS:

@@ -60,12 +60,23 @@ class RoundTripEstimate:
 
     def add(self, round_trip: float) -> None:
         """Add one round trip, s."""
-        self._window[self._count % WINDOW] = round_trip
-        self._count += 1
-        if self._count % EVERY == 0:
+        self.extend(np.array((round_trip,)))
+
+    def extend(self, round_trips: Array) -> None:
+        """Add round trips (n,), s, in their order."""
+        # Those up to the last update of the quantile, and those after it.
+        updated = max((self._count + round_trips.size) // EVERY * EVERY - self._count, 0)
+        self._put(round_trips[:updated])
+        if updated:
             seen = self._window[: min(self._count, WINDOW)]
             index = min(int(QUANTILE * seen.size), seen.size - 1)
             self.value = float(np.partition(seen, index)[index])
+        self._put(round_trips[updated:])
+
+    def _put(self, round_trips: Array) -> None:
+        self._count += round_trips.size
+        kept = round_trips[-WINDOW:]
+        self._window[np.arange(self._count - kept.size, self._count) % WINDOW] = kept
 
 
 class DelayFollower:

@@ -601,7 +601,7 @@ class DeviceDriver(ClockedActor[D]):
         self._command.put((wrenches[0], link.answered), link.received)
         before = wrenches[1], link.answered_before
         self._command.before, self._command.before_ns = before, link.received_before
-        self.answers.went_on((link.newest, link.arrived), trips.tolist())
+        self.answers.went_on((link.newest, link.arrived), trips)
         steps = link.done
         if steps == 0:
             return

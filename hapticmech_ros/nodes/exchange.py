@@ -460,6 +460,12 @@ class Exchange:
         return lane is not None and (lane.has_news or bool(lane.wait and lane.wait.has_news))
 
     @property
+    def has_stepped(self) -> bool:
+        """Whether a kernel has just done steps, and is to do the next ones, those due included."""
+        lane = self.lane
+        return lane is not None and lane.worked and lane.wait is not None and lane.wait.stepped
+
+    @property
     def may_wait(self) -> bool:
         """Whether the calling thread may keep views until the loop has time."""
         is_of_loop = self.lane is None or self.lane.turn.is_of_loop

@@ -127,6 +127,8 @@ MOST_AT_ONCE = 16
 STALLED_NS = 5 * NANOSECONDS
 # Send buffer of a connection to a subscriber that wants every message, bytes; Linux may grant less.
 KEPT_BYTES = 1 << 22
+# What a message takes of a socket's buffer besides its bytes.
+OVERHEAD_BYTES = 768
 # Limit of file descriptors that select accepts.
 MOST_SOCKETS = 1024
 # Kind; whether the middleware carries the message too; the receiver's number of the topic; the
@@ -293,7 +295,7 @@ class Incoming:
         return int.from_bytes(there, sys.byteorder)
 
     def announce(self, topics: Sequence[tuple[str, int, int, bool]], version: int) -> None:
-        """Send this process's subscribed topics, unless sent; with a full socket, do nothing.
+        """Send this process's subscribed topics; with a full socket, do nothing.
 
         Args:
             topics: name and type, number, how many listeners, whether any wants all messages.
@@ -302,8 +304,6 @@ class Incoming:
         Raises:
             OSError: the connection is closed.
         """
-        if self.announced == version:
-            return
         text = json.dumps({"version": _VERSION, "topics": topics}).encode()
         if len(text) > MOST_TOLD:
             text = json.dumps({"version": _VERSION, "topics": []}).encode()
@@ -426,6 +426,10 @@ class Waits(Protocol):
         """Whether that work should end, to begin anew; see ``PlainMessages``."""
 
     @property
+    def stepped(self) -> bool:
+        """Whether that work was steps at deadlines, the next included; see ``PlainMessages``."""
+
+    @property
     def settled(self) -> bool:
         """Whether the node's state includes the results of that work."""
 
@@ -445,6 +449,7 @@ class Lane:
             of :meth:`collect` takes them.
         wait: waits in place of ``select``; see :class:`Waits`. None: ``select`` waits.
         worked: whether :attr:`wait` was used in the last :meth:`collect`.
+        fullest: bytes, with overhead, that the last :meth:`collect` found in the fullest socket.
         turn: of the node's threads.
 
     Raises:
@@ -456,6 +461,7 @@ class Lane:
         self.copied: list[tuple[str, bytes]] = []
         self.wait: Waits | None = None
         self.worked = False
+        self.fullest = 0
         self.turn = Turn()
         self._folder = folder
         self._name = f"{os.getpid()}-{secrets.token_hex(4)}"
@@ -653,6 +659,7 @@ class Lane:
                 the rest with later calls, unless this process is behind or records.
         """
         found: list[Arrived] = []
+        self.fullest = 0
         if self.turn.is_of_loop:
             self._close_ended()
         wait, longest_s = self.wait, max(timeout_s, longest_s)
@@ -786,7 +793,9 @@ class Lane:
             self._announce(incoming)
 
     def _announce(self, incoming: Incoming) -> None:
-        """Send a publishing process the list of topics subscribed to here."""
+        """Send a publishing process the list of topics subscribed to here, unless it has it."""
+        if incoming.announced == self._version:
+            return
         announced = [
             (
                 subscription.topic,
@@ -834,18 +843,19 @@ class Lane:
         base = incoming.serial << 32
         size, frame = HEADER.size, self._frame
         counted = whole or self._records
-        left = incoming.bytes_waiting() if counted else 0
+        left = filled = incoming.bytes_waiting() if counted else 0
         while True:
             try:
                 length = incoming.connection.recv_into(frame)
             except BlockingIOError:
-                return
+                break
             except OSError:
                 length = 0
             if not length:
                 self._close_incoming(incoming)
                 return
             left -= length
+            filled += OVERHEAD_BYTES
             if length > size and frame[0] == MESSAGE:
                 _, both, code, outlet, number, count, sent_ns = HEADER.unpack_from(frame)
                 if left <= 0 and not counted and time.time_ns() - sent_ns > BEHIND_NS:
@@ -869,7 +879,8 @@ class Lane:
                         self._filled.append(subscription)
                     subscription.batch.append((message, origin))
             if left <= 0:
-                return
+                break
+        self.fullest = max(self.fullest, filled)
 
     def _drop(self, outgoing: Outgoing, for_good: bool = False) -> None:
         """Close the connection to a subscriber; unless ``for_good``, :meth:`look` may reconnect."""

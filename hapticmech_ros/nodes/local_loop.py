@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -348,17 +347,16 @@ class Answers(InOrder):
             self._estimate.add((now_ns - stamp_ns) / NANOSECONDS)
         return True
 
-    def went_on(self, newest: tuple[int, int], trips: Sequence[float]) -> None:
+    def went_on(self, newest: tuple[int, int], trips: Array) -> None:
         """Note answers.
 
         Args:
             newest: stamp of the newest one, and when it came, ns.
-            trips: s, that they took, of those that answer samples.
+            trips: (n,) s, that they took, of those that answer samples.
         """
         self.last = newest
         self.answered_ns = newest[0]
-        for trip in trips:
-            self._estimate.add(trip)
+        self._estimate.extend(trips)
 
     def lost(self, now_ns: int) -> str:
         """Return the input that is lost while it obeys, at a time (ns); empty if none is."""

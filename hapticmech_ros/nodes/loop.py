@@ -230,8 +230,9 @@ class Watchdog:
 
 # Longest wait for a message or deadline, s: also the longest delay before a signal is handled.
 LONGEST_WAIT_S = 0.1
-# Longest run of a kernel, s; work for Python ends it earlier.
-LONGEST_RUN_S = 1.0
+# Longest run of a kernel, s; work for Python ends it earlier: diagnostics do so each second, and a
+# second return in each second would cost as much again.
+LONGEST_RUN_S = 1.5
 # Shortest wait for messages, s: timers wake up later than that.
 SHORTEST_WAIT_S = 20e-6
 # An idle processor wakes up late, by 50 to 100 us if it is virtual. The last part of a wait for a
@@ -247,9 +248,12 @@ SPIN_S = 0.02
 SWITCH_S = 0.0005
 # How long deferred callbacks may keep a kernel from running, s.
 CALLBACKS_S = 0.005
-# Period at which a process that only receives takes its messages, s: waking up for each one would
-# double its processor time, and delay the processes of the control loop.
-GATHER_S = 0.01
+# Longest and shortest period at which a process that only receives takes its messages, s: each
+# wake-up costs as much as many messages, and delays the processes of the control loop.
+GATHER_S, GATHER_LEAST_S = 0.05, 0.002
+# It wakes up more often if a publisher's socket would fill to more than this, bytes with overhead:
+# a third of the buffer that Linux grants by default.
+GATHER_BYTES = 140_000
 # Kept messages are sent if the next deadline is at least SENDS_NS away, ns, and not before the
 # answers to a node's last output have arrived or ANSWER_NS, ns, have passed.
 SENDS_NS, ANSWER_NS = 150_000, 400_000
@@ -423,6 +427,7 @@ class Inbox:
         self._exchange = exchange
         self._threads = threads
         self._answer_ns = self._late_ns = 0
+        self._gather_s, self._gathered_s = GATHER_LEAST_S, time.monotonic()
 
     def wait(self, timeout_s: float) -> None:
         """Wait for messages, at most ``timeout_s``, and deliver those that have arrived.
@@ -458,18 +463,23 @@ class Inbox:
             exchange.deliver()
 
     def gather(self) -> None:
-        """Wait :data:`GATHER_S`, then deliver all messages that have arrived.
+        """Wait until a socket of the lane is a third full, then deliver all that has arrived.
 
-        Without another process on the lane: :meth:`wait` for at most :data:`LONGEST_WAIT_S`.
+        For :data:`GATHER_S` at most, and as expected from the last time. Without another process on
+        the lane: :meth:`wait` for at most :data:`LONGEST_WAIT_S`.
         """
         exchange = self._exchange
         lane = exchange.lane
         if lane is None or not lane.linked:
             self.wait(LONGEST_WAIT_S)
             return
-        time.sleep(GATHER_S)
+        time.sleep(self._gather_s)
         lane.look()
+        now = time.monotonic()
         exchange.collect(whole=True)
+        fills_s = (now - self._gathered_s) * GATHER_BYTES / max(lane.fullest, 1)
+        self._gather_s = min(max(fills_s, GATHER_LEAST_S), GATHER_S)
+        self._gathered_s = now
         exchange.deliver()
         # With a time limit: messages may arrive as fast as they are taken.
         run_waiting(self._executor, GATHER_S)
@@ -569,6 +579,15 @@ def prepare_loops() -> None:
     sys.setswitchinterval(SWITCH_S)
 
 
+def prepare_to_gather() -> None:
+    """Set Python up for thousands of messages a second that are kept for a while, without circles.
+
+    The garbage collector would look through them again and again.
+    """
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 100)
+
+
 def run_until(
     stop: StopRequest,
     nodes: Sequence[HasDeadlines],
@@ -599,7 +618,9 @@ def run_until(
             for node in nodes:
                 node.look_at_clock()
                 deadline = node.next_deadline_ns()
-                if deadline is not None and deadline <= (now := node.now_ns()):
+                if deadline is None or exchange.has_stepped:
+                    continue
+                if deadline <= (now := node.now_ns()):
                     node.act(now)
                     inbox.acted()
     finally:

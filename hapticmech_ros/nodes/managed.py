@@ -624,6 +624,10 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         if actor is None:
             reason = "" if self.failure is None else f": {self.failure}"
             return False, f"unconfigured{reason}", {}
+        # First what a kernel has done since the last time: in one pause with the actor's status it
+        # would stop the kernel for longer than a period of 1 ms.
+        with self.exchange.taken():
+            pass
         # The next entries are not the actor's: it may go on meanwhile.
         with self.exchange.taken():
             well, sentence, figures = actor.failures.status(actor.status)

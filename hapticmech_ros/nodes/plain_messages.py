@@ -396,6 +396,16 @@ class PlainMessages:
         )
 
     @property
+    def stepped(self) -> bool:
+        """Whether the kernel's last run did steps at deadlines, and may do the next.
+
+        It then makes up for those missed since; a step by Python would take longer.
+        """
+        link = self._shared
+        is_pythons = self._code in (kernels.TO_ACT, kernels.TO_SAY)
+        return isinstance(link, kernels.DeadlineLink) and link.done > 0 and not is_pythons
+
+    @property
     def settled(self) -> bool:
         """Whether the actor is up to date with the kernel's work."""
         return self._lane is None

@@ -28,7 +28,7 @@ from hapticmech_ros.loading import load_scene
 from hapticmech_ros.nodes.bags.bag_recorder import BagRecorderNode, RecordOptions
 from hapticmech_ros.nodes.bags.recorded_topic import BagSpool
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import Inbox, StopRequest, write_progress
+from hapticmech_ros.nodes.loop import Inbox, StopRequest, prepare_to_gather, write_progress
 from hapticmech_ros.nodes.messages import LATCHED, RECORDER_SUBSCRIBER
 from hapticmech_ros.numerics.times import NANOSECONDS
 from hapticmech_ros.wire.cdr import FlatArray
@@ -170,6 +170,7 @@ def _record_until_done(
     """Return nothing when all is recorded, or why not."""
     executor = EventsExecutor()
     executor.add_node(node)
+    prepare_to_gather()
     inbox = Inbox(executor, exchange)
     write_progress("ready")
     begun, started, reported, missing = time.monotonic(), 0.0, 0.0, None

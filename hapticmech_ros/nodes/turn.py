@@ -22,6 +22,9 @@ from hapticmech_ros.nodes.lane_kernels import DEAF_NS
 FOR_EVER = 1 << 62
 # How long a thread sleeps at a time to let others take the turn or Python's lock first, s.
 LETS_S = 20e-6
+# How long a callback's thread lets the loop's start the kernel again that was stopped for it, s:
+# Python's lock changes hands each half millisecond, which would be added to the kernel's pause.
+RESUMES_S = 1e-3
 
 
 class Turn:
@@ -136,7 +139,7 @@ class Turn:
         self._wanting.add(threading.get_ident())
         with self._turn:
             self._wanting.discard(threading.get_ident())
-            if self.kernel_runs:
+            if has_stopped := self.kernel_runs:
                 self.ring()
                 # Wait until it has ended. No other starts: the loop's thread needs the turn for it.
                 with self._kernel:
@@ -150,6 +153,9 @@ class Turn:
         if is_over and not self.is_of_loop:
             # The loop's thread needs Python's lock, too.
             time.sleep(LETS_S)
+            end = time.monotonic() + RESUMES_S
+            while has_stopped and not self.kernel_runs and time.monotonic() < end:
+                time.sleep(RESUMES_S / 4)
 
     def view(self, publish: Callable[[], None]) -> bool:
         """Have another thread publish a view, if the turn is shared; return whether it is.

@@ -88,6 +88,17 @@ def test_an_estimate_is_high_in_the_jitter_and_forgets_hiccups():
     assert estimate.value == 0.02
 
 
+def test_round_trips_together_are_as_one_after_the_other():
+    rng, alone, together = np.random.default_rng(2), RoundTripEstimate(), RoundTripEstimate()
+    for count in (1, 0, EVERY - 2, 3, 7 * EVERY + 5, 3 * WINDOW + 11, EVERY, 2):
+        trips = rng.uniform(0.01, 0.1, count)
+        for trip in trips:
+            alone.add(trip)
+        together.extend(trips)
+        assert together.value == alone.value
+    assert alone.value > 0.0
+
+
 def test_a_longer_way_is_followed_at_once_and_a_shorter_one_after_a_while():
     follower = DelayFollower(Connection(expected=0.01))
     assert not follower.follow(0.024, 0.0)  # declared, with its jitter, and a graph's own

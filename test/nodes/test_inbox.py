@@ -185,7 +185,8 @@ class Gathered:
     """An exchange that notes how often it is asked for what has come."""
 
     def __init__(self) -> None:
-        self.lane, self.asked, self.delivered = SimpleNamespace(linked=True, look=int), 0, 0
+        self.lane = SimpleNamespace(linked=True, look=int, fullest=0)
+        self.asked = self.delivered = 0
 
     def collect(self, timeout_s: float = 0.0, whole: bool = False) -> None:
         assert timeout_s == 0.0
@@ -261,11 +262,24 @@ def test_who_ends_takes_all_that_has_come_but_not_for_ever(system: LateSystem) -
     assert system.now - begun < 1.1e9
 
 
-def test_who_answers_nobody_wakes_up_once_in_a_while() -> None:
+@pytest.mark.parametrize(
+    ("bytes_per_s", "period_s"),
+    [(0, loop.GATHER_S), (1e6, loop.GATHER_S), (20e6, 0.007), (1e9, loop.GATHER_LEAST_S)],
+)
+def test_who_answers_nobody_wakes_up_before_a_socket_is_more_than_a_third_full(
+    system: LateSystem, bytes_per_s: float, period_s: float
+) -> None:
     exchange = Gathered()
     inbox = Inbox(NoMessages(), exchange)  # type: ignore[arg-type]
-    begun = loop.time.monotonic()
+    taken_s, periods = [system.monotonic()], []
+
+    def collect(timeout_s: float = 0.0, whole: bool = False) -> None:
+        taken_s.append(system.monotonic())
+        periods.append(taken_s[-1] - taken_s[-2])
+        exchange.lane.fullest = round(bytes_per_s * periods[-1])
+
+    exchange.collect = collect  # type: ignore[method-assign]
     for _ in range(10):
         inbox.gather()
-    assert loop.time.monotonic() - begun >= 10 * loop.GATHER_S
-    assert exchange.asked == exchange.delivered == 10
+    assert periods[2:] == pytest.approx([period_s] * 8, rel=1e-3)
+    assert exchange.delivered == 10

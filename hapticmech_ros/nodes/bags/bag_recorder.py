@@ -25,7 +25,7 @@ from hapticmech_ros.bag.writer import BagWriter
 from hapticmech_ros.errors import BagError, HapticMechError
 from hapticmech_ros.nodes.bags.recorded_topic import BagSpool, RecordedTopic
 from hapticmech_ros.nodes.exchange import Exchange
-from hapticmech_ros.nodes.loop import Inbox, QuietEventsNode, StopRequest
+from hapticmech_ros.nodes.loop import Inbox, QuietEventsNode, StopRequest, prepare_to_gather
 from hapticmech_ros.nodes.sources import Info
 from hapticmech_ros.numerics.times import nanoseconds
 from hapticmech_ros.system.discovery import Transport
@@ -33,6 +33,9 @@ from hapticmech_ros.system.readiness import report_ready
 from hapticmech_ros.wire.topics import Rate, topic_of
 
 DISCOVERY_PERIOD_S = 0.2
+# Publishers of topics that are recorded already are counted less often, s: it takes as long as
+# recording a thousand messages.
+COUNT_PERIOD_S = 1.0
 # A graph is not recorded whole before something came from each topic whose publisher never pauses;
 # those that are still silent after so long, s, are not waited for.
 NEVER_PAUSE: tuple[Rate, ...] = ("control", "view", "marker", "1 Hz")
@@ -105,15 +108,20 @@ class BagRecorderNode(QuietEventsNode):
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.received: dict[str, RecordedTopic] = {}
         self._counted: dict[str, int] = {}
+        self._counted_s = -COUNT_PERIOD_S
         self.skipped: dict[str, str] = {}
 
     def discover(self) -> None:
         """Look at the graph: subscribe to new topics, adapt to new publishers."""
         now = time.monotonic()
+        counts = now - self._counted_s >= COUNT_PERIOD_S
+        self._counted_s = now if counts else self._counted_s
         for name, types in self.get_topic_names_and_types():
             if name in self.skipped or not self._wants(name):
                 continue
             topic = self.received.get(name)
+            if topic is not None and topic.is_settled and not counts:
+                continue
             count = self.count_publishers(name)
             if topic is not None and topic.is_settled and count == self._counted.get(name):
                 continue
@@ -261,6 +269,7 @@ def _record(
 ) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
+    prepare_to_gather()
     inbox = Inbox(executor, exchange)
     begun = time.monotonic()
     looked, ready, received = -DISCOVERY_PERIOD_S, False, math.inf

@@ -38,10 +38,21 @@ from hapticmech_ros.nodes.sources import Batch, Info, Origin, WithInfo
 from hapticmech_ros.numerics.times import NANOSECONDS
 
 FLUSH_PERIOD_S = 0.4
+# Period at which the writing thread takes the queue, s: by one message it would wake up for each.
+WRITE_PERIOD_S = 0.05
 # Longest queue for a disk; further messages are dropped, and counted.
 LONGEST_QUEUE_BYTES = 512 << 20
-_Part = tuple[str, Messages]
-_NOTHING: _Part = ("", [])
+
+
+class _Part(NamedTuple):
+    """Messages of a topic, and their size in bytes."""
+
+    name: str
+    messages: Messages
+    size: int
+
+
+_NOTHING = _Part("", [], 0)
 
 
 class _Topic(NamedTuple):
@@ -85,8 +96,9 @@ class BagSpool:
         if self.failure or self._put_bytes - self._written_bytes > LONGEST_QUEUE_BYTES:
             self.dropped[name] = self.dropped.get(name, 0) + len(messages)
             return
-        self._put_bytes += _bytes(messages)
-        self._queue.put((name, messages))
+        size = sum(len(data) for _, data in messages)
+        self._put_bytes += size
+        self._queue.put(_Part(name, messages, size))
 
     def note_lost(self, name: str, lost: int | None) -> None:
         """Note how many messages of a topic were lost in transit; None: not known."""
@@ -126,18 +138,16 @@ class BagSpool:
             except BagError as error:
                 self.failure = error
             if not isinstance(item, _Topic):
-                self._written_bytes += _bytes(item[1])
+                self._written_bytes += item.size
             self.worst_wait_s = max(self.worst_wait_s, time.monotonic() - begun)
+            if self._queue.empty():
+                time.sleep(WRITE_PERIOD_S)
 
     def _write(self, item: _Part | _Topic) -> None:
         if isinstance(item, _Topic):
             self._writer.add_topic(item.name, item.msgtype, offered=item.offered)
-        elif item[1]:
-            self._writer.write_many(*item)
-
-
-def _bytes(messages: Messages) -> int:
-    return sum(len(data) for _, data in messages)
+        elif item.messages:
+            self._writer.write_many(item.name, item.messages)
 
 
 # A bag may be busy for a while: at 2 kHz this is half a second of one topic.
