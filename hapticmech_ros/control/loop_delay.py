@@ -63,7 +63,11 @@ class RoundTripEstimate:
         self.extend(np.array((round_trip,)))
 
     def extend(self, round_trips: Array) -> None:
-        """Add round trips (n,), s, in their order."""
+        """Add round trips, in their order.
+
+        Args:
+            round_trips: (n,) s.
+        """
         # Those up to the last update of the quantile, and those after it.
         updated = max((self._count + round_trips.size) // EVERY * EVERY - self._count, 0)
         self._put(round_trips[:updated])
