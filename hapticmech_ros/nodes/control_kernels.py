@@ -23,6 +23,7 @@ from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     GRACE_NS,
+    LONG_PAUSE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -79,12 +80,14 @@ class Sender(Record):
         counted: the message's number among the sender's messages.
         stamp_ns: its stamp, ns.
         paused: set by the kernel: how long the sender paused between messages in total, ns.
+        ended: set by the kernel: stamp of the message after the last pause, ns.
     """
 
     dtype = int
     counted = Whole()
     stamp_ns = Whole()
     paused = Whole()
+    ended = Whole()
 
 
 class ControllerLink(Link):
@@ -124,7 +127,7 @@ class ControllerLink(Link):
 
 @inner
 def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) -> None:
-    """Note a sender's message and any pause before it, after which the kernel returns early.
+    """Note a sender's message and any pause before it; after a long one the kernel returns early.
 
     After a pause, stamps have advanced by more periods than messages; see ``SenderPauses``.
 
@@ -138,7 +141,9 @@ def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) 
     late = stamp - sender.stamp_ns - periods * link.period
     if periods > 0 and late > SHORTEST_PAUSE_NS:
         sender.paused += late
-        link.until = 0
+        sender.ended = stamp
+        if late > LONG_PAUSE_NS:
+            link.until = 0
     sender.counted, sender.stamp_ns = counted, stamp
 
 

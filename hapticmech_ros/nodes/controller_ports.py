@@ -20,6 +20,7 @@ from hapticmech_ros.control import DeviceMeasurement
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.loop_delay import DelayFollower, admissible_round_trip, made_for
 from hapticmech_ros.control.measurements import flat_device
+from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes.actor import Actor
 from hapticmech_ros.nodes.inputs import NEVER, InOrder, Latest, SampleAge
@@ -150,7 +151,6 @@ class EngagementLog:
         self._unlogged, self._explained, self._logged_ns = 0, 0, self._now_ns()
 
 
-NO_WRENCH = np.zeros(6)
 # A gain lapses after five times as long, and gains show who sends them.
 LONGEST_WITHOUT_GAIN_NS = NANOSECONDS // 50
 

@@ -29,6 +29,8 @@ from hapticmech_ros.wire.kernels import UNSOUND
 # Indices of numbers shared with the loop: its count of iterations, and whether it has ended.
 ROUNDS, ENDED = 0, 1
 LOOK_US = 250_000
+# Most pauses of a process that a kernel notes before it returns.
+MOST_PAUSES = 8
 _STANDARD_ERROR = 2
 # A struct pollfd that waits until standard error can be written (POLLOUT); and the answer's bit.
 _POLLED, _TAKES = 2 | 4 << 32, 4 << 48
@@ -81,7 +83,8 @@ class Link(Record):
         oldest: largest difference of a stamp from the node's time, ns.
         behind: longest time since a message was sent, ns.
         until_view: number of messages until a view is due; 0: never.
-        paused: set by the kernel: how long the process had no processor at its last pause, ns.
+        paused: set by the kernel: how often the process had no processor.
+        pauses: of each such pause, when it ended, ns of the monotonic clock, and its length, ns.
         asked: since when a connection needs Python, ns of the monotonic clock; 0: none does.
         reads: number of messages read, without gains and messages passed over.
     """
@@ -94,6 +97,7 @@ class Link(Record):
     behind = Whole()
     until_view = Whole()
     paused = Whole()
+    pauses = Vector(2 * MOST_PAUSES)
     asked = Whole()
     reads = Whole()
 
@@ -247,6 +251,8 @@ SOON_NS = 2_000_000
 _UNSEEN_NS = 5_000_000
 # A wait that ends no later than this is no pause: timers may be so late, ns.
 SHORTEST_PAUSE_NS = 1_000_000
+# After a longer one Python looks after the node at once: a return takes as long as a short pause.
+LONG_PAUSE_NS = 5_000_000
 NOTHING, PLAIN, OTHER = 0, 1, -1
 # Most missed deadlines that are made up for at once.
 MOST_MISSED = 31
@@ -268,10 +274,27 @@ def time_of(clock: int, words: Array) -> int:
 
 
 @inner
+def note_pause(link: Link, end: int, length: int) -> None:
+    """Note a pause of the process; after a long one, or many, let the kernel return early.
+
+    Args:
+        link: shared state; changed.
+        end: when it ended, ns of the monotonic clock.
+        length: ns.
+    """
+    at = 2 * link.paused
+    if at < link.pauses.size:
+        link.pauses[at], link.pauses[at + 1] = end, length
+        link.paused += 1
+    if length > LONG_PAUSE_NS or at + 2 >= link.pauses.size:
+        link.until = 0
+
+
+@inner
 def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) -> int:
     """Wait for connections until a time, for 5 ms at most; return which can be read.
 
-    If the process paused meanwhile, note it, and set ``link.until`` to 0.
+    If the process paused meanwhile, note it; after a long pause, set ``link.until`` to 0.
 
     Args:
         end: the time, ns of the monotonic clock.
@@ -291,7 +314,7 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
     found = _ppoll(polled.ctypes.data, polled.size, words.ctypes.data, 0)
     then = time_of(MONOTONIC, words)
     if then - now - left > SHORTEST_PAUSE_NS:
-        link.paused, link.until = then - now - left, 0
+        note_pause(link, then, then - now - left)
     if found == 0:
         return NOTHING
     ready, bits = 0, 0

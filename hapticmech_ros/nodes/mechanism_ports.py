@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from hapticmech_ros.device.real_device import MOST_BUTTONS
+from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import flat_grasp, flat_grasps, grasp_posed
@@ -175,9 +176,6 @@ class PointPort:
         self._go_on(now_ns)
 
 
-_NONE = np.zeros(6)
-
-
 class ContactPort:
     """Publishes contact points, in a scene with contacts, if there are subscribers.
 
@@ -198,7 +196,7 @@ class ContactPort:
                 outlet.publish(self._layout.encode(touching, time_ns))
         for pair, outlet in enumerate(self._pairs):
             if outlet.wanted:
-                wrench = _NONE if touching is None else touching.wrench(pair)
+                wrench = NO_WRENCH if touching is None else touching.wrench(pair)
                 outlet.publish(encode_wrench(wrench, time_ns))
 
 

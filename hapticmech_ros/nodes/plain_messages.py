@@ -373,8 +373,9 @@ class PlainMessages:
 
         For a while after a pause or a late step, some views are left out.
         """
-        now = time.monotonic_ns()
-        give_way = now - self._late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
+        now, link = time.monotonic_ns(), self._shared
+        late_ns = int(link.pauses[2 * link.paused - 2]) if link.paused else self._late_ns
+        give_way = now - late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
         if turn.is_shared and give_way:
             return True
         self._viewed_ns = now
@@ -429,9 +430,10 @@ class PlainMessages:
         reads = link.reads
         self._actor.ages.extend(self.ages[:reads])
         self.did(self._code, reads)
-        if link.paused:
-            self._actor.node.pauses.paused(link.paused)
-        if link.paused or self._code == kernels.TO_ACT:
+        for end_ns, length_ns in link.pauses[: 2 * link.paused].reshape(-1, 2).tolist():
+            self._actor.node.pauses.paused(end_ns, length_ns)
+            self._late_ns = end_ns
+        if self._code == kernels.TO_ACT:
             self._late_ns = time.monotonic_ns()
 
     def _send_on(

@@ -20,12 +20,12 @@ from hapticmech_ros.control.rendering_controller import (
 )
 from hapticmech_ros.control.tuning import tuned
 from hapticmech_ros.device.safety import MotionCheck
+from hapticmech_ros.device.state import NO_WRENCH
 from hapticmech_ros.mechanism.closures import GRASP_SIZE
 from hapticmech_ros.nodes import control_kernels as own
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.buttons import ButtonInput
 from hapticmech_ros.nodes.controller_ports import (
-    NO_WRENCH,
     PERIOD_S,
     ControllerOutputs,
     CrtkDevice,
@@ -555,8 +555,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
         # With other hands each gain needs a coupling gain, which Python computes.
         link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
-        link.of_device.values[:] = *self._device_pauses.last[1:], 0
-        link.of_analyser.values[:] = *self._model_pauses.last[1:], 0
+        link.of_device.values[:] = *self._device_pauses.last[1:], 0, 0
+        link.of_analyser.values[:] = *self._model_pauses.last[1:], 0, 0
         link.sample_ns = link.answers = 0
         link.until_view = self._outputs.until_view
         known[:] = model.operational_model.values
@@ -581,7 +581,8 @@ class TeleoperationController(Actor[ControllerParameters]):
             found = OperationalModelMessage(before.values.copy())
             found.stamp_ns, found.operational_model.values[:] = stamp_ns, known
             self._model.put(found, stamp_ns)
-        self._model_pauses.went_on(stamp_ns, origin, now_ns, link.of_analyser.paused)
+        pause = link.of_analyser.ended, link.of_analyser.paused
+        self._model_pauses.went_on(stamp_ns, origin, now_ns, pause)
 
     def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
         """Take over the kernel's answers.
@@ -596,7 +597,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._rendered_ns = link.rendered
         self.path.last = link.newest, link.arrived
         self.motion.stamp_ns = link.moved
-        self._device_pauses.went_on(stamp_ns, origin, now_ns, link.of_device.paused)
+        pause = link.of_device.ended, link.of_device.paused
+        self._device_pauses.went_on(stamp_ns, origin, now_ns, pause)
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
         self._outputs.answers += link.answers

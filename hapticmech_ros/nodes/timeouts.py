@@ -56,10 +56,10 @@ class Pauses:
         found = [(length, end - start) for end, length in self._found if end > start]
         return sum(map(min, found)), sum(length for length, _ in found)
 
-    def _note(self, length_ns: int) -> None:
-        """Note a pause up to now."""
+    def _note(self, end_ns: int, length_ns: int) -> None:
+        """Note a pause up to a time, ns."""
         if length_ns > SHORTEST_PAUSE_NS:
-            self._found.append((self.looked_ns, length_ns))
+            self._found.append((end_ns, length_ns))
 
 
 class Remedy:
@@ -127,12 +127,12 @@ class OwnPauses(Pauses):
         wait_ns = self._wait_ns()
         if wait_ns is not None:
             wanted = min(now - before, -wait_ns)
-            self._note(wanted - (self._computed - computed))
+            self._note(now, wanted - (self._computed - computed))
 
-    def paused(self, length_ns: int) -> None:
-        """Note a pause until now that a kernel has noticed, ns."""
+    def paused(self, end_ns: int, length_ns: int) -> None:
+        """Note a pause that a kernel has noticed: when it ended, and its length, ns."""
         self.looked_ns, self._computed = self._clock_ns(), self._computed_ns()
-        self._note(length_ns)
+        self._note(end_ns, length_ns)
 
 
 class SenderPauses(Pauses):
@@ -167,17 +167,23 @@ class SenderPauses(Pauses):
         before_ns, anew = self._stamp_ns, origin.via != self._via
         self.went_on(stamp_ns, origin, now_ns)
         if count and periods > 0 and not anew:
-            self._note(stamp_ns - before_ns - periods * self._period_ns)
+            self._note(now_ns, stamp_ns - before_ns - periods * self._period_ns)
 
-    def went_on(self, stamp_ns: int, origin: Origin, now_ns: int, paused_ns: int = 0) -> None:
-        """Note the last of several messages, and how long it paused between them, ns.
+    def went_on(
+        self, stamp_ns: int, origin: Origin, now_ns: int, pause: tuple[int, int] = (0, 0)
+    ) -> None:
+        """Note the last of several messages, and the pauses between them.
 
-        Other arguments are those of :meth:`received`.
+        Args:
+            stamp_ns: of the last message, ns.
+            origin: its publisher and number.
+            now_ns: time of its arrival, ns.
+            pause: when the last one ended, by its stamps, and how long they were in sum, ns.
         """
         self.looked_ns = now_ns
         self._via, self._count = origin.via, origin.sent or origin.number
         self._stamp_ns = stamp_ns
-        self._note(paused_ns)
+        self._note(*pause)
 
 
 # A periodic message is sometimes late by a period, and sometimes lost: a timeout shorter than so

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pytest
 
+from hapticmech_ros.nodes.lane_kernels import LONG_PAUSE_NS, MOST_PAUSES, Link, note_pause
 from hapticmech_ros.nodes.sources import MIDDLEWARE, NO_ORIGIN, Origin
 from hapticmech_ros.nodes.timeouts import (
     MINUTE_NS,
@@ -75,6 +76,34 @@ def test_who_computed_or_wanted_to_wait_had_one(
     assert process.pauses.within(20 * MS) == (0, 0)
     assert process.lose(15 * MS) == ""
     assert process.losses.figures()["lost_without_processor"] == "0"
+
+
+def test_a_kernel_notes_short_pauses_and_returns_after_a_long_one_or_many() -> None:
+    link, later = Link(), 1 << 60
+    link.until = later
+    for number in range(1, MOST_PAUSES):
+        note_pause(link, number * 100 * MS, number * MS // 2)
+        assert link.paused == number
+        assert link.until == later
+    note_pause(link, MOST_PAUSES * 100 * MS, 2 * MS)
+    assert link.until == 0
+    note_pause(link, 9000 * MS, 2 * MS)
+    assert link.paused == MOST_PAUSES
+    ends, lengths = link.pauses[::2], link.pauses[1::2]
+    assert ends.tolist() == [number * 100 * MS for number in range(1, MOST_PAUSES + 1)]
+    assert lengths[-1] == 2 * MS
+    link = Link()
+    link.until = later
+    note_pause(link, 100 * MS, LONG_PAUSE_NS + 1)
+    assert link.until == 0
+
+
+def test_a_pause_that_a_kernel_noted_explains_a_loss_at_that_time_only(process: Process) -> None:
+    process.go_on(MS)
+    now_ns = process.now_ns
+    process.pauses.paused(now_ns - 50 * MS, 4 * MS)
+    assert process.pauses.within(20 * MS) == (0, 0)
+    assert process.pauses.within(52 * MS) == (2 * MS, 4 * MS)
 
 
 def test_who_waits_for_ever_is_never_late(process: Process) -> None:
