@@ -21,6 +21,7 @@ import pinocchio as pin
 from hapticmech_ros.errors import HapticMechError
 from hapticmech_ros.mechanism.inertia import dtrsm, dtrsv, singular_joint
 from hapticmech_ros.mechanism.kernels.band_kernels import NOT_DECIDED
+from hapticmech_ros.mechanism.kernels.energy_kernels import weights_and_springs
 from hapticmech_ros.mechanism.kernels.factor_kernels import NO_SVD, SINGULAR, factor
 from hapticmech_ros.mechanism.kernels.layout import ActiveSet
 from hapticmech_ros.mechanism.kernels.metric_kernels import (
@@ -160,6 +161,11 @@ class Closing:
     def jacobian(self) -> Array:
         """(m, nv) W, in m and 1: φ̇ = W v."""
         return self.dense.parts.jacobian
+
+    @property
+    def potential_energy(self) -> float:
+        """Energy of weights, springs and stops, J."""
+        return weights_and_springs(self.active_set.model, self.parts, self.q)
 
     @property
     def error(self) -> float:

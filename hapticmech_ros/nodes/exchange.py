@@ -34,6 +34,8 @@ UNDERWAY_NS = 10 * NANOSECONDS
 # How long a count of subscriptions is reused, ns: counting costs as much as sending a message. A
 # new subscriber outside the lane receives a topic at most this much later.
 CENSUS_NS = 20_000_000
+# The same for topics outside the control loop.
+VIEW_CENSUS_NS = 100_000_000
 # For this long after a change of the lane's subscribers the middleware carries messages too, ns: it
 # may discover the change later.
 SETTLES_NS = NANOSECONDS // 4
@@ -137,7 +139,9 @@ class Outlet:
     @property
     def wanted(self) -> bool:
         """Whether a message has a subscriber, or must be sent for late ones."""
-        return self._stays or self.publisher.get_subscription_count() > 0
+        lane = self._exchange.lane if self.topic else None
+        reached = self._stays or (lane is not None and lane.readers(self.topic) > 0)
+        return reached or self._count(time.monotonic_ns()) > 0
 
     def publish(self, message: Any) -> None:
         """Send a message, or its bytes, to all subscribers.
@@ -223,8 +227,8 @@ class Outlet:
         self.publisher.publish(message)
 
     def _count(self, now: int) -> int:
-        """Return the number of subscriptions, those on the lane included, at most CENSUS_NS old."""
-        if now - self._census_ns >= CENSUS_NS:
+        """Return the number of subscriptions, those on the lane included, as counted lately."""
+        if now - self._census_ns >= (VIEW_CENSUS_NS if self.later else CENSUS_NS):
             self._census_ns = now
             self._readers = self.publisher.get_subscription_count()
         return self._readers

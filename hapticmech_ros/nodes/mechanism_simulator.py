@@ -16,9 +16,8 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, UInt8MultiArray
 from hapticmech_ros.compilation import arrays_of
 from hapticmech_ros.control.loop_layout import ActingWrenches
 from hapticmech_ros.errors import InvalidInputError
-from hapticmech_ros.mechanism import Mechanism
 from hapticmech_ros.mechanism.closures import grasp_written
-from hapticmech_ros.mechanism.constraint_space import PointKinematics
+from hapticmech_ros.mechanism.constraint_space import ConstraintSpace, PointKinematics
 from hapticmech_ros.mechanism.model import se3
 from hapticmech_ros.mechanism.schemes import SCHEMES
 from hapticmech_ros.nodes import lane_kernels as kernels
@@ -466,9 +465,9 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         """Return whether all is well, a sentence, and the mechanism's figures."""
         closed = ", ".join(self._mechanism.names_of(self.state.active)) or "none"
         pushing = {} if self._listened is None else self._listened.figures(self.now_ns())
-        energy = energy_of(self._mechanism, self.state, 0)
-        drift = self.state.account.drift(energy.kinetic)
         space = self.simulator.evaluate(self.state).space
+        energy = energy_of(self.state, space, 0)
+        drift = self.state.account.drift(energy.kinetic)
         figures = {
             **self.clock_figures(),
             **pushing,
@@ -575,11 +574,11 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
             external: (points, 6) F_c, N and N m, world axes at each operational point.
             time_ns: stamp of the state, ns.
         """
-        points = self.simulator.evaluate(state).points
+        terms = self.simulator.evaluate(state)
         q = self._mechanism.coordinates(state.q).tolist()
         wanted = self._publish_energy.wanted
-        energies = energy_of(self._mechanism, state, time_ns) if wanted else None
-        return lambda: self._publish_view(state, q, points, external, energies, time_ns)
+        energies = energy_of(state, terms.space, time_ns) if wanted else None
+        return lambda: self._publish_view(state, q, terms.points, external, energies, time_ns)
 
     def _publish_view(
         self,
@@ -667,12 +666,17 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         return listened
 
 
-def energy_of(mechanism: Mechanism, state: MechanismState, time_ns: int) -> MechanismEnergy:
+def energy_of(state: MechanismState, space: ConstraintSpace, time_ns: int) -> MechanismEnergy:
     """Return the energies of a mechanism at a state, at a time (ns).
 
     Energy stored in contacts counts as potential energy, energy lost there as lost by damping.
+
+    Args:
+        state: of the mechanism.
+        space: its terms there.
+        time_ns: ns.
     """
-    kinetic, potential = mechanism.energy(state.q, state.v)
+    kinetic, potential = 0.5 * space.size(state.v) ** 2, space.closing.potential_energy
     account = state.account
     return MechanismEnergy.of(
         time_ns,

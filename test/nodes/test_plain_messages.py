@@ -1192,6 +1192,10 @@ def test_a_view_uses_nothing_that_a_kernel_works_in(
 ) -> None:
     process, send = nodes_and_messages(folder, node)
     process.settle(send)
+    # Its last run has read a message, after which there is something to see.
+    while not process.wait.link.reads:
+        send()
+        process.go(2 * MS)
     process.exchange.settle()
     published: list[tuple[int, Any]] = []
 

@@ -96,6 +96,18 @@ def potential_energy(model: Model, data: Data, q: Array) -> float:
     return float(total)
 
 
+@kernel("float64(Model, Data, float64[::1])")
+def weights_and_springs(model: Model, data: Data, q: Array) -> float:
+    """Return the potential energy, J, at q.
+
+    Args:
+        model: constants of the mechanism.
+        data: terms at q; changed: they remember it.
+        q: (nq,) configuration.
+    """
+    return potential_energy(model, data, q)
+
+
 @inner
 def put_balance(
     model: Model,
