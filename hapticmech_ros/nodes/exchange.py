@@ -198,16 +198,16 @@ class Outlet:
 
     @property
     def way(self) -> bool | None:
-        """Whether a message would be sent by the middleware as well as over the lane.
+        """Whether a message would be sent by the middleware, also where it goes over the lane.
 
-        None if it has no subscribers on the lane, if their number has changed since the last
-        message, or if the middleware keeps messages for late subscribers.
+        None if the number of subscribers on the lane has changed since the last message, or if the
+        middleware keeps messages for late subscribers.
         """
         lane, now = self._exchange.lane, time.monotonic_ns()
         readers = lane.readers(self.topic) if lane and self.topic else 0
-        if not readers or readers != self._on_lane or self._stays:
+        if readers != self._on_lane or self._stays or not self.topic:
             return None
-        return now < self._settled_ns or self._count(now) > readers
+        return (readers > 0 and now < self._settled_ns) or self._count(now) > readers
 
     def ways(self) -> str:
         """Return how a message would be sent now: lane, middleware, both or nobody."""

@@ -269,16 +269,17 @@ class PlainMessages:
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
-        """Find subscribers on the lane; return whether there are some, and not too many.
+        """Find subscribers on the lane; return whether the kernel reaches all, and not too many.
 
-        An optional topic needs none.
+        Those of an optional topic need not be reached.
         """
         self._hearers = []
         for one, topic in zip(self._published, self.outputs, strict=True):
             outlet, row = one.outlet, topic.sending
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
-            if not (hearers or one.optional) or len(hearers) > MOST_HEARERS:
+            reached = way is not None and bool(hearers) == (lane.readers(outlet.topic) > 0)
+            if not (reached or one.optional) or len(hearers) > MOST_HEARERS:
                 return False
             row.both = bool(way)
             if way:

@@ -13,7 +13,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from hapticmech_ros.nodes.loop import print_report, run_each
+from hapticmech_ros.nodes import loop
+from hapticmech_ros.nodes.loop import print_report, run_each, run_until
 
 # Python has taken its own handlers away when it clears modules; what is told there comes last.
 ENDS = """
@@ -78,3 +79,29 @@ def test_a_loop_that_fails_stops_the_others_and_is_heard_of(early: bool) -> None
     with pytest.raises(KeyError, match="as of a defect"):
         run_each(stop, [go_on, fail, go_on], lambda: calls.append("begun"))  # type: ignore[arg-type]
     assert calls == [*([] if early else ["begun"]), "ended", "ended"]
+
+
+@pytest.mark.parametrize("has_stepped", [True, False])
+def test_after_its_steps_a_kernel_does_the_next_one_and_not_python(
+    monkeypatch: pytest.MonkeyPatch, has_stepped: bool
+) -> None:
+    passes, acted = list[float](), list[int]()
+    stop = SimpleNamespace(asked=False, calls=[])
+
+    def wait(timeout_s: float) -> None:
+        passes.append(timeout_s)
+        stop.asked = len(passes) == 3
+
+    nothing = SimpleNamespace(
+        add_node=id, shutdown=int, have_listened=bool, go_round=int, end=int, acted=int, wait=wait
+    )
+    for name in ("EventsExecutor", "Threads", "Watchdog", "Inbox"):
+        monkeypatch.setattr(loop, name, lambda *_: nothing)
+    monkeypatch.setattr(loop.rclpy, "ok", lambda: True)
+    exchange = SimpleNamespace(ring=int, has_stepped=has_stepped)
+    node = SimpleNamespace(
+        look_at_clock=int, next_deadline_ns=lambda: 5, now_ns=lambda: 7, act=acted.append
+    )
+    run_until(stop, [node], exchange)  # type: ignore[arg-type, list-item]
+    assert passes == [loop.SHORTEST_WAIT_S] * 3
+    assert acted == ([] if has_stepped else [7] * 3)

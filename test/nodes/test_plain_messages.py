@@ -693,6 +693,60 @@ def test_whoever_wants_python_gets_it_after_a_step(
     assert np.median(left_ns) > 0.7 * actor.period_ns
 
 
+def test_a_kernel_that_has_done_steps_is_to_do_the_next_unless_it_left_one(
+    moving: Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange = moving.exchange
+    moving.settle(lambda: command(moving))
+    moving.until(lambda: exchange.lane.worked and moving.wait.link.done)
+    assert exchange.has_stepped
+    for code in (lane_kernels.TO_ACT, lane_kernels.TO_SAY):
+        with monkeypatch.context() as patch:
+            patch.setattr(moving.wait, "_code", code)
+            assert not exchange.has_stepped
+    # A look at what has come is no run.
+    exchange.collect()
+    assert not exchange.has_stepped
+    exchange.lane.worked = True
+    moving.wait.link.done = 0
+    assert not exchange.has_stepped
+
+
+def test_a_mechanism_that_nobody_listens_to_moves_without_python_until_somebody_does(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = Process(MechanismSimulator, "five_bar", folder, ("", COMMANDS))
+    outlet = process.actor._plain._published[0].outlet
+    monkeypatch.setattr(outlet.publisher, "get_subscription_count", lambda: 0)
+    process.settle(lambda: command(process))
+    begun = process.actor._ticks
+    process.until(lambda: process.actor._ticks > begun + 20 and process.exchange.lane.worked)
+    assert outlet.ways() == "nobody"
+    seen, sent = list[bool](), len(process.host.carried[STATES.split()[0]])
+    kernel = process.wait.kernel
+
+    def noted() -> Callable[[], int]:
+        run = kernel()
+
+        def noting() -> int:
+            for count in (0, 1):
+                outlet.publisher.get_subscription_count = lambda count=count: count
+                time.sleep(2e-9 * exchange_module.CENSUS_NS)
+                seen.append(process.wait.has_news)
+            return run()
+
+        return noting
+
+    monkeypatch.setattr(process.wait, "kernel", noted)
+    process.until(lambda: seen)
+    assert seen[:2] == [False, True]
+    monkeypatch.undo()
+    outlet.publisher.get_subscription_count = lambda: 1
+    process.until(lambda: process.host.by_rcl > 5)
+    assert len(process.host.carried[STATES.split()[0]]) >= sent + process.host.by_rcl
+    process.close()
+
+
 class Inputs:
     """What a device and an analyser tell, one sample and one model after another.
 
