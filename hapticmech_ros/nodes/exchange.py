@@ -141,7 +141,7 @@ class Outlet:
         """Whether a message has a subscriber, or must be sent for late ones."""
         lane = self._exchange.lane if self.topic else None
         reached = self._stays or (lane is not None and lane.readers(self.topic) > 0)
-        return reached or self._count(time.monotonic_ns()) > 0
+        return reached or self.publisher.get_subscription_count() > 0
 
     def publish(self, message: Any) -> None:
         """Send a message, or its bytes, to all subscribers.

@@ -128,6 +128,7 @@ def use_parts(scene, control):
         moving = simulator.step(moving, np.zeros((len(simulator.mechanism.point_names), 6)))
         terms = simulator.evaluate(moving)
         terms.space.size(moving.v)
+        assert np.isfinite(terms.closing.potential_energy)
         terms.acceleration(moving.v)
         contact_wrench(analyser, terms, np.ones(moving.v.size))
         model = analyser.observe(moving.q, moving.v, moving.active).model.copy()

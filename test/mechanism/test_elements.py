@@ -111,6 +111,15 @@ def test_forces_at_rest_are_the_slope_of_the_potential_energy(seed, planar):
 
 
 @pytest.mark.parametrize(("seed", "planar"), CASES)
+def test_energies_of_the_terms_are_pinocchios(seed, planar):
+    mechanism, q, v = at_start(sample(seed, planar))
+    space = mechanism.evaluate(q, v, mechanism.initially_active).space
+    kinetic, potential = mechanism.energy(q, v)
+    assert 0.5 * space.size(v) ** 2 == pytest.approx(kinetic, rel=ROUNDING)
+    assert space.closing.potential_energy == pytest.approx(potential, rel=ROUNDING)
+
+
+@pytest.mark.parametrize(("seed", "planar"), CASES)
 def test_stiffness_is_the_slope_of_the_forces_where_springs_are_slack(seed, planar):
     mechanism, q, v = at_start(sample(seed, planar, slack=True))
     rest = np.zeros(v.size)
