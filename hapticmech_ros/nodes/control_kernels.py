@@ -23,7 +23,6 @@ from hapticmech_ros.device.motion_kernels import SOUND, Motion, follow_sample
 from hapticmech_ros.nodes.lane_kernels import (
     GOES_ON,
     GRACE_NS,
-    LONG_PAUSE_NS,
     MONOTONIC,
     NOTHING,
     OTHER,
@@ -34,10 +33,12 @@ from hapticmech_ros.nodes.lane_kernels import (
     TO_READ,
     WORDS,
     Link,
+    NotedPauses,
     PublishedTopic,
     SubscribedTopic,
     arrival,
     is_within,
+    note_pause,
     note_read,
     pass_over,
     peek,
@@ -79,15 +80,13 @@ class Sender(Record):
     Attributes:
         counted: the message's number among the sender's messages.
         stamp_ns: its stamp, ns.
-        paused: set by the kernel: how long the sender paused between messages in total, ns.
-        ended: set by the kernel: stamp of the message after the last pause, ns.
+        pauses: set by the kernel: its pauses, by its stamps.
     """
 
     dtype = int
     counted = Whole()
     stamp_ns = Whole()
-    paused = Whole()
-    ended = Whole()
+    pauses = Nested(NotedPauses)
 
 
 class ControllerLink(Link):
@@ -127,7 +126,7 @@ class ControllerLink(Link):
 
 @inner
 def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) -> None:
-    """Note a sender's message and any pause before it; after a long one the kernel returns early.
+    """Note a sender's message and any pause before it.
 
     After a pause, stamps have advanced by more periods than messages; see ``SenderPauses``.
 
@@ -140,10 +139,7 @@ def note_sender(link: ControllerLink, sender: Sender, stamp: int, counted: int) 
     periods = counted - sender.counted
     late = stamp - sender.stamp_ns - periods * link.period
     if periods > 0 and late > SHORTEST_PAUSE_NS:
-        sender.paused += late
-        sender.ended = stamp
-        if late > LONG_PAUSE_NS:
-            link.until = 0
+        note_pause(link, sender.pauses, stamp, late)
     sender.counted, sender.stamp_ns = counted, stamp
 
 

@@ -22,7 +22,7 @@ from hapticmech_ros.compilation import (
     kernel,
     put,
 )
-from hapticmech_ros.compilation.records import Record, Vector, Whole
+from hapticmech_ros.compilation.records import Nested, Record, Vector, Whole
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.wire.kernels import UNSOUND
 
@@ -73,6 +73,24 @@ def abort_when_still(shared: Array, text: Array, polled: Array, looks: int) -> N
                 _abort()
 
 
+class NotedPauses(Record):
+    """Pauses that a kernel has noted, those of its process or of a sender; times are ns.
+
+    Attributes:
+        count: their number.
+        entries: of each when it ended, and its length.
+    """
+
+    dtype = int
+    count = Whole()
+    entries = Vector(2 * MOST_PAUSES)
+
+    def each(self) -> list[list[int]]:
+        """Return when each ended, and its length."""
+        found: list[list[int]] = self.entries[: 2 * self.count].reshape(-1, 2).tolist()
+        return found
+
+
 class Link(Record):
     """State shared by a node's kernel and Python; each kernel adds fields of its own.
 
@@ -83,8 +101,7 @@ class Link(Record):
         oldest: largest difference of a stamp from the node's time, ns.
         behind: longest time since a message was sent, ns.
         until_view: number of messages until a view is due; 0: never.
-        paused: set by the kernel: how often the process had no processor.
-        pauses: of each such pause, when it ended, ns of the monotonic clock, and its length, ns.
+        pauses: set by the kernel: when the process had no processor, by the monotonic clock.
         asked: since when a connection needs Python, ns of the monotonic clock; 0: none does.
         reads: number of messages read, without gains and messages passed over.
     """
@@ -96,8 +113,7 @@ class Link(Record):
     oldest = Whole()
     behind = Whole()
     until_view = Whole()
-    paused = Whole()
-    pauses = Vector(2 * MOST_PAUSES)
+    pauses = Nested(NotedPauses)
     asked = Whole()
     reads = Whole()
 
@@ -274,19 +290,20 @@ def time_of(clock: int, words: Array) -> int:
 
 
 @inner
-def note_pause(link: Link, end: int, length: int) -> None:
-    """Note a pause of the process; after a long one, or many, let the kernel return early.
+def note_pause(link: Link, pauses: NotedPauses, end: int, length: int) -> None:
+    """Note a pause; after a long one, or many, let the kernel return early.
 
     Args:
         link: shared state; changed.
-        end: when it ended, ns of the monotonic clock.
+        pauses: those noted so far; changed.
+        end: when it ended, ns.
         length: ns.
     """
-    at = 2 * link.paused
-    if at < link.pauses.size:
-        link.pauses[at], link.pauses[at + 1] = end, length
-        link.paused += 1
-    if length > LONG_PAUSE_NS or at + 2 >= link.pauses.size:
+    at, entries = 2 * pauses.count, pauses.entries
+    if at < entries.size:
+        entries[at], entries[at + 1] = end, length
+        pauses.count += 1
+    if length > LONG_PAUSE_NS or at + 2 >= entries.size:
         link.until = 0
 
 
@@ -314,7 +331,7 @@ def wait_until(end: int, link: Link, words: Array, polled: Array, plain: int) ->
     found = _ppoll(polled.ctypes.data, polled.size, words.ctypes.data, 0)
     then = time_of(MONOTONIC, words)
     if then - now - left > SHORTEST_PAUSE_NS:
-        note_pause(link, then, then - now - left)
+        note_pause(link, link.pauses, then, then - now - left)
     if found == 0:
         return NOTHING
     ready, bits = 0, 0

@@ -625,7 +625,7 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
             reason = "" if self.failure is None else f": {self.failure}"
             return False, f"unconfigured{reason}", {}
         # First what a kernel has done since the last time: in one pause with the actor's status it
-        # would stop the kernel for longer than a period of 1 ms.
+        # would stop the kernel for twice as long.
         with self.exchange.taken():
             pass
         # The next entries are not the actor's: it may go on meanwhile.

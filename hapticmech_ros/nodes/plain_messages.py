@@ -111,13 +111,11 @@ class Publication(NamedTuple):
         outlet: its publisher.
         prefix: bytes of a message before its numbers.
         most: (n,) largest magnitude of each number.
-        optional: whether the kernel may run without a subscriber to it on the lane.
     """
 
     outlet: Outlet
     prefix: bytes
     most: Array
-    optional: bool = False
 
     def made(self) -> kernels.PublishedTopic:
         """Return a buffer for its message."""
@@ -265,21 +263,18 @@ class PlainMessages:
             return False
         link.until = until_ns
         link.oldest = self._actor.age_limit_ns
-        link.reads = link.paused = link.asked = 0
+        link.reads = link.pauses.count = link.asked = 0
         return self.ready()
 
     def _prepare_to_send(self, lane: Lane) -> bool:
-        """Find subscribers on the lane; return whether the kernel reaches all, and not too many.
-
-        Those of an optional topic need not be reached.
-        """
+        """Find subscribers; return whether the kernel reaches all, and not too many on the lane."""
         self._hearers = []
         for one, topic in zip(self._published, self.outputs, strict=True):
             outlet, row = one.outlet, topic.sending
             way = outlet.way
             hearers = [] if way is None else lane.plain_hearers(outlet.topic)
             reached = way is not None and bool(hearers) == (lane.readers(outlet.topic) > 0)
-            if not (reached or one.optional) or len(hearers) > MOST_HEARERS:
+            if not reached or len(hearers) > MOST_HEARERS:
                 return False
             row.both = bool(way)
             if way:
@@ -374,8 +369,8 @@ class PlainMessages:
 
         For a while after a pause or a late step, some views are left out.
         """
-        now, link = time.monotonic_ns(), self._shared
-        late_ns = int(link.pauses[2 * link.paused - 2]) if link.paused else self._late_ns
+        now, pauses = time.monotonic_ns(), self._shared.pauses.each()
+        late_ns = pauses[-1][0] if pauses else self._late_ns
         give_way = now - late_ns < GIVE_WAY_NS and now - self._viewed_ns < GIVE_WAY_NS
         if turn.is_shared and give_way:
             return True
@@ -431,7 +426,7 @@ class PlainMessages:
         reads = link.reads
         self._actor.ages.extend(self.ages[:reads])
         self.did(self._code, reads)
-        for end_ns, length_ns in link.pauses[: 2 * link.paused].reshape(-1, 2).tolist():
+        for end_ns, length_ns in link.pauses.each():
             self._actor.node.pauses.paused(end_ns, length_ns)
             self._late_ns = end_ns
         if self._code == kernels.TO_ACT:

@@ -101,7 +101,7 @@ class SampleAnswers(PlainMessages):
         *commands, gains = outputs
         published = [Publication(outlet, command.prefix, command.most) for outlet in commands]
         gain_most = message_bounds(LocalFeedbackGain, actor.limits).most
-        published.append(Publication(gains, gain.prefix, gain_most, optional=True))
+        published.append(Publication(gains, gain.prefix, gain_most))
         self.link = own.ControllerLink()
         super().__init__(actor, received, published, self.link, crtk)
         self._controller = actor
@@ -555,8 +555,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
         # With other hands each gain needs a coupling gain, which Python computes.
         link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
-        link.of_device.values[:] = *self._device_pauses.last[1:], 0, 0
-        link.of_analyser.values[:] = *self._model_pauses.last[1:], 0, 0
+        for sender, pauses in (
+            (link.of_device, self._device_pauses),
+            (link.of_analyser, self._model_pauses),
+        ):
+            _, sender.counted, sender.stamp_ns = pauses.last
+            sender.pauses.count = 0
         link.sample_ns = link.answers = 0
         link.until_view = self._outputs.until_view
         known[:] = model.operational_model.values
@@ -581,8 +585,7 @@ class TeleoperationController(Actor[ControllerParameters]):
             found = OperationalModelMessage(before.values.copy())
             found.stamp_ns, found.operational_model.values[:] = stamp_ns, known
             self._model.put(found, stamp_ns)
-        pause = link.of_analyser.ended, link.of_analyser.paused
-        self._model_pauses.went_on(stamp_ns, origin, now_ns, pause)
+        self._model_pauses.went_on(stamp_ns, origin, now_ns, link.of_analyser.pauses.each())
 
     def answered(self, link: own.ControllerLink, answer: Answer, origin: Origin) -> None:
         """Take over the kernel's answers.
@@ -597,8 +600,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._rendered_ns = link.rendered
         self.path.last = link.newest, link.arrived
         self.motion.stamp_ns = link.moved
-        pause = link.of_device.ended, link.of_device.paused
-        self._device_pauses.went_on(stamp_ns, origin, now_ns, pause)
+        self._device_pauses.went_on(stamp_ns, origin, now_ns, link.of_device.pauses.each())
         self.side.last = ControllerCommand(answer, stamp_ns)
         self._command_stamps = stamp_ns, stamp_ns
         self._outputs.answers += link.answers

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from hapticmech_ros.errors import InvalidInputError
@@ -170,7 +170,7 @@ class SenderPauses(Pauses):
             self._note(now_ns, stamp_ns - before_ns - periods * self._period_ns)
 
     def went_on(
-        self, stamp_ns: int, origin: Origin, now_ns: int, pause: tuple[int, int] = (0, 0)
+        self, stamp_ns: int, origin: Origin, now_ns: int, pauses: Sequence[Sequence[int]] = ()
     ) -> None:
         """Note the last of several messages, and the pauses between them.
 
@@ -178,12 +178,13 @@ class SenderPauses(Pauses):
             stamp_ns: of the last message, ns.
             origin: its publisher and number.
             now_ns: time of its arrival, ns.
-            pause: when the last one ended, by its stamps, and how long they were in sum, ns.
+            pauses: when each ended, by its stamps, and its length, ns.
         """
         self.looked_ns = now_ns
         self._via, self._count = origin.via, origin.sent or origin.number
         self._stamp_ns = stamp_ns
-        self._note(*pause)
+        for end_ns, length_ns in pauses:
+            self._note(end_ns, length_ns)
 
 
 # A periodic message is sometimes late by a period, and sometimes lost: a timeout shorter than so

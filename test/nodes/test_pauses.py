@@ -80,22 +80,30 @@ def test_who_computed_or_wanted_to_wait_had_one(
 
 def test_a_kernel_notes_short_pauses_and_returns_after_a_long_one_or_many() -> None:
     link, later = Link(), 1 << 60
-    link.until = later
+    link.until, pauses = later, link.pauses
     for number in range(1, MOST_PAUSES):
-        note_pause(link, number * 100 * MS, number * MS // 2)
-        assert link.paused == number
+        note_pause(link, pauses, number * 100 * MS, number * MS // 2)
+        assert pauses.count == number
         assert link.until == later
-    note_pause(link, MOST_PAUSES * 100 * MS, 2 * MS)
+    note_pause(link, pauses, MOST_PAUSES * 100 * MS, 2 * MS)
     assert link.until == 0
-    note_pause(link, 9000 * MS, 2 * MS)
-    assert link.paused == MOST_PAUSES
-    ends, lengths = link.pauses[::2], link.pauses[1::2]
-    assert ends.tolist() == [number * 100 * MS for number in range(1, MOST_PAUSES + 1)]
+    note_pause(link, pauses, 9000 * MS, 2 * MS)
+    assert pauses.count == MOST_PAUSES
+    ends, lengths = zip(*link.pauses.each(), strict=True)
+    assert list(ends) == [number * 100 * MS for number in range(1, MOST_PAUSES + 1)]
     assert lengths[-1] == 2 * MS
     link = Link()
     link.until = later
-    note_pause(link, 100 * MS, LONG_PAUSE_NS + 1)
+    note_pause(link, link.pauses, 100 * MS, LONG_PAUSE_NS + 1)
     assert link.until == 0
+
+
+def test_each_of_a_senders_pauses_that_a_kernel_noted_counts_at_its_time() -> None:
+    sender = SenderPauses("the device", MS)
+    origin = Origin(7, 0, 100)
+    sender.went_on(1000 * MS, origin, 1000 * MS, [[300 * MS, 4 * MS], [995 * MS, 2 * MS]])
+    assert sender.within(20 * MS) == (2 * MS, 2 * MS)
+    assert sender.within(800 * MS) == (6 * MS, 6 * MS)
 
 
 def test_a_pause_that_a_kernel_noted_explains_a_loss_at_that_time_only(process: Process) -> None:
