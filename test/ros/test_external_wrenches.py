@@ -139,15 +139,14 @@ def test_a_pushed_link_moves_the_mechanism_as_the_core_says(domain: int, peer: P
             lambda: arm.joints and np.abs(arm.joints[-1].velocity).max() > fast, "the arm to move"
         )
         moving = [m for m in arm.joints if np.abs(m.velocity).max() > fast]
-    simulator = Simulator(SCENE)
+    simulator, found = Simulator(SCENE), np.array(moving[0].velocity)
     state = simulator.initial_state()
+    # As fast as the arm was when it was seen first, however late that was on a busy machine.
     for _ in range(10_000):
-        if np.abs(state.v - moving[0].velocity).min() <= fast <= np.abs(state.v).max():
+        if np.abs(state.v).max() >= np.abs(found).max():
             break
         state = simulator.step(state, np.zeros((1, 6)), {"forearm": wrench})
-    assert np.abs(state.v).max() >= fast
-    found = np.array(moving[0].velocity)
-    # They differ by where in a view period the limit was passed; both have hardly moved.
+    assert np.abs(state.v).max() >= np.abs(found).max() > fast
     cosine = found @ state.v / (np.linalg.norm(found) * np.linalg.norm(state.v))
     assert cosine > 0.98
     # What the contact at the handle is, is not changed by pushes on links.
