@@ -49,7 +49,8 @@ class Rig:
         hosts: groups of nodes with clocks of their own; all by the machine's if left out.
         parameters: for the graph's nodes.
         all_topics: watch the mechanism's and the analyser's messages too.
-        clock: what /clock says, for nodes with ``use_sim_time``; nobody publishes it if left out.
+        clock: what /clock says each period, for nodes with ``use_sim_time``; nobody publishes it if
+            left out.
         domain: ROS_DOMAIN_ID; one that is probably free if left out.
         clean: measure a clean run first.
         composed: all nodes of a host in one process, which takes a machine least.
@@ -114,7 +115,8 @@ class Rig:
             point = [POINT] if self._all_topics else []
             self.watch = self.start("watch.py", str(folder / "ring"), *point)
             if self._clock is not None:
-                self.start("clock_source.py", environment=self._clock.environment(self.environment))
+                environment = self._clock.environment(self.environment)
+                self.start("clock_source.py", f"{self.period_s}", environment=environment)
             self._stack.callback(self._stop_graph)
             begun = self.renew()
             if self._clean:

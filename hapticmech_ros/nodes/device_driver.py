@@ -9,6 +9,7 @@ obeys servo_cf, body/servo_cf, servo_cp, hold, free and state_command.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -25,7 +26,13 @@ from hapticmech_ros.device.safety import PositionServo, SafetyLimits, safety_lim
 from hapticmech_ros.errors import InvalidInputError
 from hapticmech_ros.nodes import device_kernels as own
 from hapticmech_ros.nodes import lane_kernels as kernels
-from hapticmech_ros.nodes.actor import Actor, ClockedActor, Host, LastValidState
+from hapticmech_ros.nodes.actor import (
+    LOG_PERIOD_NS,
+    Actor,
+    ClockedActor,
+    Host,
+    LastValidState,
+)
 from hapticmech_ros.nodes.buttons import ButtonOutput
 from hapticmech_ros.nodes.inputs import NEVER, Stamped, Standing
 from hapticmech_ros.nodes.local_loop import FRESH_NS, Answers, LocalLoop
@@ -385,6 +392,8 @@ class DeviceDriver(ClockedActor[D]):
         self._ticks_held = 0
         # Whether the view does not show yet that the hand was let go.
         self._let_go_unpublished = False
+        # The reason logged last, when, ns, and how often it has come again since.
+        self._warned = "", 0, 0
         self.times_held = 0
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         # Age of commands since the samples that they answer.
@@ -809,7 +818,15 @@ class DeviceDriver(ClockedActor[D]):
         self.node.exchange.publish_kept()
 
     def _warn(self, reason: str, why: str = "") -> None:
-        self.node.get_logger().warning(f"{reason}: actuators at zero{why and f' ({why})'}")
+        """Log why the actuators are at zero; the same reason once in LOG_PERIOD_NS."""
+        now = time.monotonic_ns()
+        last, logged_ns, unlogged = self._warned
+        if reason == last and now - logged_ns < LOG_PERIOD_NS:
+            self._warned = last, logged_ns, unlogged + 1
+            return
+        more = f"; {last}: {unlogged} more times since the last line" if unlogged else ""
+        self._warned = reason, now, 0
+        self.node.get_logger().warning(f"{reason}: actuators at zero{why and f' ({why})'}{more}")
 
     def _on_own_axes(self, message: Bool, now_ns: int) -> None:
         del now_ns

@@ -62,7 +62,10 @@ _ACTORS = {
 
 
 def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) -> int:
-    """Create the named nodes, run each in a thread until a signal, and return the exit code.
+    """Create the named nodes, run them until a signal, and return the exit code.
+
+    Each runs in a thread of its own; those that follow /clock share one, since Python handles all
+    their messages and its lock would change hands with each.
 
     Args:
         names: of the nodes.
@@ -102,7 +105,7 @@ def run(names: Sequence[str], arguments: Sequence[str], starting: QuickStart) ->
             report_ready()
             prepare_loops()
 
-        run_each(stop, [partial(run_until, stop, [one], one.exchange) for one in nodes], begin)
+        run_each(stop, [partial(run_until, stop, *one) for one in _loops(nodes)], begin)
         for node in nodes:
             node.report_status(last=True)
             if SHOWN not in os.environ:
@@ -136,6 +139,19 @@ def _check_parameter_files(arguments: Sequence[str]) -> None:
     for option, path in pairwise(arguments):
         if option == "--params-file":
             check_file(path, PARAMETER_FILE_LIMIT)
+
+
+def _loops(nodes: Sequence[ManagedNode]) -> list[tuple[list[ManagedNode], Exchange]]:
+    """Return the nodes of each loop, and the loop's exchange."""
+    followers = [node for node in nodes if node.in_sim_time]
+    loops = [([node], node.exchange) for node in nodes if not node.in_sim_time]
+    if followers:
+        if len(followers) > 1:
+            # One that is configured anew, without /clock, must not open a lane: no loop reads it.
+            for node in followers:
+                node.exchange.refusal = "this process was started with use_sim_time"
+        loops.append((followers, followers[0].exchange))
+    return loops
 
 
 def _ask_for_real_time(nodes: Sequence[ManagedNode]) -> Realtime:
