@@ -46,7 +46,7 @@ from hapticmech_ros.nodes.operating_state import OperatingState
 from hapticmech_ros.nodes.other_users import OtherUsers
 from hapticmech_ros.nodes.parameters import DriverParameters, ParameterError
 from hapticmech_ros.nodes.sources import STOPPED, CommandGuard, Sources
-from hapticmech_ros.nodes.timeouts import COMMAND, Losses, timeout_of
+from hapticmech_ros.nodes.timeouts import COMMAND, Losses, plain_timeout_ns, timeout_of
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import DeviceSample
 from hapticmech_ros.numerics.quaternions import quaternion_of, turned
@@ -394,6 +394,8 @@ class DeviceDriver(ClockedActor[D]):
         self._let_go_unpublished = False
         # The reason logged last, when, ns, and how often it has come again since.
         self._warned = "", 0, 0
+        # Logs why obeying has ended.
+        self._unlogged: Callable[[], None] | None = None
         self.times_held = 0
         self._losses = Losses(node.pauses, 1.0 / self.period_s, node.get_logger().warning)
         # Age of commands since the samples that they answer.
@@ -543,9 +545,11 @@ class DeviceDriver(ClockedActor[D]):
             if not self.backlog.owed:
                 self._command.sampled()
         if not self.has_sample():
+            self._log_end()
             return
         self._push = self.pushed(deadline_ns)
         self._publish(deadline_ns)
+        self._log_end()
         self._last_valid.keep(self._state)
         self.loop.measured(self._written.sample.values, deadline_ns)
         if self._ticks % self.view_every == 0 or self._let_go_unpublished:
@@ -578,7 +582,7 @@ class DeviceDriver(ClockedActor[D]):
             row[:] = wrench
         state[:] = self._state.flat
         link.next, link.period = clock.next_ns, self.period_ns
-        link.timeout, link.fresh = self.timeout_ns, FRESH_NS
+        link.timeout, link.fresh = plain_timeout_ns(self.timeout_ns), FRESH_NS
         link.received, link.received_before = self._command.stamp_ns, self._command.before_ns
         link.answered, link.answered_before = acting[1], before[1]
         link.newest, link.arrived = self.answers.last
@@ -774,15 +778,18 @@ class DeviceDriver(ClockedActor[D]):
 
     def _lose(self, what: str, silence_ns: int | None = None) -> None:
         """Stop obeying because an input is lost, and log what explains it; see ``Losses``."""
-        obeyed, explained = self.answers.obeys, self._losses.explained
-        why = explained(silence_ns, self.timeout_ns, self.now_ns()) if obeyed else ""
-        self._obey_no_more(what, why)
+        now = self.now_ns()
 
-    def _obey_no_more(self, reason: str, why: str = "") -> None:
-        """Stop obeying, and log that once."""
+        def explained() -> str:
+            return self._losses.explained(silence_ns, self.timeout_ns, now)
+
+        self._obey_no_more(what, explained)
+
+    def _obey_no_more(self, reason: str, why: Callable[[], str] = lambda: "") -> None:
+        """Stop obeying; :meth:`_log_end` logs that."""
         now = self.now_ns()
         if self.answers.obeys:
-            self._warn(reason, why)
+            self._unlogged = lambda: self._warn(reason, why())
             self._let_go(now)
         else:
             self.answers.let_go(now)
@@ -817,14 +824,20 @@ class DeviceDriver(ClockedActor[D]):
         self._publish_view(stamp_ns)
         self.node.exchange.publish_kept()
 
+    def _log_end(self) -> None:
+        """Log why obeying has ended, if it has: after the sample, since it takes as long."""
+        log, self._unlogged = self._unlogged, None
+        if log is not None:
+            log()
+
     def _warn(self, reason: str, why: str = "") -> None:
         """Log why the actuators are at zero; the same reason once in LOG_PERIOD_NS."""
         now = time.monotonic_ns()
-        last, logged_ns, unlogged = self._warned
+        last, logged_ns, left_out = self._warned
         if reason == last and now - logged_ns < LOG_PERIOD_NS:
-            self._warned = last, logged_ns, unlogged + 1
+            self._warned = last, logged_ns, left_out + 1
             return
-        more = f"; {last}: {unlogged} more times since the last line" if unlogged else ""
+        more = f"; {last}: {left_out} more times since the last line" if left_out else ""
         self._warned = reason, now, 0
         self.node.get_logger().warning(f"{reason}: actuators at zero{why and f' ({why})'}{more}")
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from hapticmech_ros.control.tuning import SCENES, TUNED
 from hapticmech_ros.device.real_device import MOST_BUTTONS
 from hapticmech_ros.errors import HapticMechError, InvalidInputError, shown
-from hapticmech_ros.nodes.timeouts import COMMAND, MECHANISM_COMMAND, ByRate
+from hapticmech_ros.nodes.timeouts import COMMAND, CONTROLLER_INPUT, MECHANISM_COMMAND, ByRate
 from hapticmech_ros.system.cpu_list import cpus_of
 from hapticmech_ros.system.discovery import Transport
 
@@ -286,7 +286,9 @@ class ControllerParameters(NodeParameters):
 
     place = -1
 
-    input_timeout: float = timeout("an input older than this counts as lost: disengaged", COMMAND)
+    input_timeout: float = timeout(
+        "an input older than this counts as lost: disengaged", CONTROLLER_INPUT
+    )
     lock_safety: bool = flag(
         False,
         "input_timeout, message_age_limit, soften, scene and rate cannot change",

@@ -44,7 +44,13 @@ from hapticmech_ros.nodes.plain_messages import (
     Received,
 )
 from hapticmech_ros.nodes.sources import Origin, Sources
-from hapticmech_ros.nodes.timeouts import COMMAND, Losses, SenderPauses, timeout_of
+from hapticmech_ros.nodes.timeouts import (
+    CONTROLLER_INPUT,
+    Losses,
+    SenderPauses,
+    plain_timeout_ns,
+    timeout_of,
+)
 from hapticmech_ros.numerics import Array
 from hapticmech_ros.numerics.layout import ControllerEnergies, OperationalModelSample
 from hapticmech_ros.numerics.times import NANOSECONDS, nanoseconds
@@ -292,7 +298,9 @@ class TeleoperationController(Actor[ControllerParameters]):
 
         Its bounds are those of the device's command timeout: a command is as old as its input.
         """
-        return timeout_of(parameters, "input_timeout", COMMAND, self.period_s, self.scene.device)
+        return timeout_of(
+            parameters, "input_timeout", CONTROLLER_INPUT, self.period_s, self.scene.device
+        )
 
     def watch(self, topic: str) -> Sources:
         """Return a check that a topic has one publisher only; a second one is a fault."""
@@ -549,7 +557,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         pressed = self._buttons.is_pressed(self.parameters.clutch_button)
         if self.lockstep or pressed or self._fault(self.now_ns()):
             return None
-        link.timeout, link.epoch, link.last = self.timeout_ns, self._epoch_ns, self._last_ns
+        link.timeout = plain_timeout_ns(self.timeout_ns)
+        link.epoch, link.last = self._epoch_ns, self._last_ns
         link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
         link.newest, link.arrived = self.path.last
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
@@ -677,11 +686,13 @@ class TeleoperationController(Actor[ControllerParameters]):
         sender: SenderPauses | None = None,
     ) -> None:
         """Disengage because inputs are lost, and log what explains it; see :class:`Losses`."""
-        if self._clutch is None:
-            return
         now = self.now_ns()
-        why = self._losses.explained(silence_ns, self.timeout_ns, now, sender)
-        self._disengage(f"lost {', '.join(lost)}", lambda reason: self._log.lost(reason, why))
+
+        def log(reason: str) -> None:
+            why = self._losses.explained(silence_ns, self.timeout_ns, now, sender)
+            self._log.lost(reason, why)
+
+        self._disengage(f"lost {', '.join(lost)}", log)
 
     def _disengage_at(self, fault: str) -> None:
         """Disengage because of a fault, and log it once, even if disengaged before."""
@@ -694,11 +705,12 @@ class TeleoperationController(Actor[ControllerParameters]):
         """Disengage, and send zero to both sides rather than let them time out."""
         if self._clutch is None:
             return
-        log(reason)
         self._clutch = None
         device_ns, mechanism_ns = self._command_stamps
         # Later than the last commands, and the stamp of no sample: the device does not correct it.
         self._outputs.zero(device_ns + ZERO_AFTER_NS, mechanism_ns + ZERO_AFTER_NS)
+        # Logging takes as long as a period.
+        log(reason)
 
     def _on_operational_model(self, values: Array, now_ns: int) -> None:
         found = read(OperationalModelMessage, values, self.bounds.model)

@@ -213,14 +213,26 @@ class ByRate(NamedTuple):
         return f"{self.periods} periods, at least {1e3 * self.least:g} ms"
 
 
-# How long a device acts on a command, and a controller on its inputs.
+# How long a device acts on a command.
 COMMAND = ByRate(12, 0.012)
+# How long a controller acts on its inputs: the device has its zero command a period later.
+CONTROLLER_INPUT = ByRate(11, 0.011)
 # How long the mechanism acts on a command, and takes to ramp it to zero afterwards.
 MECHANISM_COMMAND = ByRate(50, 0.05)
 # Of the robot that follows: samples of its joints, of its target, and of its wrench sensor.
 ROBOT_JOINTS, ROBOT_TARGET, ROBOT_WRENCH = ByRate(12, 0.02), ByRate(12, 0.05), ByRate(12, 0.05)
 # Within this the device is without force after any node has died, or commands have ended.
 ZERO_FORCE = ByRate(20, 0.02)
+
+
+# Python takes over from a compiled function after this share of an input's timeout: what it has not
+# done for long takes it milliseconds the first time, which would be added to the timeout.
+_PLAIN_SHARE = 0.75
+
+
+def plain_timeout_ns(timeout_ns: int) -> int:
+    """Return the longest silence of an input, ns, that a compiled function bears."""
+    return round(_PLAIN_SHARE * timeout_ns)
 
 
 class HasLockstep(Protocol):

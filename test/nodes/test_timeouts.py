@@ -13,6 +13,7 @@ from hapticmech_ros.nodes.parameters import (
 from hapticmech_ros.nodes.robot_parameters import FollowerParameters
 from hapticmech_ros.nodes.timeouts import (
     COMMAND,
+    CONTROLLER_INPUT,
     MECHANISM_COMMAND,
     ROBOT_JOINTS,
     ROBOT_TARGET,
@@ -26,7 +27,7 @@ DEVICE = Device(safety=Safety(command_timeout=0.05))
 # Model, timeout, rule, whether the scene's bound holds for it.
 TIMEOUTS = [
     (DeviceParameters, "command_timeout", COMMAND, True),
-    (ControllerParameters, "input_timeout", COMMAND, True),
+    (ControllerParameters, "input_timeout", CONTROLLER_INPUT, True),
     (MechanismParameters, "command_timeout", MECHANISM_COMMAND, False),
     (FollowerParameters, "joint_timeout", ROBOT_JOINTS, False),
     (FollowerParameters, "target_timeout", ROBOT_TARGET, False),
@@ -36,27 +37,28 @@ EACH = pytest.mark.parametrize(("model", "name", "rule", "bounded"), TIMEOUTS)
 
 
 @pytest.mark.parametrize(
-    ("rate", "command", "mechanism", "zero"),
+    ("rate", "command", "inputs", "mechanism", "zero"),
     [
-        (4000.0, 0.012, 0.05, 0.02),
-        (1000.0, 0.012, 0.05, 0.02),
-        (500.0, 0.024, 0.1, 0.04),
-        (250.0, 0.048, 0.2, 0.08),
+        (4000.0, 0.012, 0.011, 0.05, 0.02),
+        (1000.0, 0.012, 0.011, 0.05, 0.02),
+        (500.0, 0.024, 0.022, 0.1, 0.04),
+        (250.0, 0.048, 0.044, 0.2, 0.08),
     ],
 )
-def test_they_follow_the_rate(rate, command, mechanism, zero):
-    found = [rule.at(1.0 / rate) for rule in (COMMAND, MECHANISM_COMMAND, ZERO_FORCE)]
-    assert found == pytest.approx([command, mechanism, zero], rel=1e-12)
+def test_they_follow_the_rate(rate, command, inputs, mechanism, zero):
+    rules = (COMMAND, CONTROLLER_INPUT, MECHANISM_COMMAND, ZERO_FORCE)
+    found = [rule.at(1.0 / rate) for rule in rules]
+    assert found == pytest.approx([command, inputs, mechanism, zero], rel=1e-12)
 
 
 @EACH
 @pytest.mark.parametrize("rate", [4000.0, 1000.0, 500.0, 250.0, 125.0])
-def test_at_no_rate_is_a_loop_closer_to_breaking_off_than_twelve_periods(
+def test_at_no_rate_is_a_loop_closer_to_breaking_off_than_eleven_periods(
     model, name, rule, bounded, rate
 ):
     found = timeout_of(model(), name, rule, 1.0 / rate, Device() if bounded else None)
     assert found == rule.at(1.0 / rate)
-    assert found * rate >= 12.0 - 1e-9
+    assert found * rate >= 11.0 - 1e-9
 
 
 @EACH
