@@ -75,7 +75,7 @@ def words(text: str) -> tuple[str, ...]:
 
 
 def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path) -> list[str]:
-    """Return scenes as they are if nothing changes, else paths of changed copies.
+    """Return scenes, checked before anything is started; if some change, paths of changed copies.
 
     Copies are in the folder ``scenes`` of the results, for all processes, and as a record. Those of
     an earlier run are replaced.
@@ -88,10 +88,13 @@ def with_changes(scenes: Sequence[str], changes: Sequence[str] | None, out: Path
     Raises:
         SceneError: a bad scene or change.
     """
-    if not changes:
-        return list(scenes)
-    from hapticmech_ros.loading.loader import copy_scene
+    from hapticmech_ros.loading.loader import copy_scene, load_scene
 
+    if not changes:
+        # Minutes of work on the first ones would be lost.
+        for scene in scenes[1:]:
+            load_scene(scene)
+        return list(scenes)
     folder, made = out / "scenes", list[str]()
     folder.mkdir(parents=True, exist_ok=True)
     for number, scene in enumerate(scenes):

@@ -66,6 +66,9 @@ from hapticmech_ros.numerics.small_matrices import add_scaled, dot, is_zero, lar
 
 # Samples that a memory has at most.
 MOST = 3
+# Longest time between operational model and sample over which the point's pose is extrapolated by
+# its twist: beyond it the twist is no good estimate.
+PREDICTION_LIMIT_S = 0.005
 # W is below 1: a larger growth is rounding of a G that no mechanism has.
 _MOST_GROWTH = 1e6
 
@@ -162,7 +165,7 @@ def lead(
             command[i] += line[i] + bend[i]
 
 
-@kernel("void(ControllerAccount, float64[::1], float64)")
+@inner
 def account_for_motion(account: ControllerAccount, twist: Array, duration: float) -> None:
     """Add to E_m the work of the acting wrench until now.
 
@@ -234,43 +237,100 @@ def account_for_springs(
 
 
 @inner
+def lateness(apart_ns: int, period: float) -> float:
+    """Return by how many whole periods (s) the mechanism's state is older than a sample.
+
+    Device and mechanism are thus compared after equally many periods under equal wrenches. A
+    difference below a period is no delay: the mechanism ticks half a period after the device.
+
+    Args:
+        apart_ns: time of the sample minus that of the state, ns.
+        period: s.
+    """
+    late = apart_ns // round(1e9 * period) * period
+    return float(min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S))
+
+
+@inner
+def number_in_flight(delay: int, ahead: float, period: float, closes: bool) -> tuple[int, float]:
+    """Return how many commands have not moved the mechanism's state yet, and the rest of ``ahead``.
+
+    A state that is late by n periods lacks n commands more than others do.
+
+    Args:
+        delay: of commands, periods.
+        ahead: s, as of :func:`lateness`.
+        period: s.
+        closes: whether the device closes the force channel; it matters only then.
+    """
+    if ahead == 0.0 or not closes:
+        return delay, ahead
+    number = delay + round(ahead / period)
+    return max(number, 0), min(number, 0) * period
+
+
+@inner
+def fly(
+    account: ControllerAccount,
+    settings: ControllerSettings,
+    flying: Array,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    time: float,
+    impulse: Array,
+) -> float:
+    """Fill what commands in flight will have done, and half a period of the one that is made now.
+
+    The mechanism gets sampled F_h, held over a period, while the device gets it continuously, on
+    average half a period earlier.
+
+    Args:
+        account: of the controller.
+        settings: of the controllers.
+        flying: (n, 6) commands to the mechanism that have not moved its state yet, N and N m.
+        device: the sample.
+        model: now.
+        time: s.
+        impulse: (6,) to fill, N s and N m s, world axes.
+
+    Returns:
+        How long that takes, s.
+    """
+    period = account.period
+    hand_on_mechanism(settings, device, model, time, impulse)
+    for i in range(6):
+        total = 0.5 * impulse[i]
+        for row in range(flying.shape[0]):
+            total += flying[row, i]
+        impulse[i] = period * total
+    return float((flying.shape[0] + 0.5) * period)
+
+
+@inner
 def predict(
     account: ControllerAccount,
     settings: ControllerSettings,
-    queue: Array,
+    flying: Array,
     device: DeviceSample,
     model: OperationalModelSample,
     time: float,
     predicted: OperationalModelSample,
 ) -> float:
-    """Fill an operational model as it is when the queue has acted; return how long that takes, s.
+    """Fill an operational model as it is when commands in flight have acted; see :func:`fly`.
 
-    The wrench that F_h and F_c command now acts for half a period more: the mechanism gets sampled
-    F_h, held over a period, while the device gets it continuously, on average half a period
-    earlier. The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept.
-
-    Args:
-        account: of the controller.
-        settings: of the controllers.
-        queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
-        device: the sample.
-        model: now.
-        time: s.
-        predicted: to fill.
+    The pose is not extrapolated; F_c is taken as constant, so that equilibrium is kept. Other
+    arguments and what is returned as there.
     """
     put(predicted.values, model.values)
-    duration, impulse = (queue.shape[0] + 0.5) * account.period, local(6)
-    hand_on_mechanism(settings, device, model, time, impulse)
+    impulse = local(6)
+    duration = fly(account, settings, flying, device, model, time, impulse)
     for i in range(6):
-        total = 0.5 * impulse[i]
-        for row in range(queue.shape[0]):
-            total += queue[row, i]
-        impulse[i] = account.period * total + duration * model.contact[i]
+        impulse[i] += duration * model.contact[i]
     x = model.inverse_inertia
     for i in range(6):
         change = dot(x[i], impulse) + duration * model.free_acceleration[i]
         predicted.twist[i] = model.twist[i] + change
-    return float(duration)
+    return duration
 
 
 @kernel("void(ControllerSettings, OperationalModelSample, float64, float64[:,::1])")
@@ -359,7 +419,7 @@ def give_answer(
     account: ControllerAccount,
     settings: ControllerSettings,
     faded: Array,
-    queue: Array,
+    flying: Array,
     device: DeviceSample,
     model: OperationalModelSample,
     time: float,
@@ -367,11 +427,11 @@ def give_answer(
     locality: Locality,
     answer: Answer,
 ) -> None:
-    """Answer a sample; see :func:`answer_sample`."""
+    """Fill an answer's wrenches; arguments as of :func:`answer_and_limit` and :func:`fly`."""
     seen, out = model, answer.wrenches
     if locality.force_channel != 0.0:
         seen = OperationalModelSample(local(MODEL_SIZE))
-        ahead += predict(account, settings, queue, device, model, time, seen)
+        ahead += predict(account, settings, flying, device, model, time, seen)
     answer_measurements(settings, device, seen, time, ahead, out)
     if not is_zero(faded):
         add_scaled(out.on_hand, 1.0, faded)
@@ -416,63 +476,115 @@ def queue_wrench(account: ControllerAccount, queue: Array, commanded: Array, act
 
 @inner
 def remember_commanded(past: Array, commanded: Array) -> None:
-    """Put the wrench commanded on the mechanism (6,) before what was (n, 6)."""
+    """Put the wrench commanded on the mechanism (6,) before what was (n, 6); n may be 0."""
     for row in range(past.shape[0] - 1, 0, -1):
         put(past[row], past[row - 1])
-    put(past[0], commanded)
+    if past.shape[0] > 0:
+        put(past[0], commanded)
 
 
-@kernel(
-    "void(ControllerAccount, ControllerSettings, float64[::1], float64[:,::1], DeviceSample,"
-    " OperationalModelSample, float64, float64, Locality, boolean, Answer)"
-)
-def answer_sample(
+@inner
+def answer_and_limit(
     account: ControllerAccount,
     settings: ControllerSettings,
     faded: Array,
     queue: Array,
+    past: Array,
     device: DeviceSample,
     model: OperationalModelSample,
     time: float,
-    ahead: float,
+    apart_ns: int,
+    elapsed_ns: int,
     locality: Locality,
+    received: bool,
     answered: bool,
     answer: Answer,
+    wrenches: Array,
 ) -> None:
-    """Answer a sample of the device, and account for it.
+    """Answer a sample; see :func:`control_sample`, whose first part this is."""
+    period = account.period
+    account_for_motion(account, model.twist, max(round(elapsed_ns / 1e9 / period), 0) * period)
+    if received:
+        account_for_hand(account, device)
+        if not answered:
+            ahead, flying = lateness(apart_ns, period), queue
+            closes = locality.force_channel != 0.0
+            number, ahead = number_in_flight(queue.shape[0], ahead, period, closes)
+            if number != queue.shape[0]:
+                flying = past[: min(number, past.shape[0])]
+            give_answer(
+                account, settings, faded, flying, device, model, time, ahead, locality, answer
+            )
+        conclude(account, settings, device, model, time, locality, answer)
+    passive_wrench(account, answer, wrenches[0])
+
+
+@inner
+def command_mechanism(
+    account: ControllerAccount, queue: Array, past: Array, wrenches: Array
+) -> None:
+    """Command the mechanism; see :func:`control_sample`, whose last part this is."""
+    queue_wrench(account, queue, wrenches[0], wrenches[1])
+    remember_commanded(past, wrenches[0])
+
+
+@kernel(
+    "void(ControllerAccount, ControllerSettings, float64[::1], float64[:,::1], float64[:,::1],"
+    " DeviceSample, OperationalModelSample, float64, int64, int64, Locality, boolean, boolean,"
+    " Answer, float64[:,::1])"
+)
+def control_sample(
+    account: ControllerAccount,
+    settings: ControllerSettings,
+    faded: Array,
+    queue: Array,
+    past: Array,
+    device: DeviceSample,
+    model: OperationalModelSample,
+    time: float,
+    apart_ns: int,
+    elapsed_ns: int,
+    locality: Locality,
+    received: bool,
+    answered: bool,
+    answer: Answer,
+    wrenches: Array,
+) -> None:
+    """Do what the controller does at a sample: answer it, account for it, command the mechanism.
 
     Args:
         account: of the controller, changed.
         settings: of the controllers.
         faded: (6,) rest of the wrench carried on from another grasp, N and N m, world axes.
-        queue: (delay, 6) commands to the mechanism that have not acted yet, N and N m.
+        queue: (delay, 6) commands to the mechanism that do not act yet, N and N m; changed.
+        past: (n, 6) those until now, newest first, likewise; changed.
         device: the sample.
         model: the operational model.
         time: s.
-        ahead: s, from the time of ``model`` to that of ``device``.
+        apart_ns: time of the sample minus that of the mechanism's state, ns; see :func:`lateness`.
+        elapsed_ns: since the last operational model, ns; counted in whole periods.
         locality: what the device closes.
+        received: whether the sample is a new one; else nothing is answered.
         answered: whether the answer's wrenches are there already, from a law in Python.
-        answer: to fill.
+        answer: to fill; else the last one.
+        wrenches: (2, 6) to fill: what is sent to the mechanism, and what acts on it from now on, N
+            and N m, world axes.
     """
-    account_for_hand(account, device)
-    if not answered:
-        give_answer(account, settings, faded, queue, device, model, time, ahead, locality, answer)
-    conclude(account, settings, device, model, time, locality, answer)
-
-
-@kernel("void(ControllerAccount, float64[:,::1], float64[:,::1], Answer, float64[:,::1])")
-def command_mechanism(
-    account: ControllerAccount, queue: Array, past: Array, answer: Answer, wrenches: Array
-) -> None:
-    """Fill the wrench commanded on the mechanism, and what acts on it from now on: rows of (2, 6).
-
-    Args:
-        account: of the controller, changed.
-        queue: (d, 6) commands to the mechanism that do not act yet, N and N m.
-        past: (n, 6) those until now, the last one first, likewise; changed.
-        answer: the last one.
-        wrenches: (2, 6) to fill: what is sent, and what acts from now on, N and N m, world axes.
-    """
-    passive_wrench(account, answer, wrenches[0])
-    queue_wrench(account, queue, wrenches[0], wrenches[1])
-    remember_commanded(past, wrenches[0])
+    answer_and_limit(
+        account,
+        settings,
+        faded,
+        queue,
+        past,
+        device,
+        model,
+        time,
+        apart_ns,
+        elapsed_ns,
+        locality,
+        received,
+        answered,
+        answer,
+        wrenches,
+    )
+    command_mechanism(account, queue, past, wrenches)

@@ -11,7 +11,7 @@ one (:mod:`~hapticmech_ros.control.account_kernels`, :mod:`~hapticmech_ros.contr
 The result is then limited to the energy available, see :mod:`~hapticmech_ros.control.passivity`.
 Accounts and answers are records of :mod:`~hapticmech_ros.control.loop_layout`.
 
-It also computes the wrenches on device and mechanism over a period, with those in flight.
+It also computes the wrench on the device over a period.
 """
 
 from __future__ import annotations
@@ -19,12 +19,10 @@ from __future__ import annotations
 import numpy as np
 
 from hapticmech_ros.compilation import inner, kernel, local, put
-from hapticmech_ros.control.account_kernels import lead, passive_wrench, queue_wrench, remember
+from hapticmech_ros.control.account_kernels import lead, remember
 from hapticmech_ros.control.kernels import displacement, limit_wrench
 from hapticmech_ros.control.loop_layout import (
-    ActingWrenches,
     Answer,
-    ControllerAccount,
     DeviceAccount,
     HandMemory,
     HandsCorrection,
@@ -48,9 +46,6 @@ def queue_answer(account: DeviceAccount, queue: Array, arrived: Array) -> int:
 
 @inner
 def act(
-    controller: ControllerAccount,
-    given: Answer,
-    commanded: Array,
     device: DeviceAccount,
     safety: Safety,
     answers: Array,
@@ -59,14 +54,11 @@ def act(
     applied: Array,
     added: Array,
     others: HandsCorrection,
-    wrenches: ActingWrenches,
+    on_hand: Array,
 ) -> None:
-    """Fill the wrenches that act on both sides from now on.
+    """Fill the wrench that acts on the hand from now on.
 
     Args:
-        controller: its account.
-        given: the last answer that was computed, whether it has arrived or not.
-        commanded: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
         device: its account.
         safety: its envelope.
         answers: (delay + 2, ...) answers that do not act yet, the row after them, and the last one
@@ -76,24 +68,19 @@ def act(
         applied: (6,) by the actuators until now.
         added: (6,) by the device's driver to the next command.
         others: what corrects it for other hands.
-        wrenches: to fill.
+        on_hand: (6,) to fill.
     """
-    rows, on_hand = answers.shape[0] - 1, wrenches.on_hand
-    passive_wrench(controller, given, wrenches.commanded)
-    queue_wrench(controller, commanded, wrenches.commanded, wrenches.on_mechanism)
+    rows = answers.shape[0] - 1
     now = Answer(answers[queue_answer(device, answers[:rows], answers[rows])])
-    account_for_actuators(device, sample, applied)
     remember(hand, device.period, sample.hand_wrench)
+    command, given = now.wrenches.on_hand, now.to_mechanism
     if now.given == 0.0:
-        on_hand[:] = 0.0
+        on_hand[:], given = 0.0, np.nan
+    elif now.modelled == 0.0:
+        put(on_hand, command)
     else:
-        take_energy(device, now.to_mechanism)
-        command = now.wrenches.on_hand
-        if now.modelled == 0.0:
-            put(on_hand, command)
-        else:
-            correct(command, now.model, now.sample, sample, hand, device.period, others, on_hand)
-    allow(device, safety, on_hand, sample, added)
+        correct(command, now.model, now.sample, sample, hand, device.period, others, on_hand)
+    allow_command(device, safety, on_hand, sample, applied, added, given)
 
 
 @inner
@@ -244,20 +231,6 @@ def enforce(account: DeviceAccount, command: Array, sample: DeviceSample, added:
     return True
 
 
-@inner
-def allow(
-    account: DeviceAccount, safety: Safety, command: Array, sample: DeviceSample, added: Array
-) -> None:
-    """Limit a command (6,) to the safety envelope, and to passivity.
-
-    Passivity control comes last but for the bounds of force and workspace: it has to predict the
-    energy that is given, and a slew rate after it would let old commands give more.
-    """
-    stay_within(safety, command, sample.position)
-    if enforce(account, command, sample, added):
-        stay_bounded(safety, command, sample.position)
-
-
 @kernel(
     "void(float64[::1], LocalModel, DeviceSample, DeviceSample, HandMemory, float64,"
     " HandsCorrection, float64[::1])"
@@ -310,6 +283,10 @@ def allow_command(
 ) -> None:
     """Account for the last period, and limit the command for the next one.
 
+    To the safety envelope, and to passivity. Passivity control comes last but for the bounds of
+    force and workspace: it has to predict the energy that is given, and a slew rate after it would
+    let old commands give more.
+
     Args:
         account: of the device, changed.
         safety: the envelope, changed.
@@ -321,4 +298,6 @@ def allow_command(
     """
     account_for_actuators(account, sample, applied)
     take_energy(account, given)
-    allow(account, safety, command, sample, added)
+    stay_within(safety, command, sample.position)
+    if enforce(account, command, sample, added):
+        stay_bounded(safety, command, sample.position)

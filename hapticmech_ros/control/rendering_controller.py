@@ -14,16 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from hapticmech_ros.control.account_kernels import (
-    account_for_motion,
-    answer_sample,
-    command_mechanism,
+    PREDICTION_LIMIT_S,
+    control_sample,
+    fly,
+    lateness,
+    number_in_flight,
 )
 from hapticmech_ros.control.architecture import ControlArchitecture
 from hapticmech_ros.control.clutch import Clutch
 from hapticmech_ros.control.kernels import (
     SLOT_SIZE,
     STATE_SIZE,
-    hand_on_mechanism,
     mixed,
     receive,
     send,
@@ -106,10 +107,6 @@ class Channel:
         return self.rows[-1] if receive(self.state, self.rows, time_ns) else None
 
 
-# Commands to the mechanism that are remembered, for states of it that are late.
-REMEMBERED = 16
-
-
 class ControllerInput(NamedTuple):
     """The controller's inputs at a sample's time.
 
@@ -118,16 +115,16 @@ class ControllerInput(NamedTuple):
         stamp_ns: of the device's sample.
         device: (19,) that sample, see :mod:`~hapticmech_ros.control.measurements`.
         operational_model: (139,) analysis and operational point.
-        ahead: s, by how many whole periods ``operational_model`` is later than it should be.
-        elapsed: s, since the last ``operational_model``.
+        apart_ns: stamp of that sample minus that of the mechanism's state.
+        elapsed_ns: since the last ``operational_model``.
     """
 
     time: float
     stamp_ns: int
     device: Array
     operational_model: Array
-    ahead: float
-    elapsed: float
+    apart_ns: int
+    elapsed_ns: int
 
 
 class ControllerCommand(NamedTuple):
@@ -165,7 +162,9 @@ class RenderingController:
     Attributes:
         account: of energies.
         queue: (delay, 6) the wrenches commanded on the mechanism that do not act yet.
-        past: (16, 6) the commands until now, the last one first.
+        past: (n, 6) the commands until now, the last one first: all that a late state may lack.
+        commanded: (2, 6) the wrenches sent to the mechanism at the last sample, and acting since,
+            N and N m, world axes.
         last: last answer that was computed, whether it has arrived or not; None before the first.
         channels: of the connection, to the controller and back; None if answers arrive at once.
     """
@@ -186,7 +185,8 @@ class RenderingController:
             self.account = before.account
         self.account.sample_known = 0.0
         self.queue = np.zeros((delay, 6))
-        self.past = np.zeros((REMEMBERED, 6))
+        self.past = np.zeros((delay + math.ceil(PREDICTION_LIMIT_S / period) + 1, 6))
+        self.commanded = np.zeros((2, 6))
         self.held_elsewhere()
         self.last: ControllerCommand | None = None
         self._locality, self._nothing = Locality(), Answer()
@@ -231,27 +231,22 @@ class RenderingController:
             corrects: whether the device corrects commands by itself.
             with_model: whether the answer contains the model for it.
         """
-        twist = OperationalModelSample(inputs.operational_model).twist
-        account_for_motion(self.account, twist, inputs.elapsed)
-        locality = self.locality(corrects, with_model)
-        if self.channels is None:
-            self.last = self._answered(inputs.device, inputs.stamp_ns, inputs, clutch, locality)
-            return self.last
-        forth, back = self.channels
-        forth.put(inputs.stamp_ns, inputs.device, inputs.stamp_ns)
-        device = forth.take(inputs.stamp_ns)
+        device: Array | None = inputs.device
+        stamp_ns = inputs.stamp_ns
+        if self.channels is not None:
+            forth, back = self.channels
+            forth.put(stamp_ns, inputs.device, stamp_ns)
+            device, stamp_ns = forth.take(stamp_ns), forth.tag
+        received = device is not None
         if device is not None:
-            self.last = self._answered(device, forth.tag, inputs, clutch, locality)
+            self.last = ControllerCommand(Answer(), stamp_ns)
+        self._control_sample(device, inputs, clutch, self.locality(corrects, with_model))
+        if self.channels is None:
+            return self.last
+        if received and self.last is not None:
             back.put(inputs.stamp_ns, self.last.numbers.values, self.last.answered_ns)
         arrived = back.take(inputs.stamp_ns)
         return None if arrived is None else ControllerCommand(Answer(arrived.copy()), back.tag)
-
-    def command_mechanism(self) -> tuple[Array, Array]:
-        """Return the wrenches (6,) sent to the mechanism and acting now, N, N m, world axes."""
-        last = self._nothing if self.last is None else self.last.numbers
-        commanded = np.empty((2, 6))
-        command_mechanism(self.account, self.queue, self.past, last, commanded)
-        return commanded[0], commanded[1]
 
     def held_elsewhere(self) -> None:
         """Take back the wrench commanded on the mechanism at the place where it was held.
@@ -263,76 +258,59 @@ class RenderingController:
         self.account.acting[:] = 0.0
         self.account.twist_known = self.account.error_known = 0.0
 
-    def _answered(
-        self,
-        device: Array,
-        stamp_ns: int,
-        inputs: ControllerInput,
-        clutch: Clutch,
-        locality: Locality,
-    ) -> ControllerCommand:
+    def _control_sample(
+        self, device: Array | None, inputs: ControllerInput, clutch: Clutch, locality: Locality
+    ) -> None:
+        """Fill the last answer, if a sample (19,) was received, and :attr:`commanded`."""
         control, time, model = self.control, inputs.time, inputs.operational_model
-        answer, (queue, ahead) = Answer(), self._queue_of(inputs.ahead, locality)
-        settings, flying = control.settings_at(time, clutch), None
-        if control.answers_in_python:
-            if locality.force_channel != 0.0:
-                flying = self.in_flight(queue, settings, device, model, time)
+        answer = self._nothing if self.last is None else self.last.numbers
+        settings, in_python = control.settings_at(time, clutch), control.answers_in_python
+        if device is not None and in_python:
+            ahead = lateness(inputs.apart_ns, self.account.period)
+            flying, closes = None, locality.force_channel != 0.0
+            if closes:
+                number, ahead = number_in_flight(
+                    len(self.queue), ahead, self.account.period, closes
+                )
+                rows = self.queue if number == len(self.queue) else self.past[:number]
+                flying = self.in_flight(rows, settings, device, model, time)
             found = control.answer(time, clutch, device, model, ahead, flying)
             answer.wrenches.values[:] = found.ravel()
-        answer_sample(
+        control_sample(
             self.account,
             ControllerSettings(settings),
             control.carried_at(time, clutch),
-            queue,
-            DeviceSample(device),
+            self.queue,
+            self.past,
+            DeviceSample(inputs.device if device is None else device),
             OperationalModelSample(model),
             time,
-            ahead,
+            inputs.apart_ns,
+            inputs.elapsed_ns,
             locality,
-            control.answers_in_python,
+            device is not None,
+            in_python,
             answer,
+            self.commanded,
         )
-        return ControllerCommand(answer, stamp_ns)
 
     def in_flight(
-        self, queue: Array, settings: Array, device: Array, operational_model: Array, time: float
+        self, flying: Array, settings: Array, device: Array, operational_model: Array, time: float
     ) -> InFlight:
         """Return the commands to the mechanism that have not acted, with half a period of one now.
 
         A device that corrects commands has done it already.
 
         Args:
-            queue: (n, 6) these commands, N and N m, world axes.
+            flying: (n, 6) these commands, N and N m, world axes.
             settings: (59,) of the controllers, a ``ControllerSettings``.
             device: (19,) the sample, in SI units; see ``layout.DeviceSample``.
             operational_model: (139,) in SI units; see ``layout.OperationalModelSample``.
             time: s, of the controllers.
         """
-        commanded, period = np.empty(6), self.account.period
         sample, model = DeviceSample(device), OperationalModelSample(operational_model)
-        hand_on_mechanism(ControllerSettings(settings), sample, model, time, commanded)
-        impulse = period * (queue.sum(axis=0) + 0.5 * commanded)
-        return InFlight((len(queue) + 0.5) * period, impulse)
-
-    def _queue_of(self, ahead: float, locality: Locality) -> tuple[Array, float]:
-        """Return the commands that have not moved a mechanism's state yet, and the rest of ahead.
-
-        A state that is late by n periods lacks n commands more than others do.
-
-        Args:
-            ahead: s, as of the inputs.
-            locality: the loops that the device closes; it matters only with a force channel.
-
-        Returns:
-            (n, 6) commands, N and N m, world axes; and s.
-        """
-        if ahead == 0.0 or locality.force_channel == 0.0:
-            return self.queue, ahead
-        period = self.account.period
-        number = len(self.queue) + round(ahead / period)
-        if number <= 0:
-            return np.zeros((0, 6)), number * period
-        queue = np.zeros((number, 6))
-        known = min(number, REMEMBERED)
-        queue[:known] = self.past[:known]
-        return queue, 0.0
+        impulse = np.empty(6)
+        duration = fly(
+            self.account, ControllerSettings(settings), flying, sample, model, time, impulse
+        )
+        return InFlight(duration, impulse)

@@ -6,13 +6,7 @@ from __future__ import annotations
 
 from hapticmech_ros.compilation import inner, kernel, local, local_whole, put, shaped
 from hapticmech_ros.compilation.records import Nested, Record, Whole
-from hapticmech_ros.control.account_kernels import (
-    account_for_motion,
-    answer_sample,
-    passive_wrench,
-    queue_wrench,
-    remember_commanded,
-)
+from hapticmech_ros.control.account_kernels import answer_and_limit, command_mechanism
 from hapticmech_ros.control.loop_layout import (
     Answer,
     ControllerAccount,
@@ -69,9 +63,6 @@ from hapticmech_ros.wire.messages import (
 # Indices of the topics that are read, and of those that are sent.
 STATES, MODELS = 0, 1
 TO_DEVICE, TO_POINT, AS_GAIN = 0, 1, 2
-# Longest time between operational model and sample over which the point's pose is extrapolated by
-# its twist: beyond it the twist is no good estimate.
-PREDICTION_LIMIT_S = 0.005
 
 
 class Sender(Record):
@@ -310,26 +301,27 @@ def answer_samples(
         if follow_sample(moved, sample, elapsed_s) != SOUND:
             return TO_READ
         put(before.values, side.values)
-        period, time_s = side.period, (time - link.epoch) / 1e9
-        late = (stamp - link.model_ns) // link.period * period
-        ahead = min(max(late, -PREDICTION_LIMIT_S), PREDICTION_LIMIT_S)
-        flying = queue
-        if ahead != 0.0 and closed.force_channel != 0.0:
-            # A model that is late by n periods lacks n commands more than others do.
-            number = queue.shape[0] + round(ahead / period)
-            if number > past.shape[0]:
-                return TO_READ
-            ahead = min(number, 0) * period
-            flying = past[: max(number, 0)]
-        elapsed = 0.0
-        if link.rendered > 0:
-            elapsed = max(round((link.model_ns - link.rendered) / 1e9 / period), 0) * period
+        time_s = (time - link.epoch) / 1e9
+        apart = stamp - link.model_ns
+        elapsed = link.model_ns - link.rendered if link.rendered > 0 else 0
         closed.with_model = 1.0 if stamp >= link.gain_from else 0.0
-        account_for_motion(side, known.twist, elapsed)
-        answer_sample(
-            side, settings, faded, flying, sample, known, time_s, ahead, closed, False, given
+        answer_and_limit(
+            side,
+            settings,
+            faded,
+            queue,
+            past,
+            sample,
+            known,
+            time_s,
+            apart,
+            elapsed,
+            closed,
+            True,
+            False,
+            given,
+            wrenches,
         )
-        passive_wrench(side, given, wrenches[0])
         put(for_device, given.wrenches.on_hand)
         put(for_point, wrenches[0])
         sound = is_within(for_device, to_device.most) and is_within(for_point, to_point.most)
@@ -350,8 +342,7 @@ def answer_samples(
             send_to_all(as_gain, words, real)
             left = publish_outside(as_gain)
             link.gain_from = stamp + link.gain_every
-        queue_wrench(side, queue, wrenches[0], wrenches[1])
-        remember_commanded(past, wrenches[0])
+        command_mechanism(side, queue, past, wrenches)
         put(motion.values, moved.values)
         note_sender(link, link.of_device, stamp, counted)
         note_read(link, states.reading, ages, time, time - stamp, counted, sent)

@@ -11,6 +11,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 
 from hapticmech_ros.control import Clutch, ControlArchitecture
+from hapticmech_ros.control.account_kernels import lateness
 from hapticmech_ros.control.loop_layout import Answer, ControllerSettings, Locality
 from hapticmech_ros.control.other_hands import coupling_gain, received_directly
 from hapticmech_ros.control.rendering_controller import (
@@ -488,7 +489,8 @@ class TeleoperationController(Actor[ControllerParameters]):
     ) -> None:
         paced = self.path.paced and not self.lockstep
         # Over a network there is no common time: the newest values are compared.
-        ahead = 0.0 if paced else self._ahead(stamp - model.stamp_ns)
+        apart_ns = 0 if paced else stamp - model.stamp_ns
+        ahead = lateness(apart_ns, self.period_s)
         operational_model, clutch = model.operational_model.values, self._clutch
         time_s = self._time_s(now_ns)
         if clutch is None:
@@ -509,7 +511,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         self._grasp = model.grasp.tobytes()
         self._clutch = self._control.with_slip(time_s, clutch, device, operational_model)
         inputs = ControllerInput(
-            time_s, stamp, device, operational_model, ahead, self._elapsed(model.stamp_ns)
+            time_s, stamp, device, operational_model, apart_ns, self._elapsed_ns(model.stamp_ns)
         )
         # Over a network, and until the device obeys, each answer has a local feedback gain.
         often = paced or not self.path.obeyed
@@ -628,23 +630,10 @@ class TeleoperationController(Actor[ControllerParameters]):
         last = self.side.last
         return NO_WRENCH if last is None else last.wrenches[0]
 
-    def _ahead(self, apart_ns: int) -> float:
-        """Return by how many whole periods (s) the mechanism's state is older than a sample.
-
-        Device and mechanism are thus compared after equally many periods under equal wrenches. A
-        difference below a period is no delay: the mechanism ticks half a period after the device.
-
-        Args:
-            apart_ns: time of the sample minus that of the state, ns.
-        """
-        ahead = apart_ns // nanoseconds(self.period_s) * self.period_s
-        return min(max(ahead, -own.PREDICTION_LIMIT_S), own.PREDICTION_LIMIT_S)
-
-    def _elapsed(self, stamp_ns: int) -> float:
-        """Return the time (s) from the last rendered model to this one, in whole periods."""
+    def _elapsed_ns(self, stamp_ns: int) -> int:
+        """Return the time (ns) from the last rendered model to this one."""
         before, self._rendered_ns = self._rendered_ns, stamp_ns
-        periods = round((stamp_ns - before) / NANOSECONDS / self.period_s) if before > 0 else 0
-        return max(periods, 0) * self.period_s
+        return stamp_ns - before if before > 0 else 0
 
     def _send(self, answer: ControllerCommand | None, stamp_ns: int, mechanism_ns: int) -> None:
         """Send the commands that are due to device and mechanism, then the gain and the view.
@@ -655,7 +644,7 @@ class TeleoperationController(Actor[ControllerParameters]):
         outputs, side = self._outputs, self.side
         if self.lockstep:
             self._arrived = answer = answer or self._arrived or ControllerCommand.nothing(stamp_ns)
-        commanded, _ = side.command_mechanism()
+        commanded = side.commanded[0]
         if answer is None:
             outputs.mechanism(commanded, mechanism_ns)
             return

@@ -14,13 +14,14 @@ from hapticmech_ros.compilation import (
     Structure,
     inner,
     kernel,
+    local,
     put,
     shaped,
 )
 from hapticmech_ros.compilation.records import Number, Record
 from hapticmech_ros.contact.layout import Contacts
 from hapticmech_ros.contact.step_kernels import WHOLE, advance_period, keep, restore
-from hapticmech_ros.control.account_kernels import account_for_motion, answer_sample
+from hapticmech_ros.control.account_kernels import control_sample
 from hapticmech_ros.control.device_side_kernels import act
 from hapticmech_ros.control.kernels import receive, send
 from hapticmech_ros.control.loop_layout import (
@@ -294,34 +295,39 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
     """Answer a received sample, and fill the wrenches on device and mechanism."""
     controller, connected = ControllerAccount(data.controller), data.connected != 0
     model, answers = OperationalModelSample(data.observation), data.answers
-    last = answers[answers.shape[0] - 1]
-    account_for_motion(controller, model.twist, controller.period)
-    received = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
+    last, acting = answers[answers.shape[0] - 1], ActingWrenches(data.wrenches)
+    sample = DeviceSample(data.forth[data.forth.shape[0] - 1] if connected else data.sample)
     given = Answer(data.given if connected else last)
-    if data.received != 0:
-        answer_sample(
-            controller,
-            ControllerSettings(data.settings),
-            data.faded,
-            data.commanded,
-            received,
-            model,
-            time,
-            0.0,
-            Locality(data.locality),
-            answered,
-            given,
-        )
-        if connected:
+    wrenches = shaped(local(12), (2, 6))
+    # The mechanism's state is never late.
+    none = shaped(data.faded, (0, 6))
+    control_sample(
+        controller,
+        ControllerSettings(data.settings),
+        data.faded,
+        data.commanded,
+        none,
+        sample,
+        model,
+        time,
+        0,
+        data.period_ns,
+        Locality(data.locality),
+        data.received != 0,
+        answered,
+        given,
+        wrenches,
+    )
+    put(acting.commanded, wrenches[0])
+    put(acting.on_mechanism, wrenches[1])
+    if connected:
+        if data.received != 0:
             times, tag = data.times, ChannelState(data.forth_state).tag
             law = times.delay, times.jitter, times.loss
             send(data.back_state, data.back, law[0], law[1], law[2], stamp_ns, tag, given.values)
-    if connected and receive(data.back_state, data.back, stamp_ns):
-        put(last, data.back[data.back.shape[0] - 1])
+        if receive(data.back_state, data.back, stamp_ns):
+            put(last, data.back[data.back.shape[0] - 1])
     act(
-        controller,
-        given,
-        data.commanded,
         DeviceAccount(data.account),
         Safety(data.safety),
         answers,
@@ -330,7 +336,7 @@ def render(data: SessionData, time: float, stamp_ns: int, answered: bool) -> Non
         SimulatedState(data.state).applied,
         data.added,
         HandsCorrection(data.others),
-        ActingWrenches(data.wrenches),
+        acting.on_hand,
     )
 
 

@@ -134,9 +134,8 @@ def use_parts(scene, control):
         model = analyser.observe(moving.q, moving.v, moving.active).model.copy()
         counter.update(model[:6], time)
         sample = state.published[:19]
-        inputs = ControllerInput(time, round(1e9 * time), sample, model, 0.0, 1e-3)
+        inputs = ControllerInput(time, round(1e9 * time), sample, model, 0, 1_000_000)
         answer = side.tick(inputs, clutch, corrects=True)
-        side.command_mechanism()
         settings = ControllerSettings(control.settings_at(time, clutch))
         seen = OperationalModelSample(model)
         hand_on_mechanism(settings, DeviceSample(sample), seen, time, np.empty(6))

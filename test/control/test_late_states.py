@@ -41,10 +41,9 @@ def answers(delay, late=0.0, known=5):
         time = 100.0 + tick * PERIOD
         if found is None:
             clutch = side.control.engage(0.0, device, model, 0.0)
-        ahead = late if tick == known - 1 else 0.0
-        inputs = ControllerInput(time, tick, device, model, ahead, PERIOD)
+        apart_ns = round(1e9 * late) if tick == known - 1 else 0
+        inputs = ControllerInput(time, tick, device, model, apart_ns, 1_000_000)
         found = side.tick(inputs, clutch, corrects=True).wrenches
-        side.command_mechanism()
     return found
 
 

@@ -61,7 +61,7 @@ def answers_at_once(connection):
     scene = over(connection)
     side = RenderingController(ControlArchitecture(scene), scene.simulation.period, connection)
     inputs = ControllerInput(
-        0.0, 0, np.eye(19)[6], np.zeros(OperationalModelSample.layout.size), 0.0, 0.001
+        0.0, 0, np.eye(19)[6], np.zeros(OperationalModelSample.layout.size), 0, 1_000_000
     )
     inputs.operational_model[OperationalModelSample.layout.slice("quaternion").stop - 1] = 1.0
     clutch = side.control.engage(0.0, inputs.device, inputs.operational_model, 0.0)

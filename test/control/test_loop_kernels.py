@@ -20,7 +20,7 @@ from hapticmech_ros.scene.controller import Connection, Passivity
 from oracles.controllers import Account
 from oracles.running import varied
 
-PERIOD = 1e-3
+PERIOD, PERIOD_NS = 1e-3, 1_000_000
 INERTIA = np.array([0.2] * 3 + [4e-4] * 3)
 TWIST, PUSH = DeviceSample.layout.slice("twist"), DeviceSample.layout.slice("hand_wrench")
 MOVED, CONTACT = (
@@ -73,7 +73,7 @@ def test_a_sample_is_answered_once_what_is_in_flight_has_acted(delay, time):
     commanded = force.hand * sample[PUSH] + force.mechanism_feedback * model[CONTACT]
     now = 0.5 * clutch.force_ramp(time) * task * commanded
     flying = InFlight((delay + 0.5) * PERIOD, PERIOD * (side.queue.sum(axis=0) + now))
-    inputs = ControllerInput(time, 7, sample, model, 0.0, PERIOD)
+    inputs = ControllerInput(time, 7, sample, model, 0, PERIOD_NS)
     for corrects, in_flight in ((True, flying), (False, None)):
         found = side.tick(inputs, clutch, corrects)
         expected = side.control.answer(time, clutch, sample, model, 0.0, in_flight)
@@ -92,7 +92,7 @@ def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
     for tick in range(200):
         sample, model = sample_of(rng), model_of(rng)
         model[MOVED] *= 0.01
-        inputs = ControllerInput(tick * PERIOD, tick, sample, model, 0.0, PERIOD)
+        inputs = ControllerInput(tick * PERIOD, tick, sample, model, 0, PERIOD_NS)
         answer = side.tick(inputs, clutch, corrects=True)
         if before is not None:
             gave += 0.5 * (before[PUSH] + sample[PUSH]) @ way_of(before, sample)
@@ -102,7 +102,7 @@ def test_the_mechanism_gets_no_more_than_the_hand_has_put_in():
         assert side.account.energies.to_mechanism == pytest.approx(got, abs=1e-12)
         assert answer.numbers.to_mechanism == side.account.energies.to_mechanism
         told = answer.wrenches[1]
-        sent, acted = side.command_mechanism()
+        sent, acted = side.commanded.copy()
         # Without a delay.
         assert np.array_equal(sent, acted)
         if got - gave > 1e-3 and told @ moved > 0.0:
@@ -124,9 +124,9 @@ def test_what_is_commanded_acts_later_by_the_delay():
     sent = []
     for tick in range(8):
         side.tick(
-            ControllerInput(0.0, tick, sample_of(rng), model_of(rng), 0.0, PERIOD), clutch, True
+            ControllerInput(0.0, tick, sample_of(rng), model_of(rng), 0, PERIOD_NS), clutch, True
         )
-        now, acting = side.command_mechanism()
+        now, acting = side.commanded.copy()
         sent.append(now)
         assert np.array_equal(acting, sent[tick - 2] if tick > 1 else np.zeros(6))
         assert np.array_equal(side.past[: tick + 1], sent[::-1])
@@ -236,10 +236,10 @@ class Composed(Session):
         own = sample.device.published
         seen = np.concatenate((own[:13], sample.hand_wrench))
         stamp = round(self.ticks * self.period * 1e9)
-        inputs = ControllerInput(sample.time, stamp, seen, sample.seen.model, 0.0, self.period)
+        inputs = ControllerInput(sample.time, stamp, seen, sample.seen.model, 0, PERIOD_NS)
         self.arrived = self.side.tick(inputs, self.clutch, corrects=True) or self.arrived
         self.waiting.append(self.arrived)
-        _, on_mechanism = self.side.command_mechanism()
+        on_mechanism = self.side.commanded[1].copy()
         now, command, told = self.waiting.pop(0), np.zeros(6), None
         remember(HandMemory(self.hand), self.period, seen[PUSH])
         if now is not None:
