@@ -7,6 +7,7 @@ Arguments are read before rclpy is imported: `--help` and a missing rclpy are an
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import os
@@ -70,6 +71,8 @@ def start(names: Sequence[str], arguments: Sequence[str] | None = None) -> int:
     except HapticMechError as error:
         sys.stderr.write(f"{title}: {error}\n")
         return 1
+    # Until all is loaded, there is nothing to collect; prepare_loops() enables it again.
+    gc.disable()
     # Matrices are small and cores few: more BLAS threads only add delays. Read when numpy loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # The search for plugins of pydantic, which are not used, takes a node 40 ms.

@@ -576,6 +576,7 @@ def prepare_loops() -> None:
     _find_callers()
     gc.collect()
     gc.freeze()
+    gc.enable()
     sys.setswitchinterval(SWITCH_S)
 
 

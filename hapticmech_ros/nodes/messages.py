@@ -13,7 +13,7 @@ import importlib
 import math
 import time
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +34,6 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
-from visualization_msgs.msg import Marker, MarkerArray
 
 from hapticmech_ros.errors import BagError, InvalidInputError, OutputError
 from hapticmech_ros.numerics import Array
@@ -44,6 +43,10 @@ from hapticmech_ros.scene.document import Limits
 from hapticmech_ros.wire.bounds import SixBounds, pose_bounds
 from hapticmech_ros.wire.layouts import pose_of
 from hapticmech_ros.wire.stamped import seconds_of, stamp_of
+
+if TYPE_CHECKING:
+    # A restart of a node need not load them.
+    from visualization_msgs.msg import Marker, MarkerArray
 
 # Publishers are reliable: a reliable subscriber (CRTK clients, bags, `ros2 topic`) would silently
 # not match a best-effort publisher. A few samples of history ride out a reader's hiccup.
@@ -294,7 +297,7 @@ def check_finite(message: Any) -> None:
     Raises:
         OutputError: there is one.
     """
-    numbers = _NUMBERS.get(type(message))
+    numbers = _NUMBERS.get(type(message).__name__)
     if numbers is None:
         return
     for value in numbers(message):
@@ -337,12 +340,12 @@ def _transform(message: TransformStamped) -> tuple[float, ...]:
     return *_vector(place.translation), *_turn(place.rotation)
 
 
-_NUMBERS: dict[type, Callable[[Any], Iterable[float]]] = {
-    WrenchStamped: lambda m: (*_vector(m.wrench.force), *_vector(m.wrench.torque)),
-    TwistStamped: lambda m: (*_vector(m.twist.linear), *_vector(m.twist.angular)),
-    PoseStamped: lambda m: _pose(m.pose),
-    JointState: lambda m: (*m.position, *m.velocity, *m.effort),
-    Float64MultiArray: _array,
-    TransformStamped: _transform,
-    MarkerArray: _markers,
+_NUMBERS: dict[str, Callable[[Any], Iterable[float]]] = {
+    WrenchStamped.__name__: lambda m: (*_vector(m.wrench.force), *_vector(m.wrench.torque)),
+    TwistStamped.__name__: lambda m: (*_vector(m.twist.linear), *_vector(m.twist.angular)),
+    PoseStamped.__name__: lambda m: _pose(m.pose),
+    JointState.__name__: lambda m: (*m.position, *m.velocity, *m.effort),
+    Float64MultiArray.__name__: _array,
+    TransformStamped.__name__: _transform,
+    "MarkerArray": _markers,
 }
