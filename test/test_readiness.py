@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -68,6 +69,20 @@ def test_who_does_not_read_holds_nobody_up_for_long(readiness):
         check=True,
     )
     assert len(readiness.pids()) == 1
+
+
+def test_a_full_socket_does_not_hold_up_a_start(readiness):
+    """With a wait in the caller, the message would have been given up by now."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.setblocking(False)
+        other.connect("\0" + readiness.address[1:])
+        with suppress(BlockingIOError):
+            while True:
+                other.send(b"STATUS=up")
+    report_ready({ADDRESS: readiness.address})
+    end = time.monotonic() + 60.0
+    while os.getpid() not in readiness.pids():
+        assert time.monotonic() < end
 
 
 def test_many_at_once_are_all_heard_by_who_reads_now_and_then(readiness):

@@ -12,6 +12,7 @@ import json
 import os
 import socket
 import struct
+import threading
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -50,11 +51,15 @@ class Report:
 def report_ready(environment: Mapping[str, str] = os.environ) -> None:
     """Notify the parent, if it listens, that this process is up.
 
+    While the socket is full, a thread of its own waits: a parent that reads seldom would delay a
+    node's start.
+
     Args:
         environment: in which ``NOTIFY_SOCKET`` is the address of a Unix datagram socket, of the
             abstract ones with ``@`` in place of the zero byte.
     """
-    _send(READY, environment, _PATIENCE_S)
+    if not _send(READY, environment, 0.0):
+        threading.Thread(target=_send, args=(READY, environment, _PATIENCE_S)).start()
 
 
 def send_report(report: Report, environment: Mapping[str, str] = os.environ) -> None:
@@ -69,18 +74,22 @@ def send_report(report: Report, environment: Mapping[str, str] = os.environ) -> 
     _send(status + b"\n" + _REPORT + content, environment, 0.0)
 
 
-def _send(text: bytes, environment: Mapping[str, str], patience_s: float) -> None:
+def _send(text: bytes, environment: Mapping[str, str], patience_s: float) -> bool:
+    """Send a message; return whether another try is of no use."""
     address = environment.get(ADDRESS, "")
     if address[:1] not in ("/", "@"):
-        return
+        return True
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
         sender.settimeout(patience_s)
         try:
             sender.connect("\0" + address[1:] if address[0] == "@" else address)
             sender.send(text)
+        except BlockingIOError:
+            return False
         except OSError:
-            # The parent has ended, does not listen, or its socket is full.
-            return
+            # The parent has ended, or does not listen.
+            pass
+        return True
 
 
 class Readiness:
