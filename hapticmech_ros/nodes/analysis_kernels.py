@@ -49,6 +49,7 @@ class AnalyserLink(Link):
     Attributes:
         closed, position, velocity, contact, grasp, commanded: where in a state's data these begin:
             flags of closures, position, rates, and the point's F_c, place and flag.
+        flags, points: where the flags of all points begin, and their number.
         point: number of the point.
         pause: stamps of successive states differ by less than this, ns.
         last: stamp of the last state, ns.
@@ -61,6 +62,8 @@ class AnalyserLink(Link):
     contact = Whole()
     grasp = Whole()
     commanded = Whole()
+    flags = Whole()
+    points = Whole()
     point = Whole()
     pause = Whole()
     last = Whole()
@@ -70,6 +73,8 @@ class AnalyserLink(Link):
 @inner
 def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, grasp: Array) -> int:
     """Return the stamp, ns, of a valid state with closures and point as before; or UNSOUND.
+
+    It is UNSOUND also if another point is commanded.
 
     Args:
         link: shared state.
@@ -86,6 +91,9 @@ def plain_stamp(link: AnalyserLink, values: Array, most: Array, active: Array, g
             return UNSOUND
     for i in range(grasp.size):
         if values[link.grasp + i] != grasp[i]:
+            return UNSOUND
+    for i in range(link.points):
+        if i != link.point and values[link.flags + i] != 0.0:
             return UNSOUND
     commanded = values[link.commanded]
     return stamp if commanded == 0.0 or commanded == 1.0 else UNSOUND

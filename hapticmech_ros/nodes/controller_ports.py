@@ -215,6 +215,11 @@ class ControllerOutputs:
         return 1 + -self.answers % self._actor.view_every
 
     @property
+    def couple(self) -> bool:
+        """Whether anybody receives how answers depend on other hands."""
+        return self._publish_coupling is not None and self._publish_coupling.wanted
+
+    @property
     def are_plain(self) -> bool:
         """Whether an answer is two commands, and nothing in the device's own axes."""
         return self._publish_own is None

@@ -571,9 +571,8 @@ class DeviceDriver(ClockedActor[D]):
             return False
         posed = self._poses is not None and self._poses.goal(now) is not None
         waits = self.backlog.owed or self._last_valid.resting or self._let_go_unpublished or posed
-        reported = (
-            self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and not self.other_points
-        )
+        alone = self.loop.others is None
+        reported = self._obeyed_form is DEVICE_COMMAND and self.answers.obeys and alone
         if waits or not reported or self._refusal(now) or self._push is not NO_WRENCH:
             return False
         held, order = self.held, self.loop.order.last
@@ -837,7 +836,7 @@ class DeviceDriver(ClockedActor[D]):
         if reason == last and now - logged_ns < LOG_PERIOD_NS:
             self._warned = last, logged_ns, left_out + 1
             return
-        more = f"; {last}: {left_out} more times since the last line" if left_out else ""
+        more = f"; {last}, {left_out} times more" if left_out else ""
         self._warned = reason, now, 0
         self.node.get_logger().warning(f"{reason}: actuators at zero{why and f' ({why})'}{more}")
 

@@ -92,7 +92,9 @@ class MechanismTicks(PlainMessages):
         self._commands = np.zeros((2, 6))
         mechanism, simulation = actor.simulator.mechanism, actor.scene.simulation
         stepper = actor.simulator.stepper
+        index = mechanism.point_index(port.name)
         sizes = {
+            "index": index,
             "steps": simulation.substeps,
             "stages": stepper.stages,
             "implicit": stepper.implicit,
@@ -112,8 +114,8 @@ class MechanismTicks(PlainMessages):
         self._known: MechanismState | None = None
         self._scene = actor.simulator.scene
         self._closed, self._grasp = layout.at["closed"], layout.at["grasp"]
-        changing = ("position", "velocity", "commanded")
-        link.fill(**{part: layout.at[part].start for part in changing})
+        link.fill(**{part: layout.at[part].start for part in ("position", "velocity")})
+        link.commanded = layout.at["commanded"].start + index
         link.period = nanoseconds(actor.period_s)
 
     def ready(self) -> bool:
@@ -134,7 +136,7 @@ class MechanismTicks(PlainMessages):
         if state is not self._known or scene is not self._scene:
             self._scene = scene
             self._load(state)
-        self._out[self._grasp] = actor.place
+        self._out[self._grasp] = actor.places
         return True
 
     def _load(self, state: MechanismState) -> None:
@@ -192,14 +194,16 @@ class MechanismTicks(PlainMessages):
     def view(self) -> Callable[[], None]:
         """Return a function that publishes the views of the kernel's state."""
         stamp_ns = self.link.next - self.link.period
-        pushes = np.zeros((1, 6))
-        return self._simulator.prepare_view(self._state, pushes, stamp_ns)
+        return self._simulator.prepare_view(self._state, self._simulator.calm, stamp_ns)
 
 
 class MechanismSimulator(ClockedActor[MechanismParameters]):
     """Drives a :class:`Simulator` at the control rate.
 
     In lockstep the command that acts over a period answers the sample one period before it.
+
+    Attributes:
+        calm: (points, 6) no wrenches, read-only.
     """
 
     name = "mechanism_simulator"
@@ -220,13 +224,13 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.state: MechanismState = self.simulator.initial_state()
         names = self._mechanism.point_names
         self._commands = np.zeros((len(names), 6))
-        self._calm = np.zeros((len(names), 6))
-        self._calm.flags.writeable = False
-        self._external = self._calm
+        self.calm = np.zeros((len(names), 6))
+        self.calm.flags.writeable = False
+        self._external = self.calm
         acted_on = bool(self.scene.contacts) or len(names) > 1
         self._contact_wrenches = ContactWrenches(self._mechanism) if acted_on else None
         # Wrenches by the controllers in the period that begins.
-        self._commanded_wrenches = self._calm
+        self._commanded_wrenches = self.calm
         held = parameters.held_points.split(",") if parameters.held_points else [self.point]
         held = [self.scene.operational_point(name.strip()).name for name in held]
         self._held = [self._mechanism.point_index(name) for name in held]
@@ -267,7 +271,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         square, touches = self._mechanism.nq == self._mechanism.nv, bool(self.scene.contacts)
         waits = parameters.require_external_wrench
         # If a kernel can step this mechanism without Python.
-        if square and len(names) == 1 and not (touches or waits):
+        if square and len(held) == 1 and not (touches or waits):
             self._plain = MechanismTicks(self, self._layout, self._publish_wire)
 
     def apply_parameters(self, parameters: MechanismParameters) -> None:
@@ -305,30 +309,32 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if self._listened is not None:
             self._listened.forget()
         self._commands = np.zeros_like(self._commands)
-        self._external = self._calm
+        self._external = self.calm
         self._on_links = {}
-        self._commanded_wrenches = self._calm
+        self._commanded_wrenches = self.calm
         self._inaccurate_ns = NEVER
         self._operating.publish(active=True)
         self.wait_by(self._plain)
 
     @property
     def port(self) -> PointPort:
-        """The port of the first operational point; a kernel runs only if it is the only one."""
-        return self._ports[0]
+        """The port of the first operational point that is held; for a kernel, the only one."""
+        return self._ports[self._held[0]]
 
     @property
-    def place(self) -> Array:
-        """(7,) The place of the point of :attr:`port`, as in the state message."""
-        return np.asarray(self._grasps.numbers[0])
+    def places(self) -> Array:
+        """(7 points,) The places of all operational points, as in the state message."""
+        return np.ravel(self._grasps.numbers)
 
     @property
     def steps_plainly(self) -> bool:
-        """Whether a step needs no input but a command; see :class:`MechanismTicks`."""
-        pushed = self._external is not self._calm or self._on_links or self._is_pushed
+        """Whether a step needs no input but :attr:`port`'s; see :class:`MechanismTicks`."""
+        now, own = self.now_ns(), self.port
+        commanded = any(port.command.stands(now) for port in self._ports if port is not own)
+        pushed = self._external is not self.calm or self._on_links or self._is_pushed
         waits = self.backlog.owed or self._last_valid.resting or self._operating.withheld
         changed = self.state.active != self._announced
-        return not (pushed or waits or changed or self.simulator.may_latch(self.state))
+        return not (commanded or pushed or waits or changed or self.simulator.may_latch(self.state))
 
     @property
     def _is_pushed(self) -> bool:
@@ -355,7 +361,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         self.clock.missed += link.missed
         self._note_inaccurate(before)
         self._sampled_ns = self.clock.last_deadline_ns
-        self._commands[0] = self.port.command.at(self._sampled_ns)
+        self._commands[self._held[0]] = self.port.command.at(self._sampled_ns)
         self._ticks += link.done - link.missed - (not published)
         if not published:
             self.failures.run("tick", self._publish, self._sampled_ns)
@@ -411,8 +417,8 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         if not self.lockstep:
             held = [i for i, port in enumerate(self._ports) if port.command.stands(deadline_ns)]
         if len(held) < 2:
-            return self._calm
-        wrenches = np.zeros_like(self._calm)
+            return self.calm
+        wrenches = np.zeros_like(self.calm)
         for index in held:
             port = self._ports[index]
             if not self.lockstep:
@@ -549,7 +555,7 @@ class MechanismSimulator(ClockedActor[MechanismParameters]):
         pushed = self._listened.at(now_ns, self._rotation_of)
         if not pushed:
             self._on_links = pushed
-            return self._calm
+            return self.calm
         mechanism = self._mechanism
         external = np.zeros_like(self._external)
         for index, name in enumerate(mechanism.point_names):

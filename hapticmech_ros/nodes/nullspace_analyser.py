@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, UInt8
 from hapticmech_ros.control.loop_delay import compensated_loop_delay, periods_before
 from hapticmech_ros.errors import HapticMechError, InvalidInputError
 from hapticmech_ros.mechanism import Mechanism
-from hapticmech_ros.mechanism.closures import flat_grasp, grasp_of
+from hapticmech_ros.mechanism.closures import GRASP_SIZE, flat_grasp, grasp_of
 from hapticmech_ros.nodes import analysis_kernels as own
 from hapticmech_ros.nodes.actor import Actor, Host
 from hapticmech_ros.nodes.exchange import Outlet
@@ -82,9 +82,12 @@ class StateAnswers(PlainMessages):
         nv = actor.mechanism.nv
         self._position, self._rates, self._before = np.zeros(nv), np.zeros(nv), np.zeros(1 + nv)
         self._ahead = self._observation = np.zeros(0)
-        # There is one point only: see ``answers_plainly``.
-        link.fill(**{part: layout.at[part].start for part in layout.at})
-        link.point, link.pause = actor.analyser.index, RESTART_PAUSE_NS
+        index, sizes = actor.analyser.index, {"contact": 6, "grasp": GRASP_SIZE, "commanded": 1}
+        # The last three have a part for each operational point.
+        starts = {part: at.start + index * sizes.get(part, 0) for part, at in layout.at.items()}
+        flags = layout.at["commanded"]
+        link.fill(**starts, point=index, pause=RESTART_PAUSE_NS)
+        link.flags, link.points = flags.start, flags.stop - flags.start
 
     def ready(self) -> bool:
         """Give the kernel the analyser's state; return whether it may do anything for it."""
@@ -133,7 +136,13 @@ class StateAnswers(PlainMessages):
         """Return a function that publishes the last analysis for people."""
         actor, numbers, count = self._analyser, self._observation.copy(), self.answer[MODEL_COUNT]
         found = Observation(numbers, actor.analyser.rows, actor.mechanism.nv)
-        return lambda: actor.publish_view(found.analysis, int(count))
+        stamp_ns = self.link.last
+
+        def publish() -> None:
+            actor.transmit(stamp_ns, {})
+            actor.publish_view(found.analysis, int(count))
+
+        return publish
 
 
 class NullspaceAnalyser(Actor[AnalyserParameters]):
@@ -183,6 +192,8 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         self._publish_count = self.view(COUNT, UInt8)
         self._mechanisms = self.sources(STATE.name)
         self._silenced = False
+        # Whether another operational point is commanded: another hand holds it.
+        self._others_hold = False
         self.input_array(
             STATE.name, self.control_input, self._on_state, self._layout.fields, self._mechanisms
         )
@@ -215,14 +226,14 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         """Whether plain states are answered as :class:`StateAnswers` does."""
         known = self._count is not None and not self._silenced
         square = self.mechanism.nq == self.mechanism.nv
-        return known and square and not self.other_points
+        return known and square and not self._others_hold
 
     @property
     def until_view(self) -> int:
         """After how many more analyses one is to be published for people; 0 for never."""
         views = (self._publish_inertia, self._publish_projector, self._publish_wrenches)
-        wanted = (*views, self._publish_spectrum, self._publish_count)
-        if not any(outlet.wanted for outlet in wanted):
+        wanted = (*views, self._publish_spectrum, self._publish_count, self._publish_transmission)
+        if not any(outlet is not None and outlet.wanted for outlet in wanted):
             return 0
         return 1 + -self.analyses % self.view_every
 
@@ -259,7 +270,9 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
         state = self._layout.unpack(values)
         check_age(state.stamp_ns, now_ns, self.age_limit_ns)
         self.ages.add(now_ns - state.stamp_ns)
-        grasp = state.grasps[self.analyser.index]
+        own = self.analyser.index
+        self._others_hold = any(state.commanded[:own] + state.commanded[own + 1 :])
+        grasp = state.grasps[own]
         if grasp.tobytes() != self.grasp.tobytes():
             self._follow(grasp)
         self.closed = state.active
@@ -286,8 +299,6 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
 
     def _transmit(self, state: WireState, found: OperationalAnalysis) -> None:
         """Publish the transmission of other hands' wrenches to the point."""
-        if self._publish_transmission is None:
-            return
         mechanism, own = self.mechanism, self.analyser.index
         places = {name: mechanism.point_index(name) for name in self.other_points}
         holding = {name: at for name, at in places.items() if state.commanded[at]}
@@ -297,10 +308,13 @@ class NullspaceAnalyser(Actor[AnalyserParameters]):
                 self._place(name, state.grasps[at])
             row = coupling(mechanism.evaluate(state.q, state.v, state.active))[own]
             matrices = {name: transmission(found, row[at]) for name, at in holding.items()}
-        transmissions = CouplingMatrices(state.stamp_ns, matrices)
-        self._publish_transmission.publish(
-            self._transmission_encoder.encode(self._coupling.pack(transmissions))
-        )
+        self.transmit(state.stamp_ns, matrices)
+
+    def transmit(self, stamp_ns: int, matrices: Mapping[str, Array]) -> None:
+        """Publish Y_ij (6, 6) by operational point, in a scene with several, at a stamp, ns."""
+        if self._publish_transmission is not None:
+            packed = self._coupling.pack(CouplingMatrices(stamp_ns, matrices))
+            self._publish_transmission.publish(self._transmission_encoder.encode(packed))
 
     def _place(self, name: str, grasp: Array) -> None:
         """Move another operational point to the place published by the mechanism."""

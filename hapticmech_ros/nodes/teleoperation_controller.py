@@ -564,8 +564,8 @@ class TeleoperationController(Actor[ControllerParameters]):
         link.model_ns, link.rendered = self._model.stamp_ns, self._rendered_ns
         link.newest, link.arrived = self.path.last
         link.gain_from, link.moved = self._outputs.gain_from_ns, self.motion.stamp_ns
-        # With other hands each gain needs a coupling gain, which Python computes.
-        link.gain_every = 0 if self.other_points else self._outputs.gain_every_ns
+        # Python computes coupling gains, with each gain.
+        link.gain_every = 0 if self._outputs.couple else self._outputs.gain_every_ns
         for sender, pauses in (
             (link.of_device, self._device_pauses),
             (link.of_analyser, self._model_pauses),

@@ -606,7 +606,7 @@ def test_the_mechanism_moves_as_the_simulator_does(
 ) -> None:
     actor = moving.actor
     moving.settle(lambda: command(moving))
-    place = actor.place.copy()
+    place = actor.places
     actor.apply_parameters(actor.parameters.model_copy(update={"grasp": grasp}))
     actor.port.set_timeout(10_000 * MS)
     codes = by_the_kernel(moving, monkeypatch)
@@ -627,7 +627,7 @@ def test_the_mechanism_moves_as_the_simulator_does(
         time.sleep(0.0035 if round(1e3 * wanted_s) % 20 == 0 else 0.0)
         got += moving.until(lambda wanted_s=wanted_s: actor.state.time - start.time >= wanted_s)
     got += moving.answers()
-    assert (np.abs(actor.place - place).max() > 0.005) == bool(grasp)
+    assert (np.abs(actor.places - place).max() > 0.005) == bool(grasp)
     # Of those that were missed several are done in one tick.
     steps = round((actor.state.time - start.time) / actor.period_s)
     simulator, expected = Simulator(actor.simulator.scene), start
