@@ -14,9 +14,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -41,6 +41,8 @@ VIEW_CENSUS_NS = 100_000_000
 SETTLES_NS = NANOSECONDS // 4
 # Least time between two stops of a kernel for subscriptions' callbacks, ns.
 CALLS_NS = 8_000_000
+# The middleware may deliver a copy before the kernel has read the message: it is given so long, ns.
+READS_NS = 2_500_000
 # Most messages that wait for the loop to have time.
 MOST_LATER = 200
 
@@ -96,6 +98,20 @@ class _Copies:
         """Return whether the middleware's message is a copy of one noted within UNDERWAY_NS."""
         noted = self.underway.get(hash(message))
         return noted is not None and time.monotonic_ns() - noted < UNDERWAY_NS
+
+
+class _Deferred(NamedTuple):
+    """A subscription's callback that waits until the kernel is stopped.
+
+    Attributes:
+        topic: full name and type on the lane.
+        message: its bytes.
+        callback: with the message bound.
+    """
+
+    topic: str
+    message: bytes
+    callback: Callable[[], object]
 
 
 class Outlet:
@@ -250,8 +266,8 @@ class Exchange:
         self.refusal = ""
         self._copies: dict[str, _Copies] = {}
         self._failed: deque[Callable[[], None]] = deque()
-        self._deferred: deque[Callable[[], object]] = deque()
-        self._called_ns = 0
+        self._deferred: deque[_Deferred] = deque()
+        self._called_ns = self._due_ns = 0
         self._waiting: deque[Arrived] = deque()
         self._later: deque[tuple[Outlet, bytes]] = deque()
         self._delivering = False
@@ -298,31 +314,52 @@ class Exchange:
             # The loop may wait for long, and older messages must go before those published next.
             self.publish_kept()
             while self._deferred:
-                self._deferred.popleft()()
+                self._deferred.popleft().callback()
             yield
             self._called_ns = time.monotonic_ns()
             if rings:
                 turn.ring()
 
-    def defer(self, callback: Callable[[], object]) -> bool:
+    def defer(self, callback: Callable[[], object], topic: str, message: bytes) -> bool:
         """Queue a subscription's callback until the kernel is stopped; return whether queued.
 
         With subscribers outside the lane, the middleware delivers a copy of every message that the
-        kernel reads: the kernel is stopped once for several of these (:attr:`until_called_s`).
+        kernel reads. These are dropped while the kernel goes on; for others it is stopped once for
+        several (:attr:`until_called_s`).
 
         Args:
             callback: with its message bound.
+            topic: its full name and type on the lane.
+            message: its bytes.
         """
-        turn = None if self.lane is None else self.lane.turn
-        if turn is None or not turn.kernel_runs or self.until_called_s <= 0.0:
+        wait = None if self.lane is None else self.lane.wait
+        if self.lane is None or wait is None or not self.lane.turn.kernel_runs:
             return False
-        self._deferred.append(callback)
+        found, now = wait.took(topic, message), time.monotonic_ns()
+        if found:
+            return True
+        due_ns = self._called_ns + CALLS_NS
+        if found is not None:
+            due_ns = max(due_ns, now + READS_NS)
+        if due_ns <= now:
+            return False
+        self._due_ns = min(self._due_ns, due_ns) if self._deferred else due_ns
+        self._deferred.append(_Deferred(topic, message, callback))
         return True
 
     @property
     def until_called_s(self) -> float:
         """Time left until queued callbacks are due, s."""
-        return (self._called_ns + CALLS_NS - time.monotonic_ns()) / NANOSECONDS
+        return (self._due_ns - time.monotonic_ns()) / NANOSECONDS
+
+    def drop_copies(self) -> None:
+        """Drop queued callbacks of messages that the kernel has read by now."""
+        wait = None if self.lane is None else self.lane.wait
+        for _ in range(len(self._deferred) if wait is not None else 0):
+            with suppress(IndexError):
+                one = self._deferred.popleft()
+                if wait is not None and not wait.took(one.topic, one.message):
+                    self._deferred.append(one)
 
     @property
     def has_deferred(self) -> bool:

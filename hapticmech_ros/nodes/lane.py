@@ -429,6 +429,9 @@ class Waits(Protocol):
     def stepped(self) -> bool:
         """Whether that work was steps at deadlines, the next included; see ``PlainMessages``."""
 
+    def took(self, topic: str, message: bytes) -> bool | None:
+        """Return whether a message was read during that work; see ``PlainMessages``."""
+
     @property
     def settled(self) -> bool:
         """Whether the node's state includes the results of that work."""

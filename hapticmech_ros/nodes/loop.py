@@ -393,7 +393,11 @@ class Threads:
             try:
                 if self._exchange.has_deferred:
                     time.sleep(max(self._exchange.until_called_s, 0.0))
-                    with self._exchange.taken():
+                    self._exchange.drop_copies()
+                    if self._exchange.has_deferred:
+                        with self._exchange.taken():
+                            run_waiting(self._executor, CALLBACKS_S)
+                    else:
                         run_waiting(self._executor, CALLBACKS_S)
                 else:
                     self._executor.spin_once(timeout_sec=SPIN_S)

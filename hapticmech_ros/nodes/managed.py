@@ -261,19 +261,23 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         )
         self._start_diagnostics()
 
-    def _settled(self, callback: Callable[..., Any], may_act: bool = True) -> Callable[..., Any]:
+    def _settled(self, callback: Callable[..., Any], topic: str = "") -> Callable[..., Any]:
         """Return a callback that runs while no kernel runs, with the actor up to date.
 
         Args:
-            callback: of a subscription, service or timer.
-            may_act: whether the node may have another deadline afterwards, or it is urgent.
+            callback: of a subscription, service or timer. After one of the latter two the node may
+                have another deadline, or they are urgent.
+            topic: full name and type, on the lane, of a subscription.
         """
 
         @wraps(callback)
         def settled(*arguments: Any) -> Any:
-            if not may_act and self.exchange.defer(partial(callback, *arguments)):
-                return None
-            with self.exchange.taken(may_act):
+            if topic:
+                first = arguments[0]
+                message = first[0] if isinstance(first, tuple) else first
+                if self.exchange.defer(partial(callback, *arguments), topic, message):
+                    return None
+            with self.exchange.taken(not topic):
                 return callback(*arguments)
 
         return settled
@@ -286,7 +290,8 @@ class ManagedNode(QuietEventsNode, LifecycleNode):
         Returns:
             The subscription.
         """
-        settled = self._settled(callback, may_act=False)
+        name = f"{self.resolve_topic_name(topic)} {msg_type.__name__}"
+        settled = self._settled(callback, name)
         return super().create_subscription(msg_type, topic, settled, *args, **kwargs)
 
     def create_service(

@@ -9,6 +9,7 @@ would. Python handles all other messages as it would without a kernel: see :mod:
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -30,7 +31,7 @@ from hapticmech_ros.wire.wrench import encode_wrench
 
 # Most messages of one run of a kernel; most of them that the middleware delivers too, of a topic;
 # and most processes on the lane that subscribe to a topic.
-MOST_READ, MOST_COPIED, MOST_HEARERS = 16_384, 256, 62
+MOST_READ, MOST_COPIED, MOST_HEARERS = 16_384, 1024, 62
 # After a pause a kernel answers each message of a backlog, within microseconds. Python handles
 # messages that were sent longer ago than this, ns: it skips to the newest.
 OLD_NS = 8_000_000
@@ -209,6 +210,13 @@ class PlainMessages:
         self._passing = [kernels.Reading(row) for row in self.passed]
         self.ages = np.zeros(MOST_READ, dtype=np.int64)
         self.polled = np.zeros(0, dtype=np.int64)
+        # Of each topic: its number; up to which of the kernel's messages `took` has found copies;
+        # and of which before that it has not.
+        self._numbers = {one.topic: i for i, one in enumerate(received)}
+        self._found = [0] * len(received)
+        self._missing: list[list[int]] = [[] for _ in received]
+        # Two threads change these: one may look for a copy as the kernel's run ends.
+        self._finding = threading.Lock()
         self._waited: list[int] = []
         self._others: list[int] = []
         self._hearers: list[list[tuple[Outgoing, int]]] = []
@@ -295,7 +303,9 @@ class PlainMessages:
         first: list[int] = []
         for one, topic in zip(self._received, self.inputs, strict=True):
             row = topic.reading
-            row.copied = 0
+            with self._finding:
+                row.copied, at = 0, self._numbers[one.topic]
+                self._found[at], self._missing[at] = 0, []
             connection = self._connection(lane, one.topic, one.sources, row)
             if one.beside and connection != first[-1]:
                 row.head = 0
@@ -392,6 +402,30 @@ class PlainMessages:
             bool(one.outlet.way) != bool(topic.sending.both) for one, topic in topics
         )
 
+    def took(self, topic: str, message: bytes) -> bool | None:
+        """Return whether the kernel has read a message of which the middleware brings a copy.
+
+        Any thread may ask while the kernel runs. Copies come in the order of the messages.
+
+        Args:
+            topic: its full name and type on the lane.
+            message: its bytes.
+
+        Returns:
+            None if the kernel reads no such topic.
+        """
+        at = self._numbers.get(topic)
+        if at is None:
+            return None
+        read, copies = self.inputs[at].reading, self.inputs[at].copies
+        with self._finding:
+            for row in range(self._found[at], read.copied):
+                if self._bytes(copies[row], read.length) == message:
+                    self._missing[at] += range(self._found[at], row)
+                    self._found[at] = row + 1
+                    return True
+        return False
+
     @property
     def stepped(self) -> bool:
         """Whether the kernel's last run did steps at deadlines, and may do the next.
@@ -418,8 +452,11 @@ class PlainMessages:
             row = topic.reading
             if row.read:
                 received.sources.received(self.origin(at), row.read)
-            for copy in topic.copies[: row.copied]:
-                lane.copied.append((received.topic, self._bytes(copy, row.length)))
+            with self._finding:
+                numbers = [*self._missing[at], *range(self._found[at], row.copied)]
+            for number in numbers:
+                copy = self._bytes(topic.copies[number], row.length)
+                lane.copied.append((received.topic, copy))
         for (_, sources), row in zip(self._passed_over, self._passing, strict=True):
             if row.read:
                 sources.received(_continued(sources.latest, row), row.read)

@@ -377,6 +377,56 @@ def shared(analysed: tuple[Process, States]) -> Iterator[tuple[Process, States]]
         turn.end()
 
 
+def test_copies_of_what_a_kernel_has_read_are_dropped_while_it_goes_on(
+    shared: tuple[Process, States],
+) -> None:
+    """And one of which no copy came is still known as the kernel's when it ends."""
+    process, states = shared
+    exchange, called, done = process.exchange, [], []
+
+    def send(message: bytes) -> None:
+        process.speak(message, both=True)
+        answered = time.monotonic() + 20.0
+        while not process.answers():
+            assert time.monotonic() < answered
+
+    def work() -> None:
+        missing, copied, early, foreign = (states.next() for _ in range(4))
+        send(missing)
+        send(copied)
+        assert exchange.defer(lambda: called.append("copied"), STATES, copied)
+        assert not exchange.has_deferred
+        # The middleware may be faster than the kernel.
+        assert exchange.defer(lambda: called.append("early"), STATES, early)
+        assert 0.0 < exchange.until_called_s < 0.01
+        send(early)
+        assert exchange.defer(lambda: called.append("foreign"), STATES, foreign)
+        exchange.drop_copies()
+        assert exchange.has_deferred
+        assert exchange.lane.turn.kernel_runs
+        with exchange.taken():
+            copies = exchange._copies[STATES.split()[0]]
+            done.append([copies.had(one) for one in (missing, copied, early, foreign)])
+
+    def ring_afterwards() -> None:
+        try:
+            work()
+        finally:
+            ended.set()
+            exchange.ring()
+
+    ended = threading.Event()
+    thread = threading.Thread(target=ring_afterwards)
+    thread.start()
+    while not ended.is_set():
+        exchange.collect(20.0)
+        exchange.deliver()
+    thread.join()
+    assert done == [[True, False, False, False]]
+    assert called == ["foreign"]
+    assert not exchange.defer(lambda: called.append("stopped"), STATES, b"")
+
+
 def test_a_callback_in_another_thread_stops_the_kernel_and_knows_what_it_has_done(
     shared: tuple[Process, States],
 ) -> None:
