@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -244,11 +244,23 @@ class Transparency(Results):
 
     Attributes:
         rows: one for each direction.
+        refused: scenes whose graphs could not be measured, with the reason.
     """
 
     NAME: ClassVar[str] = "impedance"
+    FAULT: ClassVar[str] = "not every scene was measured"
 
     rows: tuple[Row, ...]
+    refused: tuple[str, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether every scene was measured."""
+        return not self.refused
+
+    def notes(self) -> Iterable[str]:
+        """Return the scenes that were not measured."""
+        return (f"not measured: {one}" for one in self.refused)
 
     def document(self) -> list[dict[str, object]]:
         """Return the rows as plain dictionaries."""
@@ -329,19 +341,28 @@ def transparency(
     Raises:
         SceneError: a scene that cannot be loaded.
         InvalidInputError: as :func:`~hapticmech_ros.analysis.impedance.felt`.
+        FeelGraphError: no scene's graph could be measured.
     """
-    rows: list[Row] = []
+    rows, refused = list[Row](), list[str]()
     for name in scenes:
         scene = of_first_user(load_scene(name))
         show(f"{scene.name}: {scene.description}")
         if over != "session":
-            rows += [Row(scene.name, over, 1, one) for one in felt_over_graph(scene, over)]
+            try:
+                found = felt_over_graph(scene, over)
+            except FeelGraphError as error:
+                # The other scenes' minutes shall not be lost.
+                refused.append(f"{scene.name}: {error}")
+                continue
+            rows += [Row(scene.name, over, 1, one) for one in found]
             continue
         for loop, local in LOOPS.items():
             for delay in delays:
                 directions = felt(with_loop(scene, local), delay=delay)
                 rows += [Row(scene.name, loop, delay, one) for one in directions]
-    return Transparency(tuple(rows))
+    if refused and not rows:
+        raise FeelGraphError("; ".join(refused))
+    return Transparency(tuple(rows), tuple(refused))
 
 
 def _percent(share: float) -> str:

@@ -13,6 +13,7 @@ from hapticmech_ros.analysis.transparency import (
     FeelGraphError,
     _without_gaps,
     from_the_push_on,
+    transparency,
 )
 
 
@@ -56,3 +57,20 @@ def test_a_graph_without_a_push_or_too_slow_is_refused():
         from_the_push_on(stamps, 0.0 * pushes, pushes, 2e-3)
     with pytest.raises(FeelGraphError, match="kept 500 of 1000 samples per second"):
         from_the_push_on(stamps, pushes, pushes, 1e-3)
+
+
+def test_a_scene_that_cannot_be_measured_costs_the_others_nothing(monkeypatch):
+    found = transparency(["two_link"], [1]).rows[0].felt
+
+    def felt_over_graph(scene, over):
+        if scene.name == "five_bar":
+            raise FeelGraphError("machine too busy")
+        return [found]
+
+    monkeypatch.setattr("hapticmech_ros.analysis.transparency.felt_over_graph", felt_over_graph)
+    results = transparency(["five_bar", "two_link"], [1], over="processes")
+    assert [(row.scene, row.felt) for row in results.rows] == [("two_link", found)]
+    assert [*results.notes()] == ["not measured: five_bar: machine too busy"]
+    assert not results.sound
+    with pytest.raises(FeelGraphError, match="five_bar: machine too busy"):
+        transparency(["five_bar"], [1], over="processes")
